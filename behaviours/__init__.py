@@ -1,0 +1,1 @@
+"""Skill leaves of bestman-bt."""

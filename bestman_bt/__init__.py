@@ -1,0 +1,1 @@
+"""Behavior-tree task execution for mobile manipulators."""

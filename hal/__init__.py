@@ -1,0 +1,1 @@
+"""Hardware abstraction layer: the Robotics API and its implementations."""
