@@ -1,0 +1,29 @@
+"""Arrays inside frozen messages: checked once, then read-only."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+
+def frozen_array(
+    values: ArrayLike, shape: tuple[int | None, ...], what: str, dtype: DTypeLike = np.float64
+) -> NDArray[Any]:
+    """Return ``values`` as a read-only array of ``dtype``.
+
+    ``shape`` gives the expected extents, None where any length fits. An array that is already read-only is
+    not copied. Raises ValueError that names ``what`` and the shape found.
+    """
+    array = np.asarray(values, dtype=dtype)
+    fits = array.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
+    )
+    if not fits:
+        expected = "(" + ", ".join("N" if extent is None else str(extent) for extent in shape) + ")"
+        raise ValueError(f"{what} should have shape {expected} but has {array.shape}")
+    if array.flags.writeable:
+        array = array.copy()
+        array.setflags(write=False)
+    return array

@@ -1,0 +1,49 @@
+"""The Robotics API: what every robot offers, simulated or real. Nothing here blocks."""
+
+from hal.api.arm import Arm
+from hal.api.battery import Battery, BatteryReading
+from hal.api.camera import Camera
+from hal.api.clock import Clock, Timer
+from hal.api.errors import CommandRefusedError, NotConnectedError, RobotError, UnknownPartError
+from hal.api.force_torque import ForceTorque
+from hal.api.gripper import Gripper, GripperDescription, GripperState
+from hal.api.imu import Imu, ImuReading
+from hal.api.joint_group import JointGroup
+from hal.api.lidar import Lidar
+from hal.api.mobile_base import BaseDescription, MobileBase
+from hal.api.motion import Motion, MotionError, MotionErrorCode, MotionStatus
+from hal.api.part import JointLimits, Part, Sensor
+from hal.api.robot import Robot
+from hal.api.tactile import Tactile
+
+__all__ = [
+    "Arm",
+    "BaseDescription",
+    "Battery",
+    "BatteryReading",
+    "Camera",
+    "Clock",
+    "CommandRefusedError",
+    "ForceTorque",
+    "Gripper",
+    "GripperDescription",
+    "GripperState",
+    "Imu",
+    "ImuReading",
+    "JointGroup",
+    "JointLimits",
+    "Lidar",
+    "MobileBase",
+    "Motion",
+    "MotionError",
+    "MotionErrorCode",
+    "MotionStatus",
+    "NotConnectedError",
+    "Part",
+    "Robot",
+    "RobotError",
+    "Sensor",
+    "Tactile",
+    "Timer",
+    "UnknownPartError",
+]

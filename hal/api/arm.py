@@ -1,0 +1,30 @@
+"""Robot arms."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar
+
+from numpy.typing import ArrayLike
+
+from bestman_bt.messages import JointTrajectory
+from hal.api.joint_group import JointGroup
+from hal.api.motion import Motion
+
+
+class Arm(JointGroup):
+    """A joint group that follows trajectories and streams set-points."""
+
+    kind: ClassVar[str] = "arm"
+
+    @abstractmethod
+    def follow(self, trajectory: JointTrajectory) -> Motion:
+        """Follow a trajectory from its start.
+
+        Raises CommandRefusedError if its joints are not this arm's, a sample is beyond a limit, or it does not start
+        where the arm is (within 0.05 rad).
+        """
+
+    @abstractmethod
+    def servo(self, positions: ArrayLike) -> None:
+        """Stream one position set-point (n,); refused if it asks for more than the velocity limits allow."""

@@ -1,0 +1,65 @@
+"""Grippers."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+from hal.api.motion import Motion
+from hal.api.part import Part
+
+
+@dataclass(frozen=True)
+class GripperDescription:
+    """Opening range in metres, speed in m/s, closing force range in N."""
+
+    min_width: float
+    max_width: float
+    max_speed: float
+    max_force: float
+
+
+@dataclass(frozen=True)
+class GripperState:
+    """What the gripper's own encoder and motor say.
+
+    ``at_target``: the commanded width is reached. ``object_held``: a closing motion was blocked before its target
+    and still presses. ``empty``: it closed to its target and met nothing.
+    """
+
+    moving: bool
+    at_target: bool
+    object_held: bool
+    empty: bool
+
+
+class Gripper(Part):
+    """A gripper with a parallel opening."""
+
+    kind: ClassVar[str] = "gripper"
+
+    @property
+    @abstractmethod
+    def description(self) -> GripperDescription:
+        """Ranges; readable before connecting."""
+
+    @abstractmethod
+    def width(self) -> float:
+        """Measured opening between the fingers, metres."""
+
+    @abstractmethod
+    def state(self) -> GripperState:
+        """The present state."""
+
+    @abstractmethod
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+        """Open or close to ``width`` metres with at most ``force`` N; being blocked by an object is success."""
+
+    def open(self) -> Motion:
+        """Open fully."""
+        return self.move(self.description.max_width)
+
+    def close(self, force: float | None = None) -> Motion:
+        """Close until something blocks or the fingers meet."""
+        return self.move(self.description.min_width, force)

@@ -1,0 +1,43 @@
+"""What all parts of a robot share: a name and a description that can be read before connecting."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """Limits of one joint: radians or metres, per second, per second squared; efforts in N or N m."""
+
+    lower: float
+    upper: float
+    velocity: float
+    acceleration: float
+    effort: float
+
+
+class Part(ABC):
+    """A part of a robot. Constructing one does no work; the robot's ``connect()`` does."""
+
+    kind: ClassVar[str]
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    @property
+    def name(self) -> str:
+        """The part's name in its robot, for example ``arm``."""
+        return self._name
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Bring this part to rest at once; idempotent; sensors do nothing."""
+
+
+class Sensor(Part):
+    """A part that only measures."""
+
+    def stop(self) -> None:
+        """A sensor has nothing to stop."""

@@ -1,0 +1,81 @@
+"""Robots: a clock and parts by name."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from hal.api.clock import Clock
+from hal.api.errors import UnknownPartError
+from hal.api.part import Part
+
+PartType = TypeVar("PartType", bound=Part)
+
+
+class Robot(ABC):
+    """A robot of any make: connect it, read its parts, command them.
+
+    Constructing one does no work; the description (``parts``, ``model``) can be read before ``connect()``.
+    """
+
+    @property
+    @abstractmethod
+    def clock(self) -> Clock:
+        """The robot's time."""
+
+    @property
+    @abstractmethod
+    def model(self) -> Any:
+        """The robot model (``bestman_bt.robot_model.RobotModel``): URDF, groups, frames, postures."""
+
+    @property
+    @abstractmethod
+    def parts(self) -> Mapping[str, Part]:
+        """All parts by name."""
+
+    @abstractmethod
+    def connect(self) -> None:
+        """Open the connection; idempotent."""
+
+    @abstractmethod
+    def disconnect(self) -> None:
+        """Stop and close the connection; idempotent."""
+
+    @abstractmethod
+    def stop(self) -> None:
+        """Bring all parts to rest and refuse commands until ``clear_stop()``; idempotent, callable from any thread.
+
+        Commanded within one control period; at rest (0.01 rad/s, 0.01 m/s) within 0.5 s; no older command acts later.
+        """
+
+    @abstractmethod
+    def clear_stop(self) -> None:
+        """Accept commands again; nothing moves by itself."""
+
+    @property
+    @abstractmethod
+    def stopped(self) -> bool:
+        """Whether the stop is latched."""
+
+    @abstractmethod
+    def diagnostics(self) -> dict[str, str]:
+        """Short texts by subject, for people."""
+
+    def part(self, name: str, part_type: type[PartType]) -> PartType:
+        """The part called ``name``; UnknownPartError names what there is instead."""
+        part = self.parts.get(name)
+        if not isinstance(part, part_type):
+            available = ", ".join(f"{n} ({p.kind})" for n, p in self.parts.items())
+            raise UnknownPartError(f"no {part_type.kind} called {name!r}; this robot has: {available}")
+        return part
+
+    def __enter__(self) -> Self:
+        self.connect()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.disconnect()
