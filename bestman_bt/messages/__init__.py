@@ -3,6 +3,7 @@
 from bestman_bt.messages.image import CameraIntrinsics, RGBDImage
 from bestman_bt.messages.joint_trajectory import JointTrajectory
 from bestman_bt.messages.laser_scan import LaserScan
+from bestman_bt.messages.object_model import ObjectModel
 from bestman_bt.messages.occupancy_grid import OccupancyGrid
 from bestman_bt.messages.path import Path2D
 from bestman_bt.messages.point_cloud import PointCloud
@@ -18,6 +19,7 @@ __all__ = [
     "JointTrajectory",
     "LaserScan",
     "Mesh",
+    "ObjectModel",
     "OccupancyGrid",
     "Path2D",
     "PlacedShape",

@@ -30,7 +30,7 @@ class LaserScan:
     @property
     def angles(self) -> NDArray[np.float64]:
         """Beam angles, (N,) radians."""
-        return self.angle_min + self.angle_increment * np.arange(len(self.ranges))
+        return self.angle_min + self.angle_increment * np.arange(len(self.ranges), dtype=np.float64)
 
     def points(self) -> NDArray[np.float64]:
         """The hits in the lidar frame, (M, 2) metres; beams without a hit are left out."""

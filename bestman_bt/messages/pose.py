@@ -191,7 +191,8 @@ class Pose2D:
         """Transform points of shape (..., 2)."""
         c, s = math.cos(self.theta), math.sin(self.theta)
         rotated: NDArray[np.float64] = np.asarray(points, dtype=float) @ np.array([[c, s], [-s, c]])
-        return rotated + np.array([self.x, self.y])
+        rotated += (self.x, self.y)
+        return rotated
 
     def to_pose(self, z: float = 0.0) -> Pose:
         """Lift into space at height ``z`` metres."""

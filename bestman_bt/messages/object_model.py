@@ -1,0 +1,56 @@
+"""Models of movable objects: what perception fits and what the hand grasps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages.shapes import Box, Cylinder, Mesh, PlacedShape, Sphere
+
+
+@dataclass(frozen=True)
+class ObjectModel:
+    """A rigid object: its frame has z up when the object stands, origin at the centre of its bounding box.
+
+    ``color``: rgb, each 0 to 1. ``mass``: kg. ``friction``: lateral coefficient. ``collision``: solid parts;
+    ``visual``: what a camera sees (empty: the collision shapes). ``symmetry_order``: rotations about z that look
+    the same: 1 none, 2 half turns, 4 quarter turns, 0 any angle (a body of revolution).
+    """
+
+    name: str
+    color: tuple[float, float, float]
+    mass: float
+    friction: float
+    collision: tuple[PlacedShape, ...]
+    visual: tuple[PlacedShape, ...] = ()
+    symmetry_order: int = 1
+
+    def bounds(self) -> NDArray[np.float64]:
+        """The bounding box of the collision shapes in the object frame: (2, 3), lower and upper corner, metres."""
+        corners = np.concatenate([placed.pose.apply(_corners(placed)) for placed in self.collision])
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
+
+    @property
+    def size(self) -> NDArray[np.float64]:
+        """Extents of the bounding box, (3,) metres."""
+        lower, upper = self.bounds()
+        extents: NDArray[np.float64] = upper - lower
+        return extents
+
+
+def _corners(placed: PlacedShape) -> NDArray[np.float64]:
+    shape = placed.shape
+    match shape:
+        case Box():
+            half = np.array(shape.size) / 2
+        case Cylinder():
+            half = np.array([shape.radius, shape.radius, shape.length / 2])
+        case Sphere():
+            half = np.full(3, shape.radius)
+        case Mesh():
+            return shape.vertices
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    corners: NDArray[np.float64] = signs * half
+    return corners

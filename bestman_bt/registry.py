@@ -1,0 +1,62 @@
+"""Names of exchangeable classes: each is text ``"module:Class"`` until somebody uses it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.metadata import entry_points
+
+
+class UnknownNameError(LookupError):
+    """A name that no registry entry has."""
+
+
+class Registry:
+    """Names → ``"module:Class"``, resolved when used; third parties add names by entry points.
+
+    ``group``: the entry-point group, for example ``bestman_bt.drivers``. ``what``: the word used in errors.
+    """
+
+    def __init__(self, group: str, what: str, entries: dict[str, str]) -> None:
+        self.group = group
+        self.what = what
+        self._entries = dict(entries)
+        self._discovered = False
+
+    def add(self, name: str, target: str) -> None:
+        """Register ``target`` (``"module:Class"``) under ``name``; a later name replaces an earlier one."""
+        self._entries[name] = target
+
+    def names(self) -> list[str]:
+        """All names, sorted."""
+        self._discover()
+        return sorted(self._entries)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names())
+
+    def resolve(self, name: str) -> type:
+        """Import and return the class; UnknownNameError suggests the closest name."""
+        self._discover()
+        if name not in self._entries:
+            raise UnknownNameError(f"unknown {self.what} {name!r}; {suggestion(name, self._entries)}")
+        module, _, attribute = self._entries[name].partition(":")
+        resolved: type = getattr(import_module(module), attribute)
+        return resolved
+
+    def _discover(self) -> None:
+        if not self._discovered:
+            self._discovered = True
+            for point in entry_points(group=self.group):
+                self._entries.setdefault(point.name, point.value)
+
+
+def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, str]) -> str:
+    """Words for an error message: the closest of the ``known`` names, else all of them."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names) or 'none'}"
+
+
+DRIVERS = Registry("bestman_bt.drivers", "robot driver", {"pybullet": "hal.pybullet:PyBulletRobot"})

@@ -1,0 +1,21 @@
+"""Robots composed from parts: one URDF with groups, frames, sensors and postures."""
+
+from bestman_bt.robot_model.model import (
+    ArmModel,
+    BaseModel,
+    CameraModel,
+    GripperModel,
+    JointGroupModel,
+    LidarModel,
+    RobotModel,
+)
+
+__all__ = [
+    "ArmModel",
+    "BaseModel",
+    "CameraModel",
+    "GripperModel",
+    "JointGroupModel",
+    "LidarModel",
+    "RobotModel",
+]

@@ -1,0 +1,92 @@
+"""Scenes: what a world is made of, before and after chance has decided."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A straight wall from ``start`` to ``end`` (x, y) metres in the map frame; exact in the map."""
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    height: float
+    thickness: float
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A horizontal rectangle to put things on: ``pose``: of its centre in the furniture frame; ``size``: (x, y) m."""
+
+    name: str
+    pose: Pose
+    size: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class FurnitureModel:
+    """A piece of furniture; its frame lies on the floor at the centre of the footprint, the front faces -x.
+
+    ``footprint``: (x, y) extents in metres. ``parts``: solid shapes with rgba colours beside them.
+    """
+
+    name: str
+    footprint: tuple[float, float]
+    parts: tuple[PlacedShape, ...]
+    colors: tuple[tuple[float, float, float, float], ...]
+    surfaces: tuple[Surface, ...]
+    friction: float = 0.8
+
+
+@dataclass(frozen=True)
+class PlacedFurniture:
+    """Furniture in a world: where the semantic map has it (``nominal``) and where it is (``actual``)."""
+
+    name: str
+    model: FurnitureModel
+    nominal: Pose2D
+    actual: Pose2D
+
+
+@dataclass(frozen=True)
+class PlacedObject:
+    """A movable object at ``pose`` in the map frame."""
+
+    name: str
+    model: ObjectModel
+    pose: Pose
+
+
+@dataclass(frozen=True)
+class World:
+    """One drawn scene: everything the simulator builds, and what evaluation may judge by.
+
+    ``goals``: name → pose in the map frame, for example the asked place pose of the task.
+    ``finger_friction``: overrides the gripper's own where not None (for control experiments).
+    """
+
+    scene: str
+    seed: int
+    walls: tuple[Wall, ...]
+    furniture: tuple[PlacedFurniture, ...]
+    objects: tuple[PlacedObject, ...]
+    robot_start: Pose2D
+    goals: Mapping[str, Pose]
+    finger_friction: float | None = None
+
+
+def wall_box(wall: Wall) -> tuple[Box, Pose]:
+    """The wall as a box and its pose in the map frame."""
+
+    dx, dy = wall.end[0] - wall.start[0], wall.end[1] - wall.start[1]
+    length = math.hypot(dx, dy)
+    centre = ((wall.start[0] + wall.end[0]) / 2, (wall.start[1] + wall.end[1]) / 2, wall.height / 2)
+    return (
+        Box((length + wall.thickness, wall.thickness, wall.height)),
+        Pose.from_xyz_rpy(centre, (0.0, 0.0, math.atan2(dy, dx))),
+    )

@@ -1,0 +1,15 @@
+"""What the robot believes: the semantic map, seen objects, what it holds, where it is."""
+
+from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
+from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, Obstacle, WorldModel
+
+__all__ = [
+    "BasePose",
+    "HeldObject",
+    "MapFurniture",
+    "MapSurface",
+    "ObjectBelief",
+    "Obstacle",
+    "SemanticMap",
+    "WorldModel",
+]

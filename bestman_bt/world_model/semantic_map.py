@@ -1,0 +1,83 @@
+"""The semantic map: what the robot is told about its surroundings before it starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose, Pose2D
+
+
+@dataclass(frozen=True)
+class MapSurface:
+    """A surface to put things on: ``pose``: of its centre in the furniture frame; ``size``: (x, y) metres."""
+
+    name: str
+    pose: Pose
+    size: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class MapFurniture:
+    """A named piece of furniture, believed at ``pose`` (off by up to 3 cm and 2°); its front faces -x.
+
+    ``footprint``: (x, y) extents in metres. ``height``: metres. ``solid_at_lidar``: whether a lidar sees its footprint
+    (a counter) or only legs (a table).
+    """
+
+    name: str
+    pose: Pose2D
+    footprint: tuple[float, float]
+    height: float
+    surfaces: tuple[MapSurface, ...]
+    solid_at_lidar: bool
+
+    def corners(self) -> NDArray[np.float64]:
+        """Corners of the footprint in the map frame, (4, 2) metres, counter-clockwise."""
+        x, y = self.footprint[0] / 2, self.footprint[1] / 2
+        return self.pose.apply(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]))
+
+
+@dataclass(frozen=True)
+class SemanticMap:
+    """Walls are exact: ``walls`` (N, 4) segments x1, y1, x2, y2 in metres, the faces that a lidar hits.
+
+    ``furniture``: by name. Lengths in metres, the map frame.
+    """
+
+    walls: NDArray[np.float64]
+    furniture: Mapping[str, MapFurniture]
+
+    def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
+        """The surface called ``furniture`` or ``furniture/surface``; KeyError names what there is."""
+        furniture_name, _, surface_name = name.partition("/")
+        furniture = self.furniture.get(furniture_name)
+        if furniture is not None:
+            for surface in furniture.surfaces:
+                if not surface_name or surface.name == surface_name:
+                    return furniture, surface
+        known = [f"{f.name}/{s.name}" for f in self.furniture.values() for s in f.surfaces]
+        raise KeyError(f"no surface {name!r} in the map; there are {', '.join(known)}")
+
+    def lidar_segments(self) -> NDArray[np.float64]:
+        """Segments (N, 4) that a lidar should see: walls and the footprints of solid furniture."""
+        segments = [self.walls]
+        for furniture in self.furniture.values():
+            if furniture.solid_at_lidar:
+                corners = furniture.corners()
+                segments.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+        return np.concatenate(segments)
+
+    def bounds(self, margin: float = 0.0) -> tuple[float, float, float, float]:
+        """The rectangle (x_min, y_min, x_max, y_max) around all walls, grown by ``margin`` metres."""
+        xs, ys = self.walls[:, [0, 2]], self.walls[:, [1, 3]]
+        return (
+            math.floor(float(xs.min()) - margin),
+            math.floor(float(ys.min()) - margin),
+            math.ceil(float(xs.max()) + margin),
+            math.ceil(float(ys.max()) + margin),
+        )
