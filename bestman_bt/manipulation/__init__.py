@@ -1,0 +1,1 @@
+"""Manipulation algorithms: kinematics, collision worlds, motion planning and trajectories, all in the base frame."""

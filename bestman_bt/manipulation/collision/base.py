@@ -1,0 +1,47 @@
+"""Collision worlds: what an arm may touch, asked by joint positions."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from numpy.typing import ArrayLike
+
+from bestman_bt.manipulation.collision.planning_scene import PlanningScene
+
+
+class CollisionWorld(ABC):
+    """One arm among fixed obstacles; all other joints stand still.
+
+    Names are those of links, obstacles and of the attached object.
+    """
+
+    @property
+    @abstractmethod
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints, in the order of every (n,) array."""
+
+    @abstractmethod
+    def is_free(self, positions: ArrayLike) -> bool:
+        """Whether nothing is nearer than its padding at ``positions`` (n,), radians.
+
+        A Python ``bool``. Raises ManipulationError if ``positions`` has the wrong shape or is not finite.
+        """
+
+    @abstractmethod
+    def colliding_pairs(self, positions: ArrayLike) -> tuple[tuple[str, str], ...]:
+        """The sorted pairs of names that are nearer than their padding at ``positions`` (n,)."""
+
+    @abstractmethod
+    def distance(self, positions: ArrayLike) -> float:
+        """Smallest distance of any checked pair at ``positions`` (n,), metres; negative where bodies overlap.
+
+        Padding is not subtracted. Infinite if nothing is checked.
+        """
+
+
+class CollisionModel(ABC):
+    """The geometry of a robot, prepared once, from which collision worlds are made cheaply."""
+
+    @abstractmethod
+    def world(self, scene: PlanningScene, arm: str = "arm") -> CollisionWorld:
+        """The world of ``arm`` in ``scene``; ManipulationError names an unknown joint, link or arm."""

@@ -1,0 +1,64 @@
+"""The planning scene: everything around an arm, in the robot's base frame, as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from bestman_bt.messages import PlacedShape, Pose
+
+
+@dataclass(frozen=True)
+class SceneObstacle:
+    """A body that stands still: ``shapes`` in the base frame; ``padding``: metres, added to the scene's."""
+
+    name: str
+    shapes: tuple[PlacedShape, ...]
+    padding: float = 0.0
+
+
+@dataclass(frozen=True)
+class AttachedObject:
+    """An object in the hand: ``shapes`` in its own frame; ``touch_links``: links that may touch it."""
+
+    name: str
+    shapes: tuple[PlacedShape, ...]
+    tool_frame: str
+    tool_from_object: Pose
+    touch_links: frozenset[str]
+    padding: float = 0.0
+
+
+@dataclass(frozen=True)
+class PlanningScene:
+    """Obstacles and the state of all joints that do not move.
+
+    ``positions``: joint name → radians or metres; joints that are missing stand at zero. The moving arm's own entries
+    are ignored. ``allowed_pairs``: names of links, obstacles or the attached object that may touch.
+    ``padding``: metres kept between the arm (or what it holds) and obstacles; ``self_padding``: between links.
+    """
+
+    positions: Mapping[str, float]
+    obstacles: tuple[SceneObstacle, ...] = ()
+    attached: AttachedObject | None = None
+    allowed_pairs: frozenset[frozenset[str]] = frozenset()
+    padding: float = 0.002
+    self_padding: float = 0.0005
+
+    def allowing(self, *pairs: tuple[str, str]) -> PlanningScene:
+        """The scene in which these pairs of names may touch as well."""
+        return replace(self, allowed_pairs=self.allowed_pairs | {frozenset(pair) for pair in pairs})
+
+    def adding(self, *obstacles: SceneObstacle) -> PlanningScene:
+        """The scene with these obstacles; one of the same name is replaced."""
+        names = {obstacle.name for obstacle in obstacles}
+        return replace(self, obstacles=tuple(o for o in self.obstacles if o.name not in names) + obstacles)
+
+    def without(self, *names: str) -> PlanningScene:
+        """The scene without the obstacles of these names."""
+        return replace(self, obstacles=tuple(o for o in self.obstacles if o.name not in names))
+
+    def holding(self, attached: AttachedObject | None) -> PlanningScene:
+        """The scene with this object (or none) in the hand; an obstacle of its name disappears."""
+        scene = self if attached is None else self.without(attached.name)
+        return replace(scene, attached=attached)

@@ -1,0 +1,78 @@
+"""Inverse kinematics: from a tool pose to joint positions."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.messages import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class IKResult:
+    """What a search for joint positions found.
+
+    ``solutions``: (n,) arrays, radians, inside the limits, nearest to the reference first; empty if none was found.
+    ``position_error``, ``rotation_error``: metres and radians, of the first solution, or of the closest approach.
+    ``attempts``: how many start positions were tried. ``rejected``: how many solutions ``is_valid`` refused.
+    """
+
+    solutions: tuple[NDArray[np.float64], ...]
+    position_error: float
+    rotation_error: float
+    attempts: int
+    rejected: int = 0
+
+    @property
+    def found(self) -> bool:
+        """Whether there is a solution."""
+        return bool(self.solutions)
+
+    @property
+    def best(self) -> NDArray[np.float64]:
+        """The solution nearest to the reference, (n,); LookupError if there is none."""
+        if not self.solutions:
+            raise LookupError("no inverse kinematics solution was found")
+        return self.solutions[0]
+
+
+class InverseKinematics(ABC):
+    """Finds joint positions that bring the tool of one arm to a pose in the robot's base frame."""
+
+    @property
+    @abstractmethod
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the n joints, in the order of every (n,) array."""
+
+    @abstractmethod
+    def tool_pose(self, positions: ArrayLike) -> Pose:
+        """Forward kinematics: base_from_tool at ``positions`` (n,)."""
+
+    @abstractmethod
+    def solve(
+        self,
+        base_from_tool: Pose,
+        reference: ArrayLike,
+        rng: np.random.Generator,
+        count: int = 1,
+        is_valid: Callable[[NDArray[np.float64]], bool] | None = None,
+        attempts: int | None = None,
+    ) -> IKResult:
+        """Search up to ``count`` distinct solutions.
+
+        ``reference``: (n,), where the search starts and what "nearest" refers to. ``is_valid`` refuses solutions,
+        for example ``CollisionWorld.is_free``. ``attempts``: start positions to try, instead of the algorithm's own.
+        Raises ManipulationError if ``base_from_tool`` or ``reference`` is not finite or has the wrong shape.
+        """
+
+    @abstractmethod
+    def track(self, base_from_tool: Pose, start: ArrayLike) -> NDArray[np.float64] | None:
+        """The solution (n,) that continues smoothly from ``start`` (n,), without restarts; None if there is none."""
+
+    @abstractmethod
+    def manipulability(self, positions: ArrayLike) -> float:
+        """Yoshikawa's measure sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""

@@ -1,0 +1,84 @@
+"""Motion planning: a collision-free joint path from where the arm is to one of several goals."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.joint_values import JointLimits
+
+
+class PlanningErrorCode(StrEnum):
+    """Why there is no plan."""
+
+    START_OUT_OF_LIMITS = "start_out_of_limits"
+    START_IN_COLLISION = "start_in_collision"
+    START_VIOLATES_CONSTRAINT = "start_violates_constraint"
+    GOAL_OUT_OF_LIMITS = "goal_out_of_limits"
+    GOAL_IN_COLLISION = "goal_in_collision"
+    GOAL_VIOLATES_CONSTRAINT = "goal_violates_constraint"
+    NO_PATH = "no_path"
+    TIMED_PATH_INVALID = "timed_path_invalid"
+
+
+class PlanningError(ManipulationError):
+    """There is no plan: ``code`` for programs, the message for people."""
+
+    def __init__(self, code: PlanningErrorCode, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class PathConstraint(Protocol):
+    """What must hold along a whole path, besides being free of collisions."""
+
+    @property
+    def description(self) -> str:
+        """What is asked, for error messages: ``cup upright within 25 degrees``."""
+
+    def satisfied(self, positions: NDArray[np.float64]) -> bool:
+        """Whether it holds at ``positions`` (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPlan:
+    """``path``: (N, n) radians, N ≥ 1, straight between rows, from the start to goal number ``goal_index``.
+
+    ``checks``: collision checks spent.
+    """
+
+    path: NDArray[np.float64]
+    goal_index: int
+    checks: int
+
+    @property
+    def length(self) -> float:
+        """Sum of the Euclidean lengths of the segments, radians."""
+        return float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
+
+
+class MotionPlanner(ABC):
+    """Plans for one arm; the result depends on the arguments alone, never on time or on earlier plans."""
+
+    @abstractmethod
+    def plan(
+        self,
+        start: ArrayLike,
+        goals: Sequence[ArrayLike],
+        world: CollisionWorld,
+        limits: JointLimits,
+        rng: np.random.Generator,
+        constraint: PathConstraint | None = None,
+    ) -> MotionPlan:
+        """Plan from ``start`` (n,) to any of ``goals``, each (n,), radians.
+
+        Raises PlanningError if there is none, ManipulationError for NaN, wrong shapes or an empty list of goals.
+        """
