@@ -1,0 +1,70 @@
+"""Detection: which of the known objects are in view, and what else stands there."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+from bestman_bt.perception.segmentation.base import Cluster, Region, SupportPlane
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """A known object: ``hypothesis`` is the best; ``alternatives`` are other models at the same place, best first."""
+
+    cluster: Cluster
+    hypothesis: PoseHypothesis
+    alternatives: tuple[PoseHypothesis, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The model's name."""
+        return self.hypothesis.model.name
+
+    @property
+    def pose(self) -> Pose:
+        """frame_from_object."""
+        return self.hypothesis.pose
+
+    @property
+    def confidence(self) -> float:
+        """See PoseHypothesis."""
+        return self.hypothesis.confidence
+
+
+@dataclass(frozen=True, eq=False)
+class DetectedScene:
+    """``detections``: most confident first. ``unknown``: clusters that no model explains: obstacles."""
+
+    plane: SupportPlane
+    detections: tuple[Detection, ...]
+    unknown: tuple[Cluster, ...]
+
+    def find(self, name: str) -> Detection | None:
+        """The most confident detection of the object called ``name``; None where it is not in view."""
+        return next((detection for detection in self.detections if detection.name == name), None)
+
+    def obstacles_beside(self, name: str | None, grow: float = 0.0) -> tuple[Cluster, ...]:
+        """All clusters but the one of ``name``."""
+        found = self.find(name) if name is not None else None
+        others = tuple(detection.cluster for detection in self.detections if detection is not found)
+        return others + self.unknown
+
+
+class Detector(ABC):
+    """Finds known objects on a surface."""
+
+    @abstractmethod
+    def detect(
+        self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
+    ) -> DetectedScene:
+        """Detect ``models`` in the part of ``view`` that shows ``region``; an object that is not there is not named.
+
+        Raises NoSurfaceError, in words, where no surface is seen.
+        """

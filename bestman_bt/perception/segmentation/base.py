@@ -1,0 +1,139 @@
+"""Segmentation: from a view of a surface to the surface and the separate things that stand on it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Where a support surface is expected, for example by the semantic map with a margin.
+
+    ``frame_from_surface``: pose of the expected surface's centre, z up, in the frame of the view.
+    ``size``: (x, y) metres, margins included. The surface is sought up to ``tolerance`` metres above and below the
+    expected height, things on it up to ``height`` metres above it.
+    """
+
+    frame_from_surface: Pose
+    size: tuple[float, float]
+    height: float = 0.40
+    tolerance: float = 0.05
+
+    def corners(self) -> NDArray[np.float64]:
+        """The corners of the box that holds surface and things, (8, 3) metres in the frame."""
+        half_x, half_y = self.size[0] / 2, self.size[1] / 2
+        heights = (-self.tolerance, self.height)
+        corners = np.array([[x, y, z] for x in (-half_x, half_x) for y in (-half_y, half_y) for z in heights])
+        return self.frame_from_surface.apply(corners)
+
+
+@dataclass(frozen=True, eq=False)
+class SupportPlane:
+    """A measured, nearly horizontal rectangle.
+
+    ``frame_from_plane``: its centre; z is the normal (upwards), x and y run along the rectangle's sides, x nearest to
+    the expected surface's x. ``size``: (x, y) metres of the part that was seen. ``rms``: of the inliers' distances.
+    ``inliers``: (N, 3) measured points, metres, in the frame.
+    """
+
+    frame_from_plane: Pose
+    size: tuple[float, float]
+    inliers: NDArray[np.float64]
+    rms: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "inliers", frozen_array(self.inliers, (None, 3), "SupportPlane inliers"))
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """Unit normal, (3,), upwards."""
+        return self.frame_from_plane.rotation[:, 2]
+
+    @property
+    def offset(self) -> float:
+        """The plane is ``normal · p = offset``."""
+        return float(self.normal @ self.frame_from_plane.position)
+
+    @property
+    def tilt(self) -> float:
+        """Angle between normal and vertical, radians."""
+        return float(np.arccos(np.clip(self.normal[2], -1.0, 1.0)))
+
+    def heights(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signed distances (N,) of points (N, 3) above the plane, metres."""
+        return points @ self.normal - self.offset
+
+    def height_at(self, x: float, y: float) -> float:
+        """z of the plane at (x, y), metres."""
+        a, b, c = self.normal
+        return float((self.offset - a * x - b * y) / c)
+
+    def slab(self, thickness: float, grow: float = 0.0) -> PlacedShape:
+        """A box whose top face is the seen rectangle, grown by ``grow`` metres on each side: for collision worlds."""
+        size = (self.size[0] + 2 * grow, self.size[1] + 2 * grow, thickness)
+        return PlacedShape(Box(size), self.frame_from_plane @ Pose(np.array([0.0, 0.0, -thickness / 2])))
+
+
+@dataclass(frozen=True, eq=False)
+class Cluster:
+    """One thing on a surface: its measured points.
+
+    ``points``: (N, 3) metres in the frame, about one per voxel. ``colors``: (N, 3) uint8.
+    ``plane``: the surface under it. ``at_border``: it touches the border of the image, so a part may be missing.
+    """
+
+    points: NDArray[np.float64]
+    colors: NDArray[np.uint8]
+    plane: SupportPlane
+    at_border: bool = False
+
+    def __post_init__(self) -> None:
+        points = frozen_array(self.points, (None, 3), "Cluster points")
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "colors", frozen_array(self.colors, (len(points), 3), "Cluster colors", np.uint8))
+
+    @cached_property
+    def bounding_box(self) -> PlacedShape:
+        """The smallest box that stands on the plane and holds the points (yaw by ``cv2.minAreaRect``)."""
+        local = self.plane.frame_from_plane.inverse().apply(self.points)
+        (x, y), (width, depth), degrees = cv2.minAreaRect(local[:, :2].astype(np.float32))
+        top = float(np.percentile(local[:, 2], 99.0))
+        plane_from_box = Pose.from_xyz_rpy((x, y, top / 2), (0.0, 0.0, float(np.radians(degrees))))
+        return PlacedShape(Box((float(width), float(depth), top)), self.plane.frame_from_plane @ plane_from_box)
+
+    def obstacle(self, grow: float = 0.0) -> PlacedShape:
+        """The bounding box, ``grow`` metres larger on each side and above: for collision worlds."""
+        box = self.bounding_box
+        assert isinstance(box.shape, Box)
+        x, y, z = box.shape.size
+        lifted = box.pose @ Pose(np.array([0.0, 0.0, grow / 2]))
+        return PlacedShape(Box((x + 2 * grow, y + 2 * grow, z + grow)), lifted)
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentedScene:
+    """``planes``: largest first. ``clusters``: nearest to the camera first."""
+
+    planes: tuple[SupportPlane, ...]
+    clusters: tuple[Cluster, ...]
+
+
+class Segmentation(ABC):
+    """Finds support surfaces in a region and the things that stand on them."""
+
+    @abstractmethod
+    def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
+        """Segment what ``view`` shows of ``region``; equal input and generator state give equal output.
+
+        Raises NoSurfaceError, in words, where no surface is seen.
+        """

@@ -1,0 +1,72 @@
+"""One RGB-D image together with the place from which it was taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import PointCloud, Pose, RGBDImage
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """An image and ``frame_from_camera``: the pose of the optical frame in a frame whose z points up (base or map)."""
+
+    image: RGBDImage
+    frame_from_camera: Pose
+
+    @property
+    def viewpoint(self) -> NDArray[np.float64]:
+        """Where the camera stands in the frame, (3,) metres."""
+        return self.frame_from_camera.position
+
+    def cloud(self, around: NDArray[np.float64] | None = None) -> PointCloud:
+        """The measured points in the frame, row by row, without the pixels that have no depth.
+
+        ``around``: (K, 3) metres, corners of a convex body; only the rectangle of pixels that shows it is taken.
+        """
+        rows, columns = self._window(around)
+        k = self.image.intrinsics
+        depth = self.image.depth[rows, columns]
+        known = np.isfinite(depth) & (depth > 0)
+        v, u = np.nonzero(known)
+        z = depth[known].astype(np.float64)
+        x = (u + (columns.start - k.cx)) * (z / k.fx)
+        y = (v + (rows.start - k.cy)) * (z / k.fy)
+        points = self.frame_from_camera.apply(np.stack([x, y, z], axis=1))
+        points.setflags(write=False)
+        return PointCloud(points, self.image.rgb[rows, columns][known])
+
+    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Pixels (N, 2) as (u, v) and depths (N,), metres, of points (N, 3) of the frame; NaN behind the camera."""
+        k = self.image.intrinsics
+        camera_from_frame = self.frame_from_camera.inverse()
+        x, y, z = camera_from_frame.apply(points).T
+        z = np.where(z > 1e-6, z, np.nan)
+        return np.stack([k.cx + k.fx * x / z, k.cy + k.fy * y / z], axis=1), z
+
+    def measured_depth(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Measured depth (N,), metres, at the pixels (N, 2) nearest to (u, v); NaN where unknown or off the image."""
+        k = self.image.intrinsics
+        finite = np.isfinite(pixels).all(axis=1)
+        u, v = np.rint(np.where(finite[:, None], pixels, -1.0)).astype(np.intp).T
+        inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+        depth = np.full(len(pixels), np.nan)
+        depth[inside] = self.image.depth[v[inside], u[inside]]
+        depth[~(depth > 0)] = np.nan
+        return depth
+
+    def _window(self, around: NDArray[np.float64] | None) -> tuple[slice, slice]:
+        k = self.image.intrinsics
+        everything = slice(0, k.height), slice(0, k.width)
+        if around is None:
+            return everything
+        pixels, _ = self.project(around)
+        if not np.isfinite(pixels).all():
+            return everything
+        size = np.array([k.width, k.height])
+        first = np.clip(np.floor(pixels.min(axis=0)), 0, size).astype(int)
+        last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 0, size).astype(int)
+        return slice(int(first[1]), int(last[1])), slice(int(first[0]), int(last[0]))
