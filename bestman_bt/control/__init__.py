@@ -1,0 +1,5 @@
+"""Controllers: they run algorithms on the parts of a robot and hand out handles of what is under way."""
+
+from bestman_bt.control.handle import ControlError, ControlErrorCode, ControlHandle, ControlStatus
+
+__all__ = ["ControlError", "ControlErrorCode", "ControlHandle", "ControlStatus"]

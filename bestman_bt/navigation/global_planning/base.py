@@ -1,0 +1,39 @@
+"""Global planners: from a start pose to a goal pose over a costmap."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import Enum
+
+from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.navigation.global_planning.costmap import Costmap
+
+
+class PlanningFailureReason(Enum):
+    """Why there is no path."""
+
+    START_BLOCKED = "start_blocked"  # the robot touches an obstacle at the start or cannot leave it straight
+    GOAL_BLOCKED = "goal_blocked"  # the footprint at the goal, or its straight approach, touches an obstacle
+    START_OUTSIDE = "start_outside"  # the start is not on the costmap
+    GOAL_OUTSIDE = "goal_outside"  # the goal is not on the costmap
+    NO_PATH = "no_path"  # both ends are free, but nothing connects them
+
+
+@dataclass(frozen=True)
+class PlanningFailure:
+    """The reason for programs, the text for people."""
+
+    reason: PlanningFailureReason
+    text: str
+
+
+class GlobalPlanner(ABC):
+    """Finds a path that the footprint can follow without touching an obstacle of the costmap."""
+
+    @abstractmethod
+    def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
+        """A path in the map frame from ``start`` to ``goal``, or why there is none.
+
+        The path begins at the start and ends at the goal; its ``reverse`` marks the segments to drive backwards.
+        """

@@ -1,0 +1,73 @@
+"""Localizers: where the base is on the map, from odometry and lidar scans."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.messages.frozen_array import frozen_array
+
+
+@dataclass(frozen=True)
+class ScanMatch:
+    """How well a scan fitted the map.
+
+    ``accepted``: whether the estimate used it. ``inlier_ratio``: share of the hits that lie on something in the map,
+    0 to 1. ``residual``: their root mean square distance from it, metres. ``reason``: why it was refused, else empty.
+    """
+
+    accepted: bool
+    inlier_ratio: float
+    residual: float
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class LocalizationEstimate:
+    """``pose`` of the base in the map frame; ``covariance``: (3, 3) of x, y, theta in m², m rad, rad².
+
+    ``match``: of the latest scan, None before the first.
+    """
+
+    pose: Pose2D
+    covariance: NDArray[np.float64]
+    match: ScanMatch | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "covariance", frozen_array(self.covariance, (3, 3), "LocalizationEstimate covariance"))
+
+    @property
+    def position_std(self) -> float:
+        """Standard deviation along the worst direction, metres."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+
+    @property
+    def heading_std(self) -> float:
+        """Standard deviation of the heading, radians."""
+        return math.sqrt(float(self.covariance[2, 2]))
+
+
+class Localizer(ABC):
+    """Keeps an estimate of the base's pose: ``reset`` once, then ``predict`` and ``correct`` as readings come."""
+
+    @abstractmethod
+    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
+        """Start from a believed pose in the map frame; ``odometry``: the odometry pose at the same moment."""
+
+    @abstractmethod
+    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
+        """Move the estimate by what the odometry pose (``odom`` frame) has changed since the last call."""
+
+    @abstractmethod
+    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
+        """Correct the estimate by a scan taken at the last predicted pose."""
+
+    @property
+    @abstractmethod
+    def estimate(self) -> LocalizationEstimate:
+        """The present estimate; RuntimeError before the first ``reset``."""
