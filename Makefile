@@ -1,0 +1,51 @@
+# Everything a newcomer needs: make demo, make test. The rest is for daily work.
+
+BIN := .venv/bin
+JOBS ?= 2
+
+.PHONY: help install demo test lint format docs lock dist clean
+
+help:
+	@echo "make demo      install, then watch the robot fetch a cup"
+	@echo "make test      install, then lint, types, import contracts and tests"
+	@echo "make install   .venv/ with .venv/bin/bestman-bt (locked; quick when up to date)"
+	@echo "make lint      ruff, mypy and the import contracts alone"
+	@echo "make format    let ruff rewrite the code"
+	@echo "make docs      build the documentation into site/"
+	@echo "make lock      resolve pyproject.toml anew into requirements.lock"
+	@echo "make dist      build the wheel and the source archive into dist/"
+	@echo "make clean     remove what builds and tests leave (not .venv/, not runs/)"
+
+install:
+	@sh scripts/install.sh
+
+demo: install
+	$(BIN)/bestman-bt demo
+
+test: lint
+	$(BIN)/python -m pytest -n $(JOBS)
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: install
+	$(BIN)/ruff check --fix-only .
+	$(BIN)/ruff format .
+
+docs: install
+	$(BIN)/mkdocs build --strict
+
+lock: install
+	$(BIN)/uv pip compile --upgrade --quiet --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
+		--group dev pyproject.toml -o requirements.lock
+
+dist: install
+	$(BIN)/python -m build --no-isolation
+
+clean:
+	rm -rf build dist site .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
