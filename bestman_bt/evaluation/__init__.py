@@ -1,0 +1,1 @@
+"""Tasks, success predicates, the honesty audit, batch runs."""

@@ -1,0 +1,76 @@
+"""The result of one run: what ``result.json`` holds."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+
+class Outcome(StrEnum):
+    """How a run ended."""
+
+    SUCCESS = "success"
+    FAILURE = "failure"
+    CANCELLED = "cancelled"
+    ERROR = "error"
+
+
+@dataclass(frozen=True)
+class FailureReport:
+    """The leaf at fault: its path in the tree, its error code, and why, in words."""
+
+    node: str
+    error_code: str
+    why: str
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """One run, judged.
+
+    ``success``: the tree succeeded and the predicate holds. ``predicate``: None where the run was not judged.
+    ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
+    """
+
+    task: str
+    seed: int
+    success: bool
+    outcome: Outcome
+    tree_status: str
+    predicate: bool | None
+    failure: FailureReport | None
+    audit: dict[str, Any]
+    metrics: dict[str, float]
+    sim_time_s: float
+    wall_time_s: float
+    versions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated over wall time."""
+        return self.sim_time_s / self.wall_time_s if self.wall_time_s > 0 else 0.0
+
+    def to_document(self) -> dict[str, Any]:
+        """The JSON document; no NaN or infinity in it."""
+        document = {**asdict(self), "outcome": str(self.outcome), "real_time_factor": round(self.real_time_factor, 3)}
+        versions = document.pop("versions")
+        plain: dict[str, Any] = _plain({**document, "versions": versions})
+        return plain
+
+    def write(self, path: Path) -> None:
+        """Write ``result.json``."""
+        path.write_text(json.dumps(self.to_document(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

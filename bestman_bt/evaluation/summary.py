@@ -1,0 +1,55 @@
+"""Many judged runs of one task in one flat document."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.evaluation.result import RunResult
+
+CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads")
+"""Audit counters that must be 0 in every episode for ``audit_clean``."""
+
+
+def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_time_s: float) -> dict[str, Any]:
+    """The document that ``eval --json`` prints; ``results`` in the order of their seeds.
+
+    ``false_successes``: runs whose tree reported success while the predicate does not hold.
+    ``interval``: Wilson, 95 %. ``metrics``: median and 95th percentile over the runs that have the metric.
+    """
+    succeeded = sum(result.success for result in results)
+    sim_time = sum(result.sim_time_s for result in results)
+    busy = sum(result.wall_time_s for result in results)
+    names = sorted({name for result in results for name in result.metrics})
+    return {
+        "task": task,
+        "episodes": len(results),
+        "first_seed": first_seed,
+        "succeeded": succeeded,
+        "success_rate": round(succeeded / len(results), 4) if results else 0.0,
+        "interval": [round(bound, 4) for bound in wilson_interval(succeeded, len(results))],
+        "audit_clean": all(result.audit.get(cheat, 0) == 0 for result in results for cheat in CHEATS),
+        "false_successes": sum(r.tree_status == "SUCCESS" and r.predicate is False for r in results),
+        "failures": [_failure(result) for result in results if not result.success],
+        "sim_time_s": round(sim_time, 3),
+        "wall_time_s": round(wall_time_s, 3),
+        "real_time_factor": round(sim_time / busy, 3) if busy > 0 else 0.0,
+        "metrics": {name: _spread([r.metrics[name] for r in results if name in r.metrics]) for name in names},
+    }
+
+
+def _failure(result: RunResult) -> dict[str, Any]:
+    failure = result.failure
+    return {
+        "seed": result.seed,
+        "node": failure.node if failure else "",
+        "error_code": failure.error_code if failure else str(result.outcome),
+        "why": failure.why if failure else "the run was not judged a success",
+    }
+
+
+def _spread(values: list[float]) -> dict[str, float]:
+    return {"median": round(float(np.median(values)), 3), "p95": round(float(np.percentile(values, 95)), 3)}

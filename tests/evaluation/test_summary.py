@@ -1,0 +1,58 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.summary import summarize
+
+
+def result(seed: int, *, tree: str = "SUCCESS", predicate: bool | None = True, teleports: int = 0) -> RunResult:
+    success = tree == "SUCCESS" and predicate is True
+    failure = None if success else FailureReport("pick/Grasp", "missed", "the hand closed on nothing")
+    return RunResult(
+        task="fetch_cup",
+        seed=seed,
+        success=success,
+        outcome=Outcome.SUCCESS if success else Outcome.FAILURE,
+        tree_status=tree,
+        predicate=predicate,
+        failure=failure,
+        audit={"teleports": teleports, "grasp_constraints": 0, "ground_truth_reads": 0, "collisions": 1},
+        metrics={"place_error_mm": float(seed), "tilt_deg": float("nan")},
+        sim_time_s=40.0,
+        wall_time_s=4.0,
+    )
+
+
+def test_wilson_interval_agrees_with_the_textbook():
+    low, high = wilson_interval(48, 50)
+    assert (low, high) == pytest.approx((0.8654, 0.9890), abs=1e-4)
+    assert wilson_interval(0, 0) == (0.0, 1.0)
+    with pytest.raises(ValueError, match="trials = 3"):
+        wilson_interval(4, 3)
+
+
+def test_a_tree_that_claims_success_against_the_judge_is_a_false_success():
+    document = summarize("fetch_cup", 7, [result(7), result(8, predicate=False)], 9.0)
+    assert document["succeeded"] == 1
+    assert document["false_successes"] == 1
+    assert [failure["seed"] for failure in document["failures"]] == [8]
+
+
+def test_one_teleport_in_one_episode_makes_the_audit_unclean_and_a_collision_does_not():
+    assert summarize("t", 0, [result(0), result(1)], 1.0)["audit_clean"] is True
+    assert summarize("t", 0, [result(0), result(1, teleports=1)], 1.0)["audit_clean"] is False
+
+
+def test_metrics_are_medians_and_95th_percentiles():
+    document = summarize("t", 0, [result(seed) for seed in range(101)], 1.0)
+    assert document["metrics"]["place_error_mm"] == {"median": 50.0, "p95": 95.0}
+    assert document["real_time_factor"] == 10.0
+
+
+def test_the_result_document_is_strict_json():
+    text = json.dumps(result(1).to_document(), allow_nan=False)
+    assert json.loads(text)["metrics"]["tilt_deg"] is None
