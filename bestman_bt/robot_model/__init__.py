@@ -1,5 +1,6 @@
 """Robots composed from parts: one URDF with groups, frames, sensors and postures."""
 
+from bestman_bt.robot_model.compose import compose_robot, load_robot_model
 from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
@@ -18,4 +19,6 @@ __all__ = [
     "JointGroupModel",
     "LidarModel",
     "RobotModel",
+    "compose_robot",
+    "load_robot_model",
 ]

@@ -1,0 +1,175 @@
+"""YAML documents that remember where each value was written."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+
+FieldPath = tuple[str | int, ...]
+
+
+class _Loader(yaml.SafeLoader):
+    """Scalars as in YAML 1.2: only true and false are booleans (not on, off, yes, no), 1e-3 is a number."""
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:bool"]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|false)$", re.IGNORECASE), list("tTfF"))
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+0123456789.")
+)
+
+
+@dataclass(frozen=True)
+class Document:
+    """Nested plain ``data`` with ``origins``: field path → (source, line); the root path is ``()``."""
+
+    data: dict[str, Any]
+    origins: Mapping[FieldPath, tuple[str, int | None]] = field(default_factory=dict)
+
+    def origin(self, path: FieldPath) -> tuple[str, int | None]:
+        """Source and line of the value at ``path``, or of the nearest value around it."""
+        for end in range(len(path), -1, -1):
+            if path[:end] in self.origins:
+                return self.origins[path[:end]]
+        return ("configuration", None)
+
+    def problem(self, path: FieldPath, message: str) -> Problem:
+        """A fault of the value at ``path``."""
+        source, line = self.origin(path)
+        return Problem(source, line, dotted(path), message)
+
+    def merged(self, other: Document) -> Document:
+        """This document with ``other`` laid over it: mappings merge, anything else is replaced."""
+        data = copy.deepcopy(self.data)
+        origins = dict(self.origins)
+        _merge(data, copy.deepcopy(other.data), (), origins, other.origins)
+        if () in other.origins:
+            origins[()] = other.origins[()]
+        return Document(data, origins)
+
+    def below(self, *path: str | int) -> Document:
+        """The mapping at ``path`` as a document of its own; origins go along."""
+        data: Any = self.data
+        for key in path:
+            data = data[key]
+        origins = {p[len(path) :]: origin for p, origin in self.origins.items() if p[: len(path)] == path}
+        origins.setdefault((), self.origin(path))
+        return Document(data, origins)
+
+
+def dotted(path: FieldPath) -> str:
+    """A field path as people write it: ``parts.arm.xyz[2]``."""
+    text = ""
+    for key in path:
+        text += f"[{key}]" if isinstance(key, int) else f".{key}" if text else key
+    return text
+
+
+def read_document(path: Path) -> Document:
+    """Read a YAML file that holds a mapping; ConfigurationError names file and line of what is not YAML."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError([Problem(str(path), None, "", f"cannot be read: {error}")]) from error
+    return parse_document(text, _display(path))
+
+
+def parse_document(text: str, source: str) -> Document:
+    """Parse YAML text that holds a mapping; ``source`` names it in errors."""
+    loader = _Loader(text)
+    problems: list[Problem] = []
+    origins: dict[FieldPath, tuple[str, int | None]] = {}
+    try:
+        root = loader.get_single_node()
+        if root is not None:
+            _record(root, (), source, origins, problems, set())
+        data = {} if root is None else loader.construct_document(root)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = mark.line + 1 if mark else None
+        raise ConfigurationError([Problem(source, line, "", f"is not YAML: {error.problem}")]) from error
+    except yaml.YAMLError as error:
+        raise ConfigurationError([Problem(source, None, "", f"is not YAML: {error}")]) from error
+    finally:
+        loader.dispose()
+    if not isinstance(data, dict):
+        problems.append(Problem(source, 1, "", f"should hold fields (name: value), got {type(data).__name__}"))
+    if problems:
+        raise ConfigurationError(problems)
+    return Document(data, origins)
+
+
+def parse_value(text: str) -> Any:
+    """The value of a YAML text; ValueError when it is not YAML."""
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise ValueError(f"{text!r} is not YAML: {error}") from error
+
+
+def _display(path: Path) -> str:
+    """The path as people would type it: relative where it lies below the working directory."""
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def _record(
+    node: yaml.Node,
+    path: FieldPath,
+    source: str,
+    origins: dict[FieldPath, tuple[str, int | None]],
+    problems: list[Problem],
+    around: set[int],
+) -> None:
+    line = node.start_mark.line + 1
+    origins.setdefault(path, (source, line))
+    if id(node) in around:
+        problems.append(Problem(source, line, dotted(path), "contains itself"))
+        return
+    around = around | {id(node)}
+    if isinstance(node, yaml.MappingNode):
+        seen: set[Hashable] = set()
+        for key_node, value_node in node.value:
+            key = key_node.value
+            if not isinstance(key_node, yaml.ScalarNode):
+                problems.append(Problem(source, key_node.start_mark.line + 1, dotted(path), "a name should be text"))
+                continue
+            if key in seen:
+                problems.append(Problem(source, key_node.start_mark.line + 1, dotted((*path, key)), "is given twice"))
+            seen.add(key)
+            origins[(*path, key)] = (source, key_node.start_mark.line + 1)
+            _record(value_node, (*path, key), source, origins, problems, around)
+    elif isinstance(node, yaml.SequenceNode):
+        for index, child in enumerate(node.value):
+            _record(child, (*path, index), source, origins, problems, around)
+
+
+def _merge(
+    below: dict[str, Any],
+    above: Mapping[str, Any],
+    path: FieldPath,
+    origins: dict[FieldPath, tuple[str, int | None]],
+    above_origins: Mapping[FieldPath, tuple[str, int | None]],
+) -> None:
+    for key, value in above.items():
+        here = (*path, key)
+        if isinstance(below.get(key), dict) and isinstance(value, dict):
+            _merge(below[key], value, here, origins, above_origins)
+            continue
+        below[key] = value
+        for old in [p for p in origins if p[: len(here)] == here]:
+            del origins[old]
+        origins.update({p: o for p, o in above_origins.items() if p[: len(here)] == here})

@@ -1,0 +1,31 @@
+"""What is wrong with a configuration: all problems of a file at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One fault: ``source`` is a file or ``--set key=value``, ``line`` counts from 1 (None: no line applies).
+
+    ``field``: dotted path of the field, empty for the whole file.
+    """
+
+    source: str
+    line: int | None
+    field: str
+    message: str
+
+    def __str__(self) -> str:
+        place = self.source if self.line is None else f"{self.source}:{self.line}"
+        return f"{place}: {self.field}: {self.message}" if self.field else f"{place}: {self.message}"
+
+
+class ConfigurationError(ValueError):
+    """A configuration cannot be used; ``problems`` lists every fault found, each with file, line and field."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))

@@ -1,0 +1,101 @@
+"""Quantities in configurations: plain SI numbers, or text with a unit such as ``5 cm``, ``47 deg``, ``3 kg``."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
+
+_DEGREE = math.pi / 180
+_UNITS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "angle": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE},
+    "mass": {"kg": 1.0, "g": 0.001},
+    "time": {"s": 1.0, "ms": 0.001, "min": 60.0},
+    "frequency": {"Hz": 1.0, "kHz": 1000.0},
+    "speed": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
+    "angular speed": {"rad/s": 1.0, "deg/s": _DEGREE},
+    "acceleration": {"m/s^2": 1.0, "m/s²": 1.0},
+    "angular acceleration": {"rad/s^2": 1.0, "rad/s²": 1.0, "deg/s^2": _DEGREE, "deg/s²": _DEGREE},
+    "force": {"N": 1.0, "kN": 1000.0},
+    "torque": {"N m": 1.0, "Nm": 1.0, "N·m": 1.0},
+    "stiffness": {"N/m": 1.0},
+    "damping": {"N s/m": 1.0},
+}
+_QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+def parse_quantity(value: object, *dimensions: str) -> float:
+    """``value`` in SI units: a number, or text with a unit of one of the ``dimensions`` (none: a plain number).
+
+    Raises PydanticCustomError (a ValueError) that names the units that would be accepted.
+    """
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        return _finite(float(value), value)
+    expected = " or ".join(
+        f"{'an' if d[0] in 'aeiou' else 'a'} {d} in {next(iter(_UNITS[d]))} ({', '.join(_UNITS[d])})"
+        for d in dimensions
+    )
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        raise _error(f"expected {expected or 'a number'}, got {value!r}")
+    number, unit = float(match[1]), match[2]
+    if not unit:
+        return _finite(number, value)
+    for dimension in dimensions:
+        if unit in _UNITS[dimension]:
+            return _finite(number * _UNITS[dimension][unit], value)
+    other = next((dimension for dimension, units in _UNITS.items() if unit in units), None)
+    reason = f"{unit!r} is a unit of {other}" if other else f"unknown unit {unit!r}"
+    raise _error(f"expected {expected or 'a number without a unit'}, got {value!r}: {reason}")
+
+
+def _finite(number: float, value: object) -> float:
+    if not math.isfinite(number):
+        raise _error(f"expected a finite number, got {value!r}")
+    return number
+
+
+def _error(message: str) -> PydanticCustomError:
+    return PydanticCustomError("quantity", "{text}", {"text": message})
+
+
+def _reader(*dimensions: str) -> Callable[[Any], float]:
+    def read(value: Any) -> float:
+        return parse_quantity(value, *dimensions)
+
+    return read
+
+
+Number = Annotated[float, BeforeValidator(_reader())]
+Length = Annotated[float, BeforeValidator(_reader("length"))]
+Angle = Annotated[float, BeforeValidator(_reader("angle"))]
+Mass = Annotated[float, Field(gt=0), BeforeValidator(_reader("mass"))]
+Time = Annotated[float, Field(ge=0), BeforeValidator(_reader("time"))]
+Frequency = Annotated[float, Field(gt=0), BeforeValidator(_reader("frequency"))]
+Speed = Annotated[float, Field(ge=0), BeforeValidator(_reader("speed"))]
+AngularSpeed = Annotated[float, Field(ge=0), BeforeValidator(_reader("angular speed"))]
+Acceleration = Annotated[float, Field(ge=0), BeforeValidator(_reader("acceleration"))]
+AngularAcceleration = Annotated[float, Field(ge=0), BeforeValidator(_reader("angular acceleration"))]
+Force = Annotated[float, Field(ge=0), BeforeValidator(_reader("force"))]
+Torque = Annotated[float, Field(ge=0), BeforeValidator(_reader("torque"))]
+Stiffness = Annotated[float, Field(ge=0), BeforeValidator(_reader("stiffness"))]
+Damping = Annotated[float, Field(ge=0), BeforeValidator(_reader("damping"))]
+JointPosition = Annotated[float, BeforeValidator(_reader("angle", "length"))]
+JointSpeed = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular speed", "speed"))]
+JointAcceleration = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular acceleration", "acceleration"))]
+JointEffort = Annotated[float, Field(gt=0), BeforeValidator(_reader("torque", "force"))]
+PositiveLength = Annotated[float, Field(gt=0), BeforeValidator(_reader("length"))]
+Share = Annotated[float, Field(ge=0, le=1), BeforeValidator(_reader())]
+Friction = Annotated[float, Field(ge=0), BeforeValidator(_reader())]
+WholeNumber = Annotated[int, Field(strict=True, ge=0)]
+
+Lengths3 = tuple[Length, Length, Length]
+Angles3 = tuple[Angle, Angle, Angle]
+Size3 = tuple[PositiveLength, PositiveLength, PositiveLength]
+Size2 = tuple[PositiveLength, PositiveLength]
+Color = tuple[Share, Share, Share]

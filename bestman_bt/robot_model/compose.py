@@ -1,0 +1,189 @@
+"""Robots from parts: one URDF, and beside it everything that a program must know about the robot."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    check,
+    find_data,
+    override,
+    read_document,
+)
+from bestman_bt.registry import suggestion
+from bestman_bt.robot_model.describe import describe
+from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.part_config import ArmPart, BasePart, GripperPart, JointGroupPart
+from bestman_bt.robot_model.placed_part import PlacedPart, read_part
+from bestman_bt.robot_model.robot_config import MountedPart, RobotConfig
+from bestman_bt.robot_model.urdf_elements import fixed_joint
+
+
+def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> RobotModel:
+    """Compose the robot that a YAML of parts describes.
+
+    A bare name means a shipped robot. ``overrides``: dotted keys → values, for example
+    ``{"parts.mast.set.dimensions.mass": "2 kg"}``. Raises ConfigurationError with file, line and field.
+    """
+    path = find_data("robot", name_or_path)
+    document = override(read_document(path), RobotConfig, overrides or {}, prefix="robot.")
+    return compose_robot(path.stem, document)
+
+
+def compose_robot(name: str, document: Document) -> RobotModel:
+    """Compose a robot from the document of a ``RobotConfig``; raises ConfigurationError."""
+    config = check(document, RobotConfig)
+    placed = _place_parts(config, document)
+    urdf = ET.Element("robot", name=name)
+    for part in placed.values():
+        urdf.extend(part.elements)
+        mounted = config.parts[part.name]
+        if mounted.mount is not None:
+            urdf.append(fixed_joint(f"{part.name}_mount_joint", mounted.mount, part.root, mounted.xyz, mounted.rpy))
+        _write_limits(part)
+    links = {link.get("name", "") for link in urdf.findall("link")}
+    if config.base_frame not in links:
+        message = f"no link {config.base_frame!r}; {suggestion(config.base_frame, list(links))}"
+        raise ConfigurationError([document.problem(("base_frame",), message)])
+    postures = _postures(config, document, placed)
+    ignored = _declared_pairs(config, document, placed, links)
+    ET.indent(urdf)
+    return describe(name, urdf, config.base_frame, placed, postures, ignored)
+
+
+def _place_parts(config: RobotConfig, document: Document) -> dict[str, PlacedPart]:
+    problems: list[Problem] = []
+    placed: dict[str, PlacedPart] = {}
+    taken: set[str] = set()
+    links: list[str] = []
+    unread = False  # a part that could not be read takes its frames away: no word on later mounts
+    for part_name, mounted in config.parts.items():
+        if not unread:
+            problems += _mount_problems(document, part_name, mounted, links)
+        changes = document.below("parts", part_name, "set") if mounted.set else Document({})
+        asked_by = document.problem(("parts", part_name, "part"), "")
+        try:
+            part = read_part(part_name, mounted.part, changes, asked_by, taken)
+        except ConfigurationError as error:
+            problems += error.problems
+            unread = True
+            continue
+        placed[part_name] = part
+        taken |= {element.get("name", "") for element in part.elements}
+        links += part.links
+    if not config.parts:
+        problems.append(document.problem(("parts",), "a robot needs at least one part"))
+    if problems:
+        raise ConfigurationError(problems)
+    return placed
+
+
+def _mount_problems(document: Document, part_name: str, mounted: MountedPart, links: list[str]) -> list[Problem]:
+    first = not links
+    if first and mounted.mount is not None:
+        return [document.problem(("parts", part_name, "mount"), "the first part is the root and is mounted on nothing")]
+    if not first and mounted.mount is None:
+        message = f"'mount' is missing: the link that carries the part; there are {', '.join(links)}"
+        return [document.problem(("parts", part_name), message)]
+    if mounted.mount is not None and mounted.mount not in links:
+        message = (
+            f"no frame {mounted.mount!r} to mount on; {suggestion(mounted.mount, links)} (frames: {', '.join(links)})"
+        )
+        return [document.problem(("parts", part_name, "mount"), message)]
+    return []
+
+
+def _write_limits(part: PlacedPart) -> None:
+    """The URDF's own joint limits become those of the part's description."""
+    config = part.config
+    limits: dict[str, tuple[float, float, float, float]] = {}  # lower, upper, velocity, effort
+    if isinstance(config, ArmPart | JointGroupPart):
+        each = config.limits
+        rows = zip(each.lower, each.upper, each.velocity, each.effort, strict=True)
+        limits = dict(zip(config.joints, rows, strict=True))
+    elif isinstance(config, GripperPart):
+        n = len(config.joints)
+        row = (config.min_width / n, config.max_width / n, config.max_speed / n, config.max_force)
+        limits = dict.fromkeys(config.joints, row)
+    elif isinstance(config, BasePart):
+        speed = (config.max_vx + config.max_wz * config.track / 2) / config.wheel_radius
+        limits = dict.fromkeys(config.wheel_joints, (0.0, -1.0, speed, config.wheel_torque))
+    for element in part.elements:
+        row_or_none = limits.get(element.get("name", "")) if element.tag == "joint" else None
+        if row_or_none is None:
+            continue
+        limit = element.find("limit")
+        limit = ET.SubElement(element, "limit") if limit is None else limit
+        lower, upper, velocity, effort = row_or_none
+        if element.get("type") == "continuous":
+            limit.attrib.pop("lower", None)
+            limit.attrib.pop("upper", None)
+        else:
+            limit.set("lower", f"{lower:.9g}")
+            limit.set("upper", f"{upper:.9g}")
+        limit.set("velocity", f"{velocity:.9g}")
+        limit.set("effort", f"{effort:.9g}")
+
+
+def _postures(config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart]) -> dict[str, dict[str, float]]:
+    problems: list[Problem] = []
+    postures: dict[str, dict[str, float]] = {}
+    for posture, of_parts in config.postures.items():
+        postures[posture] = {}
+        for part_name, positions in of_parts.items():
+            field = ("postures", posture, part_name)
+            part = placed.get(part_name)
+            joints: tuple[str, ...] = getattr(part.config, "joints", ()) if part is not None else ()
+            if part is None:
+                message = f"unknown part; {suggestion(part_name, list(placed))}"
+                problems.append(document.problem(field, message))
+            elif len(positions) != len(joints):
+                message = f"should have {len(joints)} positions, one per joint, got {len(positions)}"
+                problems.append(document.problem(field, message))
+            else:
+                postures[posture] |= dict(zip(joints, positions, strict=True))
+                problems += _limit_problems(document, field, part.config, positions)
+    if problems:
+        raise ConfigurationError(problems)
+    return postures
+
+
+def _limit_problems(
+    document: Document, field: tuple[str, str, str], config: Any, positions: tuple[float, ...]
+) -> list[Problem]:
+    if not isinstance(config, ArmPart | JointGroupPart):
+        return []
+    rows = zip(config.joints, positions, config.limits.lower, config.limits.upper, strict=True)
+    return [
+        document.problem((*field, index), f"{joint} should be within [{lower:g}, {upper:g}], got {position:g}")
+        for index, (joint, position, lower, upper) in enumerate(rows)
+        if not lower <= position <= upper
+    ]
+
+
+def _declared_pairs(
+    config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart], links: set[str]
+) -> list[tuple[str, str]]:
+    problems: list[Problem] = []
+    pairs = [pair for part in placed.values() for pair in part.config.may_touch]
+    for index, names in enumerate(config.never_touch):
+        groups: list[list[str]] = []
+        for name in names:
+            if name in placed:
+                groups.append(placed[name].links)
+            elif name in links:
+                groups.append([name])
+            else:
+                message = f"no part or link {name!r}; {suggestion(name, [*placed, *links])}"
+                problems.append(document.problem(("never_touch", index), message))
+        if len(groups) == 2:
+            pairs += [(a, b) for a in groups[0] for b in groups[1]]
+    if problems:
+        raise ConfigurationError(problems)
+    return pairs

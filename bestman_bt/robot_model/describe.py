@@ -1,0 +1,210 @@
+"""The robot model of a composed URDF: groups, frames, sensors, limits."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import CameraIntrinsics, Pose
+from bestman_bt.robot_model.footprint import footprint, origin_pose
+from bestman_bt.robot_model.model import (
+    ArmModel,
+    BaseModel,
+    CameraModel,
+    GripperModel,
+    JointGroupModel,
+    LidarModel,
+    RobotModel,
+)
+from bestman_bt.robot_model.part_config import (
+    ArmPart,
+    BasePart,
+    CameraPart,
+    GripperPart,
+    JointGroupPart,
+    JointLimitsConfig,
+    LidarPart,
+    StructurePart,
+)
+from bestman_bt.robot_model.placed_part import PlacedPart
+from bestman_bt.robot_model.self_pairs import allowed_self_pairs
+
+
+def describe(
+    name: str,
+    urdf: ET.Element,
+    base_frame: str,
+    placed: Mapping[str, PlacedPart],
+    postures: Mapping[str, Mapping[str, float]],
+    ignored_pairs: list[tuple[str, str]],
+) -> RobotModel:
+    """The model of ``urdf``; ``placed``: its parts by name, ``ignored_pairs``: links that need no collision check."""
+    hand_of = _hands(urdf, placed)
+    tools = {arm: placed[gripper].config for gripper, arm in hand_of.items()}
+    wheels = frozenset(j for p in placed.values() if isinstance(p.config, BasePart) for j in p.config.wheel_joints)
+    bases: dict[str, BaseModel] = {}
+    arms: dict[str, ArmModel] = {}
+    grippers: dict[str, GripperModel] = {}
+    groups: dict[str, JointGroupModel] = {}
+    cameras: dict[str, CameraModel] = {}
+    lidars: dict[str, LidarModel] = {}
+    for part_name, part in placed.items():
+        match part.config:
+            case BasePart() as base:
+                bases[part_name] = _base(base, part.root, _footprint(urdf, base_frame, part, placed))
+            case ArmPart() as arm:
+                hand = tools.get(part_name)
+                arms[part_name] = ArmModel(
+                    joint_names=arm.joints,
+                    base_frame=part.root,
+                    tool_frame=hand.tool if isinstance(hand, GripperPart) else arm.tip,
+                    **_limits(arm.limits),
+                )
+            case GripperPart() as gripper:
+                grippers[part_name] = _gripper(gripper, part.root)
+            case JointGroupPart() as group:
+                groups[part_name] = JointGroupModel(joint_names=group.joints, **_limits(group.limits))
+            case CameraPart() as camera:
+                cameras[part_name] = _camera(camera)
+            case LidarPart() as lidar:
+                lidars[part_name] = _lidar(lidar)
+    return RobotModel(
+        name=name,
+        urdf=ET.tostring(urdf, encoding="unicode"),
+        base_frame=base_frame,
+        bases=bases,
+        arms=arms,
+        grippers=grippers,
+        joint_groups=groups,
+        cameras=cameras,
+        lidars=lidars,
+        postures=postures,
+        hand_of=hand_of,
+        allowed_self_pairs=allowed_self_pairs(urdf, wheels, ignored_pairs),
+    )
+
+
+def _joint_parents(urdf: ET.Element) -> dict[str, tuple[str, ET.Element]]:
+    """Child link → its parent link and the joint between them."""
+    parents = {}
+    for joint in urdf.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            parents[child.get("link", "")] = (parent.get("link", ""), joint)
+    return parents
+
+
+def _hands(urdf: ET.Element, placed: Mapping[str, PlacedPart]) -> dict[str, str]:
+    """Gripper → the arm whose link carries it, directly or through other parts."""
+    parents = _joint_parents(urdf)
+    arm_of_link = {link: p.name for p in placed.values() if isinstance(p.config, ArmPart) for link in p.links}
+    hands = {}
+    for part in placed.values():
+        if isinstance(part.config, GripperPart):
+            link = part.root
+            while link in parents and link not in arm_of_link:
+                link = parents[link][0]
+            if link in arm_of_link:
+                hands[part.name] = arm_of_link[link]
+    return hands
+
+
+def _footprint(
+    urdf: ET.Element, base_frame: str, base: PlacedPart, placed: Mapping[str, PlacedPart]
+) -> tuple[tuple[float, float], ...]:
+    parents = _joint_parents(urdf)
+
+    def pose(link: str) -> Pose:
+        if link == base_frame or link not in parents:
+            return Pose()
+        parent, joint = parents[link]
+        return pose(parent) @ origin_pose(joint)
+
+    rigid = set(base.links)
+    for part in placed.values():
+        if isinstance(part.config, StructurePart) and _rides_on(part.root, rigid, parents):
+            rigid |= set(part.links)
+    links = [link for link in urdf.findall("link") if link.get("name", "") in rigid]
+    return footprint(links, {link.get("name", ""): pose(link.get("name", "")) for link in links})
+
+
+def _rides_on(link: str, rigid: set[str], parents: Mapping[str, tuple[str, ET.Element]]) -> bool:
+    while link in parents and parents[link][1].get("type") == "fixed":
+        link = parents[link][0]
+        if link in rigid:
+            return True
+    return False
+
+
+def _limits(limits: JointLimitsConfig) -> dict[str, NDArray[np.float64]]:
+    arrays = {
+        name: np.array(getattr(limits, name)) for name in ("lower", "upper", "velocity", "acceleration", "effort")
+    }
+    for array in arrays.values():
+        array.setflags(write=False)
+    return arrays
+
+
+def _base(base: BasePart, root: str, corners: tuple[tuple[float, float], ...]) -> BaseModel:
+    return BaseModel(
+        kind=base.drive,
+        frame=root,
+        wheel_joints=base.wheel_joints,
+        wheel_radius=base.wheel_radius,
+        track=base.track,
+        wheel_torque=base.wheel_torque,
+        caster_links=base.caster_links,
+        max_vx=base.max_vx,
+        max_vy=base.max_vy,
+        max_wz=base.max_wz,
+        max_acceleration=base.max_acceleration,
+        max_angular_acceleration=base.max_angular_acceleration,
+        footprint=corners,
+    )
+
+
+def _gripper(gripper: GripperPart, root: str) -> GripperModel:
+    return GripperModel(
+        joint_names=gripper.joints,
+        finger_links=gripper.finger_links,
+        hand_link=root,
+        min_width=gripper.min_width,
+        max_width=gripper.max_width,
+        max_speed=gripper.max_speed,
+        max_force=gripper.max_force,
+        finger_depth=gripper.finger_depth,
+        pad_size=gripper.pad_size,
+        friction=gripper.friction,
+    )
+
+
+def _camera(camera: CameraPart) -> CameraModel:
+    focal = camera.height / 2 / math.tan(camera.vertical_fov / 2)
+    centre = ((camera.width - 1) / 2, (camera.height - 1) / 2)
+    return CameraModel(
+        optical_frame=camera.frame,
+        intrinsics=CameraIntrinsics(camera.width, camera.height, focal, focal, *centre),
+        near=camera.near,
+        far=camera.far,
+        noise_base=camera.noise_base,
+        noise_quadratic=camera.noise_quadratic,
+        edge_dropout=camera.edge_dropout,
+        dropout=camera.dropout,
+    )
+
+
+def _lidar(lidar: LidarPart) -> LidarModel:
+    return LidarModel(
+        frame=lidar.frame,
+        beams=lidar.beams,
+        angle_min=lidar.angle_min,
+        angle_max=lidar.angle_max,
+        range_min=lidar.range_min,
+        range_max=lidar.range_max,
+        noise=lidar.noise,
+        rate=lidar.rate,
+    )

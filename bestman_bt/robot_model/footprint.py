@@ -1,0 +1,63 @@
+"""The footprint of a base: the convex hull, in the plane, of the collision shapes that ride on it rigidly."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from bestman_bt.messages import Pose
+
+_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+
+
+def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> tuple[tuple[float, float], ...]:
+    """Corners (x, y) in the base frame, metres, counter-clockwise, to a tenth of a millimetre."""
+    clouds = [np.zeros((0, 2))]
+    for link in links:
+        pose = base_from_link[link.get("name", "")]
+        for collision in link.findall("collision"):
+            corners = pose.apply(origin_pose(collision).apply(_outline(collision.find("geometry"))))
+            clouds.append(corners[:, :2])
+    points = np.unique(np.concatenate(clouds).round(4), axis=0)
+    if len(points) < 3:
+        return ()
+    corners = points[ConvexHull(points).vertices]
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    turns = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > 1e-6
+    return tuple((float(x), float(y)) for x, y in corners[turns])
+
+
+def origin_pose(element: ET.Element) -> Pose:
+    """The pose that an element's ``<origin>`` gives."""
+    origin = element.find("origin")
+    if origin is None:
+        return Pose()
+    xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy"))
+    return Pose.from_xyz_rpy(xyz, rpy)
+
+
+def _outline(geometry: ET.Element | None) -> NDArray[np.float64]:
+    """Points whose hull is the shape's, (N, 3); a mesh counts for nothing here (arms do not widen a base)."""
+    shape = geometry[0] if geometry is not None and len(geometry) else None
+    if shape is None:
+        return np.zeros((0, 3))
+    match shape.tag:
+        case "box":
+            half = np.array(shape.get("size", "").split(), dtype=float) / 2
+            corners: NDArray[np.float64] = half * np.array(
+                [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+            )
+            return corners
+        case "cylinder":
+            radius, length = float(shape.get("radius", "0")), float(shape.get("length", "0"))
+            ring = np.column_stack([radius * np.cos(_CIRCLE), radius * np.sin(_CIRCLE)])
+            return np.concatenate([np.column_stack([ring, np.full(16, z)]) for z in (-length / 2, length / 2)])
+        case "sphere":
+            radius = float(shape.get("radius", "0"))
+            ring = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros(16)])
+            return radius * np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
+    return np.zeros((0, 3))

@@ -1,0 +1,192 @@
+"""The YAML of a part: where its links come from and what a program must know about it, one dataclass per kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from bestman_bt.configuration.quantity import (
+    Acceleration,
+    Angle,
+    AngularAcceleration,
+    AngularSpeed,
+    Damping,
+    Force,
+    Frequency,
+    Friction,
+    JointAcceleration,
+    JointEffort,
+    JointPosition,
+    JointSpeed,
+    Length,
+    Lengths3,
+    PositiveLength,
+    Share,
+    Size2,
+    Size3,
+    Speed,
+    Stiffness,
+    Torque,
+    WholeNumber,
+)
+
+
+@dataclass(frozen=True)
+class PadConfig:
+    """A box that replaces the collision shape of a link: ``size`` metres, centred at ``xyz`` in the link."""
+
+    size: Size3
+    xyz: Lengths3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class ContactConfig:
+    """How a link touches: lateral and spinning friction, contact stiffness (N/m) and damping (N s/m)."""
+
+    lateral_friction: Friction
+    spinning_friction: Friction = 0.0
+    stiffness: Stiffness | None = None
+    damping: Damping | None = None
+
+
+@dataclass(frozen=True)
+class JointLimitsConfig:
+    """Limits, one entry per joint, in the order of ``joints``."""
+
+    lower: tuple[JointPosition, ...]
+    upper: tuple[JointPosition, ...]
+    velocity: tuple[JointSpeed, ...]
+    acceleration: tuple[JointAcceleration, ...]
+    effort: tuple[JointEffort, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartConfig:
+    """What all parts share.
+
+    Links come from ``urdf`` (``pybullet_data:FILE`` or a path beside this description) from its link ``root`` down
+    without the subtrees ``cut``; or from the generator ``generated`` with its ``dimensions``.
+    ``collision``: link → boxes that replace its collision shape. ``contact``: link → friction and stiffness.
+    ``may_touch``: pairs of links whose shapes overlap by construction or may touch.
+    """
+
+    kind: str
+    description: str = ""
+    urdf: str | None = None
+    root: str | None = None
+    cut: tuple[str, ...] = ()
+    generated: str | None = None
+    dimensions: Mapping[str, Any] = field(default_factory=dict)
+    collision: Mapping[str, tuple[PadConfig, ...]] = field(default_factory=dict)
+    contact: Mapping[str, ContactConfig] = field(default_factory=dict)
+    may_touch: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class BasePart(PartConfig):
+    """A wheeled base; ``wheel_joints`` (left, right)."""
+
+    kind: Literal["base"]
+    drive: Literal["differential"]
+    wheel_joints: tuple[str, ...]
+    wheel_radius: PositiveLength
+    track: PositiveLength
+    wheel_torque: Torque
+    caster_links: tuple[str, ...] = ()
+    max_vx: Speed
+    max_vy: Speed = 0.0
+    max_wz: AngularSpeed
+    max_acceleration: Acceleration
+    max_angular_acceleration: AngularAcceleration
+
+
+@dataclass(frozen=True, kw_only=True)
+class StructurePart(PartConfig):
+    """Links without joints of their own: a column, a mast, a shelf."""
+
+    kind: Literal["structure"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmPart(PartConfig):
+    """An arm from its root link to the link ``tip``, which carries the hand."""
+
+    kind: Literal["arm"]
+    tip: str
+    joints: tuple[str, ...]
+    limits: JointLimitsConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class GripperPart(PartConfig):
+    """A parallel gripper; ``tool``: the link between the pads, z out of the hand, y along the closing direction.
+
+    ``max_speed`` and the widths are of the opening, the sum of the finger joints; ``max_force`` is per finger.
+    """
+
+    kind: Literal["gripper"]
+    tool: str
+    joints: tuple[str, ...]
+    finger_links: tuple[str, ...]
+    min_width: Length
+    max_width: PositiveLength
+    max_speed: Speed
+    max_force: Force
+    finger_depth: PositiveLength
+    pad_size: Size2
+    friction: Friction
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointGroupPart(PartConfig):
+    """Other joints that move together, for example a pan-tilt head."""
+
+    kind: Literal["joint_group"]
+    joints: tuple[str, ...]
+    limits: JointLimitsConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPart(PartConfig):
+    """An RGB-D camera; noise as in ``CameraModel``. ``frame``: the link with x right, y down, z forward."""
+
+    kind: Literal["camera"]
+    frame: str
+    width: WholeNumber
+    height: WholeNumber
+    vertical_fov: Angle
+    near: PositiveLength
+    far: PositiveLength
+    noise_base: Length
+    noise_quadratic: Length
+    edge_dropout: Share
+    dropout: Share
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarPart(PartConfig):
+    """A planar lidar; beams evenly over [angle_min, angle_max)."""
+
+    kind: Literal["lidar"]
+    frame: str
+    beams: WholeNumber
+    angle_min: Angle
+    angle_max: Angle
+    range_min: Length
+    range_max: PositiveLength
+    noise: Length
+    rate: Frequency
+
+
+AnyPart: TypeAlias = BasePart | StructurePart | ArmPart | GripperPart | JointGroupPart | CameraPart | LidarPart
+
+PART_KINDS: dict[str, type[AnyPart]] = {
+    "base": BasePart,
+    "structure": StructurePart,
+    "arm": ArmPart,
+    "gripper": GripperPart,
+    "joint_group": JointGroupPart,
+    "camera": CameraPart,
+    "lidar": LidarPart,
+}

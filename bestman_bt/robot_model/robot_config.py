@@ -1,0 +1,39 @@
+"""The YAML of a robot: which parts it has, where they are mounted, its postures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from bestman_bt.configuration.quantity import Angles3, JointPosition, Lengths3
+
+
+@dataclass(frozen=True)
+class MountedPart:
+    """One part of a robot: ``part`` names its description, ``mount`` the link of an earlier part that carries it.
+
+    ``xyz`` (metres) and ``rpy`` (radians) place the part's root on that link. ``set`` replaces single fields of the
+    part's description.
+    """
+
+    part: str
+    mount: str | None = None
+    xyz: Lengths3 = (0.0, 0.0, 0.0)
+    rpy: Angles3 = (0.0, 0.0, 0.0)
+    set: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RobotConfig:
+    """A robot: its parts by name, the first one is the root.
+
+    ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot meet, left
+    out of self-collision checks.
+    """
+
+    base_frame: str
+    parts: Mapping[str, MountedPart]
+    postures: Mapping[str, Mapping[str, tuple[JointPosition, ...]]] = field(default_factory=dict)
+    never_touch: tuple[tuple[str, str], ...] = ()
+    description: str = ""

@@ -1,0 +1,99 @@
+"""Small URDF elements: links with an inertial, shapes, joints."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+from bestman_bt.messages import Box, Cylinder, Shape, Sphere
+
+TINY_MASS, TINY_INERTIA = 1e-3, 1e-6
+
+Vector = Sequence[float]
+ZERO = (0.0, 0.0, 0.0)
+
+
+def numbers(values: Vector) -> str:
+    """Numbers as URDF writes them."""
+    return " ".join(f"{value:.9g}" for value in values)
+
+
+def origin(xyz: Vector = ZERO, rpy: Vector = ZERO) -> ET.Element:
+    """An ``<origin>``: metres, radians."""
+    return ET.Element("origin", xyz=numbers(xyz), rpy=numbers(rpy))
+
+
+def inertial(mass: float, moments: Vector, xyz: Vector = ZERO) -> ET.Element:
+    """An ``<inertial>`` with a diagonal inertia ``moments`` (kg m²) about ``xyz``."""
+    element = ET.Element("inertial")
+    element.append(origin(xyz))
+    ET.SubElement(element, "mass", value=f"{mass:.9g}")
+    ixx, iyy, izz = (f"{moment:.9g}" for moment in moments)
+    ET.SubElement(element, "inertia", ixx=ixx, iyy=iyy, izz=izz, ixy="0", ixz="0", iyz="0")
+    return element
+
+
+def tiny_inertial() -> ET.Element:
+    """For links that stand for a frame only: without one, PyBullet gives them a kilogram."""
+    return inertial(TINY_MASS, (TINY_INERTIA,) * 3)
+
+
+def box_inertial(mass: float, size: Vector, xyz: Vector = ZERO) -> ET.Element:
+    """The inertial of a homogeneous box of extents ``size`` centred at ``xyz``."""
+    x, y, z = size
+    return inertial(mass, (mass / 12 * (y * y + z * z), mass / 12 * (x * x + z * z), mass / 12 * (x * x + y * y)), xyz)
+
+
+def shape(
+    tag: str,
+    geometry: Shape,
+    xyz: Vector = ZERO,
+    rpy: Vector = ZERO,
+    rgba: Vector | None = None,
+    material: str = "",
+) -> ET.Element:
+    """A ``<visual>`` or ``<collision>`` of a primitive; ``rgba`` colours it under the name ``material``."""
+    element = ET.Element(tag)
+    element.append(origin(xyz, rpy))
+    holder = ET.SubElement(element, "geometry")
+    match geometry:
+        case Box():
+            ET.SubElement(holder, "box", size=numbers(geometry.size))
+        case Cylinder():
+            ET.SubElement(holder, "cylinder", radius=f"{geometry.radius:.9g}", length=f"{geometry.length:.9g}")
+        case Sphere():
+            ET.SubElement(holder, "sphere", radius=f"{geometry.radius:.9g}")
+        case _:
+            raise TypeError(f"a URDF primitive should be a box, cylinder or sphere, got {type(geometry).__name__}")
+    if rgba is not None:
+        ET.SubElement(ET.SubElement(element, "material", name=material), "color", rgba=numbers(rgba))
+    return element
+
+
+def link(name: str, *children: ET.Element) -> ET.Element:
+    """A ``<link>``; one without an inertial gets a tiny one."""
+    element = ET.Element("link", name=name)
+    if not any(child.tag == "inertial" for child in children):
+        element.append(tiny_inertial())
+    element.extend(children)
+    return element
+
+
+def fixed_joint(name: str, parent: str, child: str, xyz: Vector = ZERO, rpy: Vector = ZERO) -> ET.Element:
+    """A ``<joint type="fixed">``."""
+    element = ET.Element("joint", name=name, type="fixed")
+    element.append(origin(xyz, rpy))
+    ET.SubElement(element, "parent", link=parent)
+    ET.SubElement(element, "child", link=child)
+    return element
+
+
+def turning_joint(
+    name: str, parent: str, child: str, axis: Vector, xyz: Vector = ZERO, continuous: bool = False
+) -> ET.Element:
+    """A revolute or continuous joint; limits are written by the composer."""
+    element = fixed_joint(name, parent, child, xyz)
+    element.set("type", "continuous" if continuous else "revolute")
+    ET.SubElement(element, "axis", xyz=numbers(axis))
+    ET.SubElement(element, "limit", lower="0", upper="0", effort="1", velocity="1")
+    return element

@@ -1,0 +1,114 @@
+"""Links and joints of a part out of a URDF file: one subtree, meshes by absolute path, ready to be composed."""
+
+from __future__ import annotations
+
+import copy
+import xml.etree.ElementTree as ET
+from importlib import import_module
+from pathlib import Path
+
+from bestman_bt.registry import suggestion
+from bestman_bt.robot_model.urdf_elements import tiny_inertial
+
+
+class UrdfError(ValueError):
+    """A URDF file, link or mesh that a part names and that is not there."""
+
+
+def locate_urdf(source: str, folder: Path) -> Path:
+    """The file behind ``package:path`` (data of an installed Python package) or a path relative to ``folder``."""
+    package, separator, inside = source.partition(":")
+    if not separator:
+        path = folder / source
+    elif package == "pybullet_data":
+        path = Path(import_module("pybullet_data").getDataPath()) / inside
+    else:
+        try:
+            module = import_module(package)
+        except ImportError as error:
+            raise UrdfError(f"the package {package!r} of {source!r} is not installed") from error
+        path = Path(module.__path__[0]) / inside
+    if not path.is_file():
+        raise UrdfError(f"no such file: {source}")
+    return path
+
+
+def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> tuple[list[ET.Element], str]:
+    """Links and joints below ``root`` (default: the file's root link) without the subtrees ``cut``; and the root.
+
+    ``<mimic>`` and ``<contact>`` are left out, links without mass get a tiny one, mesh paths become absolute.
+    """
+    try:
+        tree = ET.parse(path).getroot()
+    except ET.ParseError as error:
+        raise UrdfError(f"{path} is not XML: {error}") from error
+    links = {link.get("name", ""): link for link in tree.findall("link")}
+    below: dict[str, list[ET.Element]] = {}
+    children = set()
+    for joint in tree.findall("joint"):
+        below.setdefault(_end(joint, "parent"), []).append(joint)
+        children.add(_end(joint, "child"))
+    if root is None:
+        root = next(name for name in links if name not in children)
+    for name in (root, *cut):
+        if name not in links:
+            raise UrdfError(f"{path.name} has no link {name!r}; {suggestion(name, list(links))}")
+    materials = {
+        material.get("name", ""): material for material in tree.iter("material") if material.find("color") is not None
+    }
+    elements: list[ET.Element] = []
+    waiting = [root]
+    while waiting:
+        name = waiting.pop()
+        elements.append(_clean_link(links[name], path, materials))
+        for joint in below.get(name, ()):
+            child = _end(joint, "child")
+            if child not in cut:
+                elements.append(_clean_joint(joint))
+                waiting.append(child)
+    return elements, root
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    end = joint.find(tag)
+    return "" if end is None else end.get("link", "")
+
+
+def _clean_joint(joint: ET.Element) -> ET.Element:
+    joint = copy.deepcopy(joint)
+    for mimic in joint.findall("mimic"):
+        joint.remove(mimic)
+    return joint
+
+
+def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element]) -> ET.Element:
+    link = copy.deepcopy(link)
+    for contact in link.findall("contact"):
+        link.remove(contact)
+    inertial = link.find("inertial")
+    mass = None if inertial is None else inertial.find("mass")
+    if inertial is None:
+        link.append(tiny_inertial())
+    elif mass is None or float(mass.get("value", "0")) <= 0.0:
+        link.remove(inertial)
+        link.append(tiny_inertial())
+    for mesh in link.iter("mesh"):
+        mesh.set("filename", str(_locate_mesh(mesh.get("filename", ""), path)))
+    for visual in link.findall("visual"):
+        material = visual.find("material")
+        if material is not None and len(material) == 0 and material.get("name", "") in materials:
+            visual.remove(material)
+            visual.append(copy.deepcopy(materials[material.get("name", "")]))
+    for collision in link.findall("collision"):
+        for material in collision.findall("material"):
+            collision.remove(material)
+    return link
+
+
+def _locate_mesh(filename: str, urdf: Path) -> Path:
+    """``package://`` names are looked for beside the URDF and in the folders above it."""
+    relative = filename.split("://")[-1]
+    for folder in urdf.resolve().parents:
+        if (folder / relative).is_file():
+            return folder / relative
+    raise UrdfError(f"{urdf.name}: no such mesh: {filename}")
