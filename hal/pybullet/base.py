@@ -1,0 +1,265 @@
+"""Simulated differential-drive bases: wheel motors within acceleration limits, dead-man, odometry from encoders."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.robot_model import BaseModel
+from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus
+from hal.pybullet.differential_drive import DifferentialDrive, Odometry
+from hal.pybullet.motion import SimulatedMotion
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.part import Connection
+from hal.pybullet.simulation import Simulation
+
+PARK_AFTER = 0.1
+ARRIVED = 0.001
+HEADING_GAIN = 2.0
+
+
+class SimulatedBase(MobileBase):
+    """A base on two driven wheels and casters. Standing, its wheels are held in position."""
+
+    def __init__(
+        self,
+        name: str,
+        model: BaseModel,
+        parameters: PhysicsParameters,
+        stopped: Callable[[], bool],
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(name)
+        self._model, self._parameters = model, parameters
+        self._connection = Connection(name, stopped)
+        left, right, track = (1.0 + parameters.odometry_calibration * float(error) for error in rng.normal(size=3))
+        self._drive = DifferentialDrive(model.wheel_radius, model.wheel_radius, model.track)
+        self._believed = DifferentialDrive(model.wheel_radius * left, model.wheel_radius * right, model.track * track)
+        self._odometry = Odometry(self._believed, 0.0, 0.0)
+        self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._indices: list[int] = []
+        self._wanted = (0.0, 0.0)  # vx, wz that set_velocity or a motion asks for
+        self._commanded = (0.0, 0.0)  # the same after the acceleration limits: what the wheels get
+        self._lapses_in = 0.0
+        self._course: _Course | None = None
+        self._braking = (0.0, 0.0)
+        self._still_for = 0.0
+        self._parked = False
+
+    @property
+    def description(self) -> BaseDescription:
+        """Limits and footprint."""
+        model = self._model
+        return BaseDescription(
+            max_vx=model.max_vx,
+            max_vy=model.max_vy,
+            max_wz=model.max_wz,
+            max_acceleration=model.max_acceleration,
+            max_angular_acceleration=model.max_angular_acceleration,
+            command_timeout=self._parameters.command_timeout,
+            footprint=model.footprint,
+        )
+
+    # Measurements
+
+    def odometry(self) -> Pose2D:
+        """Dead reckoning since connecting, with the calibration errors of this robot."""
+        self._update_odometry()
+        return self._odometry.pose
+
+    def velocity(self) -> Twist2D:
+        """Velocity from the wheels' speeds."""
+        left, right = self._connection.simulation.joint_states()[1, self._slots]
+        vx, wz = self._believed.twist(float(left), float(right))
+        return Twist2D(vx, 0.0, wz)
+
+    # Commands
+
+    def set_velocity(self, vx: float, vy: float, wz: float) -> None:
+        """Drive at a velocity, approached within the acceleration limits; lapses after ``command_timeout``."""
+        self._connection.check_command("set_velocity")
+        model = self._model
+        for what, value, limit, unit in (
+            ("vx", vx, model.max_vx, "m/s"),
+            ("vy", vy, model.max_vy, "m/s"),
+            ("wz", wz, model.max_wz, "rad/s"),
+        ):
+            if not (math.isfinite(value) and abs(value) <= limit + 1e-9):
+                raise self._connection.refuse("set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")
+        self._connection.begin(None)
+        self._course = None
+        self._wanted = (float(vx), float(wz))
+        self._lapses_in = self._parameters.command_timeout
+
+    def move_forward(self, distance: float) -> Motion:
+        """Drive straight ahead by odometry."""
+        return self._go("move_forward", distance, 1.0)
+
+    def move_backward(self, distance: float) -> Motion:
+        """Drive straight back by odometry."""
+        return self._go("move_backward", distance, -1.0)
+
+    def rotate(self, angle: float) -> Motion:
+        """Turn on the spot by odometry; more than a full turn is turned in full."""
+        self._connection.check_command("rotate")
+        if not math.isfinite(angle):
+            raise self._connection.refuse("rotate", f"angle = {angle} rad should be finite")
+        self._update_odometry()
+        model = self._model
+        time = abs(angle) / model.max_wz + model.max_wz / model.max_angular_acceleration
+        return self._start(_Course(0.0, self._odometry.heading + angle, turning=True, time_left=2.0 * time + 3.0))
+
+    def stop(self) -> None:
+        """Brake to rest within half a second."""
+        if not self._connection.present:
+            return
+        vx, wz = self._commanded
+        self._halt((abs(vx) / self._parameters.stop_time, abs(wz) / self._parameters.stop_time))
+        self._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+
+    def brake(self) -> None:
+        """Brake to rest within the acceleration limits."""
+        self._halt((0.0, 0.0))
+
+    # The simulation's side
+
+    def attach(self, simulation: Simulation) -> None:
+        """Stand, with odometry at zero."""
+        self._connection.attach(simulation)
+        self._slots = simulation.slots(self._model.wheel_joints)
+        self._indices = simulation.indices(self._model.wheel_joints)
+        left, right = self._wheel_angles()
+        self._odometry = Odometry(self._believed, left, right)
+        self._wanted = self._commanded = (0.0, 0.0)
+        self._course, self._parked = None, False
+        self._park()
+        simulation.controls.append(self._control)
+
+    def detach(self) -> None:
+        """Let go."""
+        self._connection.detach()
+
+    def _control(self) -> None:
+        self._update_odometry()
+        period = self._parameters.control_period
+        if self._course is not None:
+            self._steer(self._course, period)
+        elif self._wanted != (0.0, 0.0):
+            self._lapses_in -= period
+            if self._lapses_in < -1e-9:
+                self._wanted = (0.0, 0.0)
+        if self._wanted == (0.0, 0.0) and self._commanded == (0.0, 0.0):
+            if not self._parked:
+                self._wait_for_rest(period)
+            return
+        self._drive_wheels(period)
+
+    def _drive_wheels(self, period: float) -> None:
+        vx_step = max(self._model.max_acceleration, self._braking[0]) * period
+        wz_step = max(self._model.max_angular_acceleration, self._braking[1]) * period
+        vx, wz = self._commanded
+        vx += min(max(self._wanted[0] - vx, -vx_step), vx_step)
+        wz += min(max(self._wanted[1] - wz, -wz_step), wz_step)
+        self._commanded = (vx, wz)
+        self._parked, self._still_for = False, 0.0
+        simulation = self._connection.simulation
+        simulation.client.setJointMotorControlArray(
+            simulation.built.robot,
+            self._indices,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=list(self._drive.wheel_speeds(vx, wz)),
+            forces=[self._model.wheel_torque] * 2,
+        )
+
+    def _wait_for_rest(self, period: float) -> None:
+        left, right = self._connection.simulation.joint_states()[1, self._slots]
+        still = max(abs(left), abs(right)) * self._model.wheel_radius < 0.01
+        self._still_for = self._still_for + period if still else 0.0
+        if self._still_for >= PARK_AFTER:
+            self._park()
+
+    def _park(self) -> None:
+        """Hold the wheels by position: a velocity motor at zero gives way under the arm."""
+        simulation = self._connection.simulation
+        simulation.client.setJointMotorControlArray(
+            simulation.built.robot,
+            self._indices,
+            pybullet.POSITION_CONTROL,
+            targetPositions=list(self._wheel_angles()),
+            forces=[self._model.wheel_torque] * 2,
+            positionGains=[self._parameters.wheel_hold_gain] * 2,
+        )
+        self._parked = True
+
+    # Motions
+
+    def _go(self, command: str, distance: float, direction: float) -> Motion:
+        self._connection.check_command(command)
+        if not (math.isfinite(distance) and distance > 0.0):
+            raise self._connection.refuse(command, f"distance = {distance} m should be finite and above 0")
+        self._update_odometry()
+        model = self._model
+        time = distance / model.max_vx + model.max_vx / model.max_acceleration
+        target = self._odometry.travelled + direction * distance
+        return self._start(_Course(target, self._odometry.heading, turning=False, time_left=2.0 * time + 3.0))
+
+    def _start(self, course: _Course) -> Motion:
+        motion = SimulatedMotion(self)
+        self._connection.begin(motion)
+        self._course = course
+        self._braking = (0.0, 0.0)
+        return motion
+
+    def _steer(self, course: _Course, period: float) -> None:
+        model, odometry = self._model, self._odometry
+        motion = self._connection.motion
+        turn = course.heading - odometry.heading
+        course.time_left -= period
+        if course.turning:
+            remaining, speed = turn, self._commanded[1]
+            limit, acceleration = model.max_wz, model.max_angular_acceleration
+        else:
+            remaining, speed = course.distance - odometry.travelled, self._commanded[0]
+            limit, acceleration = model.max_vx, model.max_acceleration
+        if abs(remaining) < ARRIVED and abs(speed) < acceleration * period * 2:
+            self._halt((0.0, 0.0))
+            if motion is not None:
+                motion.succeed()
+            return
+        if course.time_left < 0.0:
+            self._halt((0.0, 0.0))
+            text = f"{remaining:.3f} {'rad' if course.turning else 'm'} are left when they should be done"
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
+            return
+        # The speed from which it can still stop; a share of the limit leaves room for the wheels' lag.
+        wanted = math.copysign(
+            min(limit, math.sqrt(1.6 * acceleration * abs(remaining)), 6.0 * abs(remaining)), remaining
+        )
+        if course.turning:
+            self._wanted = (0.0, wanted)
+        else:
+            self._wanted = (wanted, max(-model.max_wz, min(model.max_wz, HEADING_GAIN * turn)))
+
+    def _halt(self, braking: tuple[float, float]) -> None:
+        self._course = None
+        self._wanted = (0.0, 0.0)
+        self._braking = braking
+
+    def _wheel_angles(self) -> tuple[float, float]:
+        left, right = self._connection.simulation.joint_states()[0, self._slots]
+        return float(left), float(right)
+
+    def _update_odometry(self) -> None:
+        self._odometry.update(*self._wheel_angles())
+
+
+class _Course:
+    """What a motion drives at: a distance travelled and a heading of the odometry."""
+
+    def __init__(self, distance: float, heading: float, turning: bool, time_left: float) -> None:
+        self.distance, self.heading, self.turning, self.time_left = distance, heading, turning, time_left

@@ -1,0 +1,99 @@
+"""Simulated RGB-D cameras: software rendering plus the noise of a structured-light sensor."""
+
+from __future__ import annotations
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
+from bestman_bt.robot_model import CameraModel
+from hal.api import Camera, NotConnectedError
+from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.simulation import Simulation
+
+DEPTH_STEP = 0.001
+EDGE_CURVATURE = 0.03
+
+
+class SimulatedCamera(Camera):
+    """Renders when asked, never otherwise; the true pose of its link is used for that alone."""
+
+    def __init__(self, name: str, model: CameraModel, rng: np.random.Generator) -> None:
+        super().__init__(name)
+        self._model, self._rng = model, rng
+        self._simulation: Simulation | None = None
+        self._reader: Reader | None = None
+
+    @property
+    def intrinsics(self) -> CameraIntrinsics:
+        """The pinhole model."""
+        return self._model.intrinsics
+
+    @property
+    def optical_frame(self) -> str:
+        """The frame of the images."""
+        return self._model.optical_frame
+
+    def capture(self) -> RGBDImage:
+        """Render colour and depth, and spoil the depth as the model says."""
+        if self._simulation is None or self._reader is None:
+            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
+        simulation, model = self._simulation, self._model
+        link = simulation.built.links[model.optical_frame]
+        state = self._reader.getLinkState(simulation.built.robot, link, computeForwardKinematics=1)
+        rgb, depth = render(self._reader, Pose(np.array(state[4]), np.array(state[5])), model)
+        noisy = spoil_depth(depth, model, self._rng)
+        return RGBDImage(rgb, noisy, model.intrinsics, simulation.steps * simulation.parameters.time_step)
+
+    def attach(self, simulation: Simulation) -> None:
+        """Look into this simulation."""
+        self._simulation, self._reader = simulation, simulation.client.reader(ReadPurpose.SENSOR)
+
+    def detach(self) -> None:
+        """Let go."""
+        self._simulation = self._reader = None
+
+
+def render(reader: Reader, map_from_optical: Pose, model: CameraModel) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """Exact colour (H, W, 3) and depth (H, W) metres, 0 beyond ``far``, as a pinhole with these intrinsics sees."""
+    k = model.intrinsics
+    rotation = map_from_optical.rotation
+    eye, forward, up = map_from_optical.position, rotation[:, 2], -rotation[:, 1]
+    view = pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
+    image = reader.getCameraImage(
+        k.width,
+        k.height,
+        viewMatrix=view,
+        projectionMatrix=projection_matrix(k, model.near, model.far),
+        shadow=0,
+        renderer=pybullet.ER_TINY_RENDERER,
+    )
+    rgb = np.asarray(image[2], dtype=np.uint8).reshape(k.height, k.width, 4)[..., :3]
+    buffer = np.asarray(image[3], dtype=np.float64).reshape(k.height, k.width)
+    depth = model.far * model.near / (model.far - (model.far - model.near) * buffer)
+    return rgb, np.where(buffer < 1.0, depth, 0.0)
+
+
+def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[float]:
+    """OpenGL's projection (column-major) for a pinhole; TinyRenderer samples pixel (u, v) at (u, H - 1 - v)."""
+    matrix = np.zeros((4, 4))
+    matrix[0, 0], matrix[1, 1] = 2.0 * k.fx / k.width, 2.0 * k.fy / k.height
+    matrix[0, 2] = 1.0 - 2.0 * k.cx / k.width
+    matrix[1, 2] = 2.0 * (k.cy + 1.0) / k.height - 1.0
+    matrix[2, 2], matrix[2, 3] = -(far + near) / (far - near), -2.0 * far * near / (far - near)
+    matrix[3, 2] = -1.0
+    values: list[float] = matrix.T.ravel().tolist()
+    return values
+
+
+def spoil_depth(depth: NDArray[np.float64], model: CameraModel, rng: np.random.Generator) -> NDArray[np.float32]:
+    """Noise that grows with the square of the distance, holes at edges and at random, steps of a millimetre."""
+    deviation = model.noise_base + model.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
+    noisy = depth + rng.standard_normal(depth.shape) * deviation
+    edges = ndimage.binary_dilation(np.abs(ndimage.laplace(depth)) > EDGE_CURVATURE)
+    holes = rng.random(depth.shape) < np.where(edges, model.edge_dropout, model.dropout)
+    noisy[holes | (depth <= 0.0)] = 0.0
+    stepped = np.round(noisy / DEPTH_STEP) * DEPTH_STEP
+    return np.clip(stepped, 0.0, None).astype(np.float32)

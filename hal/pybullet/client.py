@@ -1,0 +1,205 @@
+"""The one door to pybullet: every call passes here, and what an honest run must not do is counted."""
+
+from __future__ import annotations
+
+import functools
+from collections import Counter
+from collections.abc import Callable
+from enum import Enum
+from typing import Any
+
+import pybullet
+
+from hal.api import NotConnectedError, RobotError
+
+RESETS = frozenset(
+    {
+        "resetBasePositionAndOrientation",
+        "resetBaseVelocity",
+        "resetJointState",
+        "resetJointStateMultiDof",
+        "resetJointStatesMultiDof",
+        "resetMeshData",
+        "resetSimulation",
+        "restoreState",
+    }
+)
+CONSTRAINTS = frozenset({"createConstraint", "createSoftBodyAnchor"})
+TAMPERING = frozenset(
+    {
+        "applyExternalForce",
+        "applyExternalTorque",
+        "changeConstraint",
+        "changeDynamics",
+        "createMultiBody",
+        "loadBullet",
+        "loadMJCF",
+        "loadSDF",
+        "loadSoftBody",
+        "loadURDF",
+        "removeBody",
+        "removeConstraint",
+        "setCollisionFilterGroupMask",
+        "setCollisionFilterPair",
+        "setGravity",
+        "setPhysicsEngineParameter",
+        "setTimeStep",
+    }
+)
+TRUTH_READS = frozenset(
+    {
+        "getAABB",
+        "getBasePositionAndOrientation",
+        "getBaseVelocity",
+        "getCameraImage",
+        "getClosestPoints",
+        "getContactPoints",
+        "getLinkState",
+        "getLinkStates",
+        "getOverlappingObjects",
+        "rayTest",
+        "rayTestBatch",
+    }
+)
+ENCODER_READS = frozenset({"getJointState", "getJointStates", "getJointStateMultiDof", "getJointStatesMultiDof"})
+GUARDED = RESETS | CONSTRAINTS | TAMPERING | TRUTH_READS | ENCODER_READS
+
+# Taken once, so that the guard on the module (raw_call_guard) does not see the calls that pass here.
+_FUNCTIONS: dict[str, Callable[..., Any]] = {name: value for name, value in vars(pybullet).items() if callable(value)}
+
+
+class ReadPurpose(Enum):
+    """Why a part of the simulation reads poses that no robot could know."""
+
+    SENSOR = "sensor"  # to render an image or cast a scan
+    MONITOR = "monitor"  # the audit itself
+    EVALUATION = "evaluation"
+    RECORDING = "recording"
+
+
+class SimulationError(RobotError):
+    """The physics engine refused something, or a body was asked for that is not there."""
+
+
+class PhysicsClient:
+    """One physics server of its own; pybullet's functions are its attributes, without ``physicsClientId``.
+
+    After ``seal`` (the scene is built), ``counts`` holds resets, constraints, tampering and reads of ground truth.
+    Joint states of the robot are encoders and free. Every other pose is ground truth: read it through ``reader``.
+    """
+
+    def __init__(self) -> None:
+        self._id = -1
+        self._sealed = False
+        self._running = False
+        self._robot: int | None = None
+        self._bound: dict[str, Callable[..., Any]] = {}
+        self.counts: Counter[str] = Counter()
+        self.calls: Counter[str] = Counter()
+
+    @property
+    def id(self) -> int:
+        """The physics server's id."""
+        return self._id
+
+    @property
+    def connected(self) -> bool:
+        """Whether a physics server is there."""
+        return self._id >= 0
+
+    @property
+    def sealed(self) -> bool:
+        """Whether the scene is built and honesty is counted."""
+        return self._sealed
+
+    def connect(self, gui: bool = False) -> None:
+        """Start a physics server; SimulationError if there is none to be had."""
+        self._id = _FUNCTIONS["connect"](pybullet.GUI if gui else pybullet.DIRECT)
+        if self._id < 0:
+            raise SimulationError(f"pybullet gave no {'GUI' if gui else 'DIRECT'} physics server")
+
+    def disconnect(self) -> None:
+        """Close the physics server; idempotent."""
+        if self.connected:
+            _FUNCTIONS["disconnect"](physicsClientId=self._id)
+        self._id = -1
+        self._bound.clear()
+
+    def seal(self, robot: int) -> None:
+        """The scene is built: count from now on. ``robot``: the body whose joints are encoders."""
+        self._robot = robot
+        self._sealed = True
+        self._bound.clear()
+
+    def start_running(self) -> None:
+        """Time runs under the caller's control: readers opened from now on are counted."""
+        self._running = True
+
+    def reader(self, purpose: ReadPurpose) -> Reader:
+        """A view of ground truth; each of its reads is counted if it is opened after time began to run."""
+        trusted = not self._running or purpose in (ReadPurpose.SENSOR, ReadPurpose.MONITOR)
+        return Reader(self, purpose, trusted)
+
+    def note(self, name: str, arguments: tuple[Any, ...] = (), keywords: dict[str, Any] | None = None) -> None:
+        """Count a call of a guarded function, if it is one that an honest run does not make."""
+        if not self._sealed:
+            return
+        if name in RESETS:
+            kind = "resets"
+        elif name in CONSTRAINTS:
+            kind = "constraints"
+        elif name in TAMPERING:
+            kind = "tampering"
+        elif name in TRUTH_READS or (name in ENCODER_READS and self._body(arguments, keywords or {}) != self._robot):
+            kind = "truth_reads"
+        else:
+            return
+        self.counts[kind] += 1
+        self.calls[name] += 1
+
+    def function(self, name: str) -> Callable[..., Any]:
+        """Pybullet's function ``name``, bound to this server."""
+        if not self.connected:
+            raise NotConnectedError("the simulation is not connected; call connect() first")
+        return functools.partial(_FUNCTIONS[name], physicsClientId=self._id)
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name.startswith("_") or name not in _FUNCTIONS:
+            raise AttributeError(f"pybullet has no function {name!r}")
+        bound = self._bound.get(name)
+        if bound is None:
+            bound = self.function(name)
+            if self._sealed and name in GUARDED:
+                bound = self._counted(name, bound)
+            self._bound[name] = bound
+        return bound
+
+    def _counted(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        def counted(*arguments: Any, **keywords: Any) -> Any:
+            self.note(name, arguments, keywords)
+            return call(*arguments, **keywords)
+
+        return counted
+
+    @staticmethod
+    def _body(arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
+        return arguments[0] if arguments else keywords.get("bodyUniqueId")
+
+
+class Reader:
+    """Reads of ground truth for one purpose; the functions of TRUTH_READS and ENCODER_READS are its attributes."""
+
+    def __init__(self, client: PhysicsClient, purpose: ReadPurpose, trusted: bool) -> None:
+        self._client = client
+        self.purpose = purpose
+        self.trusted = trusted
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        if name not in TRUTH_READS and name not in ENCODER_READS:
+            raise AttributeError(f"a reader does not offer {name!r}")
+        if not self.trusted:
+            counted: Callable[..., Any] = getattr(self._client, name)
+            return counted
+        bound = self._client.function(name)
+        self.__dict__[name] = bound
+        return bound

@@ -1,0 +1,142 @@
+"""Simulated parallel grippers: force-limited finger motors; what they hold, they hold by friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import GripperModel
+from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
+from hal.pybullet.motion import SimulatedMotion
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.part import Connection
+from hal.pybullet.simulation import Simulation
+
+AT_TARGET = 0.001
+BLOCKED_MARGIN = 0.0015
+STILL_SPEED = 0.004
+STILL_TIME = 0.15
+
+
+class SimulatedGripper(Gripper):
+    """A gripper whose width is the sum of its finger joints' positions."""
+
+    def __init__(
+        self, name: str, model: GripperModel, parameters: PhysicsParameters, stopped: Callable[[], bool]
+    ) -> None:
+        super().__init__(name)
+        self._model, self._parameters = model, parameters
+        self._connection = Connection(name, stopped)
+        self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._indices: list[int] = []
+        self._target = model.max_width
+        self._closing = False
+        self._still_for = 0.0
+        self._left = 0.0
+
+    @property
+    def description(self) -> GripperDescription:
+        """Ranges."""
+        model = self._model
+        return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
+
+    def width(self) -> float:
+        """Measured opening, metres."""
+        return float(self._connection.simulation.joint_states()[0, self._slots].sum())
+
+    def state(self) -> GripperState:
+        """What encoders and motors say; an object that slips out shows as ``empty`` once the fingers have closed."""
+        width = self.width()
+        moving = self._connection.motion is not None
+        at_target = abs(width - self._target) < AT_TARGET
+        blocked = self._closing and not moving and not at_target and self._still_for >= STILL_TIME
+        held = blocked and width > self._target + BLOCKED_MARGIN
+        return GripperState(moving, at_target, held, self._closing and at_target and not moving)
+
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+        """Open or close to ``width`` at ``speed`` (rate of the width); without ``force``, 40 N or what the hand can."""
+        self._connection.check_command("move")
+        model = self._model
+        force = min(self._parameters.gripper_force, model.max_force) if force is None else force
+        speed = min(self._parameters.gripper_speed, model.max_speed) if speed is None else speed
+        self._check("width", width, model.min_width - 1e-9, model.max_width + 1e-9, "m")
+        self._check("force", force, 1e-9, model.max_force, "N")
+        self._check("speed", speed, 1e-9, model.max_speed, "m/s")
+        motion = SimulatedMotion(self)
+        self._connection.begin(motion)
+        present = self.width()
+        self._closing = width < present
+        self._target = float(width)
+        self._still_for = 0.0
+        self._left = abs(present - width) / speed + 1.0
+        self._send(float(force), float(speed))
+        return motion
+
+    def stop(self) -> None:
+        """Stay as it is: moving fingers halt, a grasp goes on pressing."""
+        if not self._connection.present:
+            return
+        self.brake()
+        self._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+
+    def brake(self) -> None:
+        """Halt the fingers, unless an object blocks them."""
+        if self._connection.motion is not None and self._still_for < STILL_TIME / 3:
+            limits = self._model
+            self._target = float(np.clip(self.width(), limits.min_width, limits.max_width))
+            self._send(min(self._parameters.gripper_force, limits.max_force), limits.max_speed)
+
+    def attach(self, simulation: Simulation) -> None:
+        """Hold the present width."""
+        self._connection.attach(simulation)
+        self._slots = simulation.slots(self._model.joint_names)
+        self._indices = simulation.indices(self._model.joint_names)
+        self._target, self._closing, self._still_for = self.width(), False, 0.0
+        self._send(min(self._parameters.gripper_force, self._model.max_force), self._model.max_speed)
+        simulation.controls.append(self._control)
+
+    def detach(self) -> None:
+        """Let go."""
+        self._connection.detach()
+
+    def _control(self) -> None:
+        motion = self._connection.motion
+        if motion is None and not self._closing:
+            return
+        speed = abs(float(self._connection.simulation.joint_states()[1, self._slots].sum()))
+        period = self._parameters.control_period
+        self._still_for = self._still_for + period if speed < STILL_SPEED else 0.0
+        if motion is None:
+            return
+        self._left -= period
+        if abs(self.width() - self._target) < AT_TARGET and speed < STILL_SPEED:
+            self._still_for = 0.0 if not self._closing else self._still_for
+            motion.succeed()
+        elif self._still_for >= STILL_TIME:
+            motion.succeed()
+        elif self._left < 0.0:
+            text = f"the width is {self.width():.4f} m, asked were {self._target:.4f} m"
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
+
+    def _send(self, force: float, speed: float) -> None:
+        simulation = self._connection.simulation
+        count = len(self._indices)
+        for index in self._indices:
+            simulation.client.setJointMotorControl2(
+                simulation.built.robot,
+                index,
+                pybullet.POSITION_CONTROL,
+                targetPosition=self._target / count,
+                force=force,
+                maxVelocity=speed / count,
+            )
+
+    def _check(self, what: str, value: float, lower: float, upper: float, unit: str) -> None:
+        if not (math.isfinite(value) and lower <= value <= upper):
+            raise self._connection.refuse(
+                "move", f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"
+            )

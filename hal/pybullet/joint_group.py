@@ -1,0 +1,275 @@
+"""Simulated joint groups: set-points within limits, followed by position motors at the control rate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pybullet
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.robot_model import ArmModel, JointGroupModel
+from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
+from hal.pybullet.motion import SimulatedMotion
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.part import Connection
+from hal.pybullet.setpoints import Brake, Drift, Hold, Reach, Setpoints, Trapezoid
+from hal.pybullet.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+
+class SimulatedJointGroup(JointGroup):
+    """Joints with position motors; commands become set-points every control period."""
+
+    def __init__(
+        self,
+        name: str,
+        model: JointGroupModel | ArmModel,
+        parameters: PhysicsParameters,
+        stopped: Callable[[], bool],
+    ) -> None:
+        super().__init__(name)
+        self._model, self._parameters = model, parameters
+        self._connection = Connection(name, stopped)
+        self._lower, self._upper = np.asarray(model.lower, float), np.asarray(model.upper, float)
+        self._speed, self._acceleration = np.asarray(model.velocity, float), np.asarray(model.acceleration, float)
+        self._effort_limits = np.asarray(model.effort, float)
+        self._indices: list[int] = []
+        self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
+        self._setpoints: Setpoints = Hold(np.zeros(len(self._lower)))
+        self._position: Array = np.zeros(len(self._lower))
+        self._velocity: Array = np.zeros(len(self._lower))
+        self._torques: Array | None = None
+        self._astray = 0.0
+        self._waiting = 0.0
+
+    # Description
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self._model.joint_names
+
+    @property
+    def limits(self) -> tuple[JointLimits, ...]:
+        """Limits of the joints."""
+        columns = (self._lower, self._upper, self._speed, self._acceleration, self._effort_limits)
+        return tuple(JointLimits(*map(float, row)) for row in zip(*columns, strict=True))
+
+    # Measurements
+
+    def positions(self) -> Array:
+        """Measured positions, (n,)."""
+        return self._measured(0)
+
+    def velocities(self) -> Array:
+        """Measured velocities, (n,)."""
+        return self._measured(1)
+
+    def efforts(self) -> Array:
+        """Efforts of the motors, (n,)."""
+        return self._measured(2)
+
+    # Commands
+
+    def command(
+        self,
+        positions: ArrayLike | None = None,
+        velocities: ArrayLike | None = None,
+        efforts: ArrayLike | None = None,
+    ) -> None:
+        """Set one kind of set-point; positions and velocities are approached within the limits."""
+        self._connection.check_command("command")
+        given = [kind for kind in (positions, velocities, efforts) if kind is not None]
+        if len(given) != 1:
+            raise self._connection.refuse(
+                "command", f"exactly one of positions, velocities, efforts is to be given, not {len(given)}"
+            )
+        if positions is not None:
+            target = self._checked_positions("command", positions)
+            self._take_over(Reach(self._position, self._velocity, target, self._speed, self._acceleration), None)
+        elif velocities is not None:
+            wanted = self._checked("command", "velocities", velocities, -self._speed, self._speed)
+            drift = Drift(self._position, self._velocity, wanted, self._acceleration, self._lower, self._upper)
+            self._take_over(drift, None)
+        else:
+            torques = self._checked(
+                "command", "efforts", np.asarray(efforts), -self._effort_limits, self._effort_limits
+            )
+            self._take_over(Hold(self.positions()), None)
+            self._release_motors()
+            self._torques = torques
+
+    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
+        """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
+        self._connection.check_command("move_to")
+        target = self._checked_positions("move_to", positions)
+        if not (np.isfinite(speed_scale) and 0.0 < speed_scale <= 1.0):
+            raise self._connection.refuse("move_to", f"speed_scale = {speed_scale} is not within (0, 1]")
+        motion = SimulatedMotion(self)
+        speed, acceleration = self._speed * speed_scale, self._acceleration * speed_scale
+        self._take_over(_BrakeThenMove(self._braking(), target, speed, acceleration), motion)
+        return motion
+
+    def stop(self) -> None:
+        """Brake to rest, ending the motion under way."""
+        if not self._connection.present:
+            return
+        self.brake()
+        self._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+
+    def brake(self) -> None:
+        """Come to rest within the deceleration limits and half a second."""
+        self._leave_effort_mode()
+        if not isinstance(self._setpoints, (Hold, Brake)):
+            self._setpoints = self._braking()
+
+    # The simulation's side
+
+    def attach(self, simulation: Simulation) -> None:
+        """Hold where the joints are."""
+        self._connection.attach(simulation)
+        self._indices = simulation.indices(self.joint_names)
+        self._slots = simulation.slots(self.joint_names)
+        self._position, self._velocity = self.positions(), np.zeros(len(self._lower))
+        self._setpoints, self._torques, self._astray = Hold(self._position), None, 0.0
+        self._send(self._position, self._velocity)
+        simulation.controls.append(self._control)
+        simulation.effort_controls.append(self._apply_torques)
+
+    def detach(self) -> None:
+        """Let go."""
+        self._connection.detach()
+
+    def _control(self) -> None:
+        if self._torques is not None:
+            return
+        motion = self._connection.motion
+        if motion is None and isinstance(self._setpoints, Hold):
+            return
+        period = self._parameters.control_period
+        self._watch_tracking(period)
+        was_finished = self._setpoints.finished
+        position, velocity = self._setpoints.advance(period)
+        self._send(position, velocity)
+        self._position, self._velocity = position, velocity
+        if motion is not None and was_finished:
+            self._watch_settling(motion, period)
+        elif was_finished:
+            self._setpoints = Hold(position)
+
+    def _watch_tracking(self, period: float) -> None:
+        error = np.abs(self._position - self.positions())
+        if np.any(error > self._parameters.tracking_tolerance):
+            self._astray += period
+        else:
+            self._astray = 0.0
+        if self._astray > self._parameters.tracking_time:
+            worst = int(np.argmax(error))
+            text = f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
+            self._position, self._velocity = np.clip(self.positions(), self._lower, self._upper), 0.0 * error
+            self._setpoints, self._astray = Hold(self._position), 0.0
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TRACKING, text)
+
+    def _watch_settling(self, motion: SimulatedMotion, period: float) -> None:
+        """The set-points have arrived: the motion succeeds when the joints have, too."""
+        error = float(np.max(np.abs(self._position - self.positions())))
+        speed = float(np.max(np.abs(self.velocities())))
+        self._waiting += period
+        if error < self._parameters.settle_tolerance and speed < 0.02:
+            motion.succeed()
+        elif self._waiting > 2.0:
+            text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
+
+    def _take_over(self, setpoints: Setpoints, motion: SimulatedMotion | None) -> None:
+        self._connection.begin(motion)
+        self._leave_effort_mode()
+        self._setpoints, self._waiting, self._astray = setpoints, 0.0, 0.0
+
+    def _braking(self) -> Brake:
+        deceleration = np.maximum(self._acceleration, np.abs(self._velocity) / self._parameters.stop_time)
+        return Brake(self._position, self._velocity, deceleration, self._lower, self._upper)
+
+    def _send(self, position: Array, velocity: Array) -> None:
+        simulation = self._connection.simulation
+        count = len(self._indices)
+        simulation.client.setJointMotorControlArray(
+            simulation.built.robot,
+            self._indices,
+            pybullet.POSITION_CONTROL,
+            targetPositions=position.tolist(),
+            targetVelocities=velocity.tolist(),
+            forces=self._effort_limits.tolist(),
+            positionGains=[self._parameters.joint_position_gain] * count,
+            velocityGains=[self._parameters.joint_velocity_gain] * count,
+        )
+
+    # Efforts
+
+    def _release_motors(self) -> None:
+        simulation = self._connection.simulation
+        simulation.client.setJointMotorControlArray(
+            simulation.built.robot,
+            self._indices,
+            pybullet.VELOCITY_CONTROL,
+            forces=[0.0] * len(self._indices),
+        )
+
+    def _apply_torques(self) -> None:
+        if self._torques is not None:
+            simulation = self._connection.simulation
+            simulation.client.setJointMotorControlArray(
+                simulation.built.robot, self._indices, pybullet.TORQUE_CONTROL, forces=self._torques.tolist()
+            )
+
+    def _leave_effort_mode(self) -> None:
+        if self._torques is not None:
+            self._torques = None
+            self._position = np.clip(self.positions(), self._lower, self._upper)
+            self._velocity = np.clip(self.velocities(), -self._speed, self._speed)
+            self._setpoints = self._braking()
+
+    # Checks
+
+    def _measured(self, row: int) -> Array:
+        values: Array = self._connection.simulation.joint_states()[row, self._slots]
+        return values
+
+    def _checked_positions(self, command: str, values: ArrayLike) -> Array:
+        return self._checked(command, "positions", values, self._lower, self._upper)
+
+    def _checked(self, command: str, what: str, values: ArrayLike, lower: Array, upper: Array) -> Array:
+        try:
+            array = np.array(values, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise self._connection.refuse(command, f"{what} are not numbers: {values!r}") from error
+        if array.shape != lower.shape:
+            raise self._connection.refuse(command, f"{what} should have shape {lower.shape} but have {array.shape}")
+        if not np.all(np.isfinite(array)):
+            raise self._connection.refuse(command, f"{what} should be finite but are {array.tolist()}")
+        for joint, value, low, high in zip(self.joint_names, array, lower, upper, strict=True):
+            if not low - 1e-6 <= value <= high + 1e-6:
+                why = f"{what} of {joint} = {value:.4f} is beyond its limits [{low:.4f}, {high:.4f}]"
+                raise self._connection.refuse(command, why)
+        clipped: Array = np.clip(array, lower, upper)
+        return clipped
+
+
+class _BrakeThenMove(Setpoints):
+    """Come to rest, then move along a trapezoid from there."""
+
+    def __init__(self, brake: Brake, target: Array, speed: Array, acceleration: Array) -> None:
+        self._brake, self._target, self._limits = brake, target, (speed, acceleration)
+        self._move: Trapezoid | None = None
+
+    def advance(self, dt: float) -> tuple[Array, Array]:
+        if self._move is None:
+            if not self._brake.finished:
+                return self._brake.advance(dt)
+            start, _ = self._brake.advance(0.0)
+            self._move = Trapezoid(start, self._target, *self._limits)
+        result = self._move.advance(dt)
+        self.finished = self._move.finished
+        return result

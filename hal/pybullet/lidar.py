@@ -1,0 +1,62 @@
+"""Simulated planar lidars: one batch of rays per scan."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bestman_bt.messages import LaserScan, Pose
+from bestman_bt.robot_model import LidarModel
+from hal.api import Lidar, NotConnectedError
+from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.simulation import Simulation
+
+
+class SimulatedLidar(Lidar):
+    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing."""
+
+    def __init__(self, name: str, model: LidarModel, rng: np.random.Generator) -> None:
+        super().__init__(name)
+        self._model, self._rng = model, rng
+        self._simulation: Simulation | None = None
+        self._reader: Reader | None = None
+        angles = model.angle_min + (model.angle_max - model.angle_min) / model.beams * np.arange(model.beams)
+        self._directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(model.beams)])
+
+    @property
+    def frame(self) -> str:
+        """The frame of the scans."""
+        return self._model.frame
+
+    def scan(self) -> LaserScan:
+        """One scan; noise is normal, with the model's standard deviation."""
+        if self._simulation is None or self._reader is None:
+            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
+        simulation, model = self._simulation, self._model
+        robot = simulation.built.robot
+        state = self._reader.getLinkState(robot, simulation.built.links[model.frame], computeForwardKinematics=1)
+        pose = Pose(np.array(state[4]), np.array(state[5]))
+        directions = self._directions @ pose.rotation.T
+        starts = pose.position + directions * model.range_min
+        ends = pose.position + directions * model.range_max
+        hits = self._reader.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1)
+        bodies = np.array([hit[0] for hit in hits])
+        shares = np.array([hit[2] for hit in hits])
+        ranges = model.range_min + shares * (model.range_max - model.range_min)
+        ranges = ranges + self._rng.standard_normal(model.beams) * model.noise
+        seen = (bodies >= 0) & (bodies != robot) & (ranges >= model.range_min) & (ranges <= model.range_max)
+        return LaserScan(
+            ranges=np.where(seen, ranges, np.inf),
+            angle_min=model.angle_min,
+            angle_increment=(model.angle_max - model.angle_min) / model.beams,
+            range_min=model.range_min,
+            range_max=model.range_max,
+            stamp=simulation.steps * simulation.parameters.time_step,
+        )
+
+    def attach(self, simulation: Simulation) -> None:
+        """Scan in this simulation."""
+        self._simulation, self._reader = simulation, simulation.client.reader(ReadPurpose.SENSOR)
+
+    def detach(self) -> None:
+        """Let go."""
+        self._simulation = self._reader = None

@@ -1,0 +1,49 @@
+"""Motions of simulated parts."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from hal.api import Motion, MotionError, MotionErrorCode, MotionStatus
+
+
+class MotionOwner(Protocol):
+    """A part that can bring its present motion to rest."""
+
+    def brake(self) -> None:
+        """Come to rest within the deceleration limits."""
+
+
+class SimulatedMotion(Motion):
+    """A motion of one part; the part ends it, once."""
+
+    def __init__(self, owner: MotionOwner) -> None:
+        self._owner = owner
+        self._status = MotionStatus.RUNNING
+        self._error: MotionError | None = None
+
+    @property
+    def status(self) -> MotionStatus:
+        """The present status."""
+        return self._status
+
+    @property
+    def error(self) -> MotionError | None:
+        """Why it failed or was cancelled."""
+        return self._error
+
+    def cancel(self) -> None:
+        """End it now; its part then brakes to rest."""
+        if self._status is MotionStatus.RUNNING:
+            self._owner.brake()
+            self.end(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "cancelled by its caller")
+
+    def succeed(self) -> None:
+        """The target is reached."""
+        if self._status is MotionStatus.RUNNING:
+            self._status = MotionStatus.SUCCEEDED
+
+    def end(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
+        """End without success; without effect on a motion that has ended."""
+        if self._status is MotionStatus.RUNNING:
+            self._status, self._error = status, MotionError(code, text)

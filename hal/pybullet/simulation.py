@@ -1,0 +1,72 @@
+"""One running simulation: the built world, the robot's encoders, and the loop that steps physics and controllers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.pybullet.client import PhysicsClient, SimulationError
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.world_builder import BuiltWorld, build_world
+
+
+class Simulation:
+    """Physics, world and robot body; parts hang their control in it, the monitor its observation.
+
+    ``controls`` run every control period before the step, ``effort_controls`` before every step, ``observers`` after.
+    """
+
+    def __init__(self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> None:
+        self.client, self.model, self.world, self.parameters = client, model, world, parameters
+        self.built: BuiltWorld = build_world(client, model, world, parameters)
+        self.steps = 0
+        self.controls: list[Callable[[], None]] = []
+        self.effort_controls: list[Callable[[], None]] = []
+        self.observers: list[Callable[[], None]] = []
+        movable = [
+            joint
+            for group in (model.bases, model.arms, model.grippers, model.joint_groups)
+            for part in group.values()
+            for joint in (part.wheel_joints if hasattr(part, "wheel_joints") else part.joint_names)
+        ]
+        missing = [joint for joint in movable if joint not in self.built.joints]
+        if missing:
+            raise SimulationError(f"the URDF of robot {model.name!r} has no joints {', '.join(missing)}")
+        self.joint_names: tuple[str, ...] = tuple(dict.fromkeys(movable))
+        self._indices = [self.built.joints[joint] for joint in self.joint_names]
+        self._slots = {joint: slot for slot, joint in enumerate(self.joint_names)}
+        self._states: NDArray[np.float64] = np.zeros((3, len(self._indices)))
+        self._read_at = -1
+        client.seal(self.built.robot)
+
+    def step(self) -> None:
+        """One physics step, with the controllers that are due before it and the observers after it."""
+        if self.steps % self.parameters.control_every == 0:
+            for control in self.controls:
+                control()
+        for control in self.effort_controls:
+            control()
+        self.client.stepSimulation()
+        self.steps += 1
+        for observe in self.observers:
+            observe()
+
+    def slots(self, joint_names: Sequence[str]) -> NDArray[np.intp]:
+        """Where joints are in ``joint_states``."""
+        return np.array([self._slots[joint] for joint in joint_names], dtype=np.intp)
+
+    def indices(self, joint_names: Sequence[str]) -> list[int]:
+        """Pybullet's joint indices."""
+        return [self.built.joints[joint] for joint in joint_names]
+
+    def joint_states(self) -> NDArray[np.float64]:
+        """Encoders of all driven joints: rows position, velocity, motor effort; read once per step at most."""
+        if self._read_at != self.steps:
+            states = self.client.getJointStates(self.built.robot, self._indices)
+            self._states = np.array([(state[0], state[1], state[3]) for state in states]).T.reshape(3, -1)
+            self._read_at = self.steps
+        return self._states
