@@ -1,6 +1,27 @@
 """Collision worlds, built from the world model; they never touch a simulator."""
 
 from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
+from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel, CoalCollisionWorld
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.scene_from_world_model import (
+    SceneParameters,
+    finger_contacts,
+    hand_links,
+    held_object,
+    planning_scene_from_world_model,
+)
 
-__all__ = ["AttachedObject", "CollisionModel", "CollisionWorld", "PlanningScene", "SceneObstacle"]
+__all__ = [
+    "AttachedObject",
+    "CoalCollisionModel",
+    "CoalCollisionWorld",
+    "CollisionModel",
+    "CollisionWorld",
+    "PlanningScene",
+    "SceneObstacle",
+    "SceneParameters",
+    "finger_contacts",
+    "hand_links",
+    "held_object",
+    "planning_scene_from_world_model",
+]

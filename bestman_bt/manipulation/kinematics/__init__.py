@@ -1,5 +1,16 @@
 """Kinematics: frames of the whole robot, inverse kinematics, straight tool motion, where to stand."""
 
 from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
+from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
+from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares, DampedLeastSquaresParameters
+from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
 
-__all__ = ["IKResult", "InverseKinematics"]
+__all__ = [
+    "CartesianPath",
+    "DampedLeastSquares",
+    "DampedLeastSquaresParameters",
+    "ForwardKinematics",
+    "IKResult",
+    "InverseKinematics",
+    "cartesian_path",
+]

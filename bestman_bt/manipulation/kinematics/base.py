@@ -74,5 +74,9 @@ class InverseKinematics(ABC):
         """The solution (n,) that continues smoothly from ``start`` (n,), without restarts; None if there is none."""
 
     @abstractmethod
+    def tool_direction(self, positions: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,); quick, checks nothing."""
+
+    @abstractmethod
     def manipulability(self, positions: ArrayLike) -> float:
         """Yoshikawa's measure sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""

@@ -7,5 +7,19 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect, RRTConnectParameters
+from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner, TimedPlan
+from bestman_bt.manipulation.motion_planning.upright import Upright
 
-__all__ = ["MotionPlan", "MotionPlanner", "PathConstraint", "PlanningError", "PlanningErrorCode"]
+__all__ = [
+    "MotionPlan",
+    "MotionPlanner",
+    "PathConstraint",
+    "PlanningError",
+    "PlanningErrorCode",
+    "RRTConnect",
+    "RRTConnectParameters",
+    "TimedMotionPlanner",
+    "TimedPlan",
+    "Upright",
+]

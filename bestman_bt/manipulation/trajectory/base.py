@@ -38,9 +38,9 @@ class TimeParametrization(ABC):
         self,
         path: ArrayLike,
         limits: JointLimits,
-        scale: SpeedScale = SpeedScale(),
+        scale: SpeedScale | None = None,
     ) -> JointTrajectory:
-        """Time ``path`` (N, n), radians, within ``scale`` of ``limits``.
+        """Time ``path`` (N, n), radians, within ``scale`` (default: ``SpeedScale()``) of ``limits``.
 
         A path without motion gives a trajectory of one sample. Raises TrajectoryError if the path cannot be timed or
         leaves the position limits, ManipulationError for NaN or a wrong shape.

@@ -1,0 +1,174 @@
+"""From what the robot believes to what its arm must keep clear of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
+from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.world_model import MapFurniture, WorldModel
+
+FLOOR = "floor"
+
+
+@dataclass(frozen=True)
+class SceneParameters:
+    """``padding``: metres kept from everything. ``reach``: metres from the base beyond which nothing matters.
+
+    ``furniture_offset``, ``furniture_turn``: how far furniture may be from where the map has it, metres and radians.
+    ``wall_height``, ``wall_thickness``: metres. ``object_deviations``: standard deviations of an object's position
+    that are kept clear, at most ``max_object_padding`` metres.
+    """
+
+    padding: float = 0.002
+    reach: float = 2.0
+    furniture_offset: float = 0.03
+    furniture_turn: float = math.radians(2.0)
+    wall_height: float = 2.5
+    wall_thickness: float = 0.02
+    object_deviations: float = 2.0
+    max_object_padding: float = 0.01
+
+
+def planning_scene_from_world_model(
+    world_model: WorldModel,
+    robot: RobotModel,
+    positions: Mapping[str, float],
+    arm: str = "arm",
+    ignore: Iterable[str] = (),
+    allowed_pairs: Iterable[tuple[str, str]] = (),
+    parameters: SceneParameters = SceneParameters(),
+) -> PlanningScene:
+    """The planning scene around the believed base pose.
+
+    Obstacles are: the floor (``floor``), walls (``wall0`` …), furniture by its name as a solid box that covers its
+    possible poses, measured bodies (``world_model.obstacles``), objects by their names. An obstacle named like a piece
+    of furniture, or ``furniture/…``, is a measurement of it and replaces its box. The held object is attached; the
+    hand and fingers of its gripper may touch it. ``positions``: of all joints, by name. ``ignore``: names to leave out.
+    """
+    left_out = set(ignore)
+    if world_model.held is not None:
+        left_out.add(world_model.held.name)
+    base_from_map = world_model.base.pose.to_pose().inverse()
+    obstacles = [
+        obstacle
+        for obstacle in (
+            _floor(),
+            *_walls(world_model, base_from_map, parameters),
+            *_furniture(world_model, base_from_map, parameters),
+            *_measured(world_model, base_from_map),
+            *_objects(world_model, base_from_map, parameters),
+        )
+        if obstacle.name not in left_out
+    ]
+    return PlanningScene(
+        positions=dict(positions),
+        obstacles=tuple(obstacles),
+        attached=held_object(world_model, robot, arm),
+        allowed_pairs=frozenset(frozenset(pair) for pair in allowed_pairs),
+        padding=parameters.padding,
+    )
+
+
+def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") -> AttachedObject | None:
+    """What the arm holds, as an attached object; None if its hand is empty."""
+    held = world_model.held
+    if held is None:
+        return None
+    return AttachedObject(
+        name=held.name,
+        shapes=held.model.collision,
+        tool_frame=robot.arms[arm].tool_frame,
+        tool_from_object=held.tool_from_object,
+        touch_links=frozenset(hand_links(robot, arm)),
+    )
+
+
+def hand_links(robot: RobotModel, arm: str = "arm") -> tuple[str, ...]:
+    """The hand link and finger links of the grippers that ``arm`` carries."""
+    links: list[str] = []
+    for name, gripper in robot.grippers.items():
+        if robot.hand_of.get(name) == arm:
+            links += [gripper.hand_link, *gripper.finger_links]
+    return tuple(links)
+
+
+def finger_contacts(robot: RobotModel, target: str, arm: str = "arm") -> tuple[tuple[str, str], ...]:
+    """The pairs (finger link, ``target``) to allow while the hand closes around ``target``."""
+    return tuple(
+        (link, target)
+        for name, gripper in robot.grippers.items()
+        if robot.hand_of.get(name) == arm
+        for link in gripper.finger_links
+    )
+
+
+def _floor() -> SceneObstacle:
+    return SceneObstacle(FLOOR, (PlacedShape(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, -0.05]))),))
+
+
+def _walls(world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters) -> list[SceneObstacle]:
+    obstacles = []
+    for i, (x1, y1, x2, y2) in enumerate(world_model.map.walls):
+        length = math.hypot(x2 - x1, y2 - y1)
+        centre = ((x1 + x2) / 2, (y1 + y2) / 2, parameters.wall_height / 2)
+        pose = base_from_map @ Pose.from_xyz_rpy(centre, (0.0, 0.0, math.atan2(y2 - y1, x2 - x1)))
+        size = (length + parameters.wall_thickness, parameters.wall_thickness, parameters.wall_height)
+        if _distance_to_box(pose, size) < parameters.reach:
+            obstacles.append(SceneObstacle(f"wall{i}", (PlacedShape(Box(size), pose),)))
+    return obstacles
+
+
+def _furniture(world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters) -> list[SceneObstacle]:
+    measured = {name.partition("/")[0] for name in world_model.obstacles}
+    obstacles = []
+    for furniture in world_model.map.furniture.values():
+        size = _grown(furniture, parameters)
+        pose = base_from_map @ furniture.pose.to_pose(furniture.height / 2)
+        if furniture.name not in measured and _distance_to_box(pose, size) < parameters.reach:
+            obstacles.append(SceneObstacle(furniture.name, (PlacedShape(Box(size), pose),)))
+    return obstacles
+
+
+def _grown(furniture: MapFurniture, parameters: SceneParameters) -> tuple[float, float, float]:
+    x, y = furniture.footprint
+    turn = math.sin(parameters.furniture_turn)
+    return (
+        x + 2 * parameters.furniture_offset + y * turn,
+        y + 2 * parameters.furniture_offset + x * turn,
+        furniture.height,
+    )
+
+
+def _measured(world_model: WorldModel, base_from_map: Pose) -> list[SceneObstacle]:
+    return [
+        SceneObstacle(obstacle.name, _in_base(obstacle.shapes, base_from_map))
+        for obstacle in world_model.obstacles.values()
+    ]
+
+
+def _objects(world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters) -> list[SceneObstacle]:
+    obstacles = []
+    for belief in world_model.objects.values():
+        base_from_object = base_from_map @ belief.pose
+        if np.linalg.norm(base_from_object.position[:2]) < parameters.reach:
+            padding = min(parameters.object_deviations * belief.position_std, parameters.max_object_padding)
+            shapes = _in_base(belief.model.collision, base_from_object)
+            obstacles.append(SceneObstacle(belief.name, shapes, padding))
+    return obstacles
+
+
+def _in_base(shapes: Iterable[PlacedShape], base_from_body: Pose) -> tuple[PlacedShape, ...]:
+    return tuple(PlacedShape(placed.shape, base_from_body @ placed.pose) for placed in shapes)
+
+
+def _distance_to_box(base_from_box: Pose, size: tuple[float, float, float]) -> float:
+    """Horizontal distance from the base to a box, metres."""
+    base_in_box = base_from_box.inverse().position
+    outside = np.maximum(np.abs(base_in_box[:2]) - np.array(size[:2]) / 2, 0.0)
+    return float(np.linalg.norm(outside))

@@ -1,0 +1,259 @@
+"""Inverse kinematics by damped least squares with restarts.
+
+Nakamura and Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986; the error is the logarithm of
+the pose error, as in pinocchio's inverse kinematics example.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pinocchio
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.joint_values import joint_vector
+from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
+from bestman_bt.manipulation.kinematics.pinocchio_model import (
+    arm_order,
+    build_model,
+    configuration,
+    frame_index,
+    joints_to_lock,
+    to_pose,
+    to_se3,
+)
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import RobotModel
+
+
+@dataclass(frozen=True)
+class DampedLeastSquaresParameters:
+    """``tolerance``: m and rad, every component of the error. ``damping``: added to J Jᵀ. ``max_step``: rad per joint.
+
+    ``limit_margin``: rad kept from the joint limits. ``attempts``: start positions: the reference, then
+    ``near_attempts`` within ``near_std`` rad of it, then anywhere. ``distinct``: rad by which two solutions differ in
+    at least one joint. ``track_step``: rad that a joint may move in one ``track``. ``patience``: iterations without
+    a new smallest error after which an attempt ends.
+    """
+
+    tolerance: float = 2e-5
+    damping: float = 1e-4
+    max_step: float = 0.4
+    max_iterations: int = 100
+    patience: int = 20
+    limit_margin: float = 0.02
+    attempts: int = 60
+    near_attempts: int = 6
+    near_std: float = 0.6
+    distinct: float = 0.2
+    track_step: float = 0.3
+
+    def __post_init__(self) -> None:
+        for name in ("max_iterations", "attempts"):
+            if getattr(self, name) < 1:
+                raise ManipulationError(
+                    f"DampedLeastSquaresParameters {name} should be at least 1 but is {getattr(self, name)}"
+                )
+
+
+class DampedLeastSquares(InverseKinematics):
+    """q ← clip(q + Jᵀ (J Jᵀ + λI)⁻¹ e) from one start position after another.
+
+    ``fixed``: positions of joints outside the arm (a torso that carries it); those that are missing stand at zero.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        arm: str = "arm",
+        parameters: DampedLeastSquaresParameters | None = None,
+        fixed: Mapping[str, float] | None = None,
+    ) -> None:
+        if arm not in robot.arms:
+            raise ManipulationError(
+                f"robot {robot.name!r} has no arm {arm!r}; it has {', '.join(robot.arms) or 'none'}"
+            )
+        self.robot = robot
+        self.arm = robot.arms[arm]
+        self.parameters = parameters or DampedLeastSquaresParameters()
+        self.fixed = dict(fixed or {})
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the arm's joints."""
+        return self.arm.joint_names
+
+    @cached_property
+    def _model(self) -> pinocchio.Model:
+        full = build_model(self.robot)
+        return pinocchio.buildReducedModel(full, joints_to_lock(full, self.arm), configuration(full, self.fixed))
+
+    @cached_property
+    def _data(self) -> pinocchio.Data:
+        return self._model.createData()
+
+    @cached_property
+    def _order(self) -> NDArray[np.intp] | None:
+        return arm_order(self._model, self.arm)
+
+    @cached_property
+    def _tool(self) -> int:
+        return frame_index(self._model, self.arm.tool_frame)
+
+    @cached_property
+    def _root_from_base(self) -> pinocchio.SE3:
+        model, data = self._model, self._data
+        pinocchio.forwardKinematics(model, data, pinocchio.neutral(model))
+        return pinocchio.updateFramePlacement(model, data, frame_index(model, self.robot.base_frame)).copy()
+
+    @cached_property
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        margin = np.minimum(self.parameters.limit_margin, (self.arm.upper - self.arm.lower) / 4)
+        return self.arm.lower + margin, self.arm.upper - margin
+
+    def tool_pose(self, positions: ArrayLike) -> Pose:
+        """Forward kinematics: base_from_tool at ``positions`` (n,)."""
+        return to_pose(self._root_from_base.actInv(self._place(self._checked(positions, "positions"))))
+
+    def tool_direction(self, positions: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,)."""
+        placement = self._place(positions)
+        direction: NDArray[np.float64] = self._root_from_base.rotation.T @ (placement.rotation @ axis)
+        return direction
+
+    def manipulability(self, positions: ArrayLike) -> float:
+        """Yoshikawa's measure sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""
+        q = self._to_model(self._checked(positions, "positions"))
+        jacobian = pinocchio.computeFrameJacobian(self._model, self._data, q, self._tool, pinocchio.LOCAL)
+        return float(np.sqrt(max(0.0, np.linalg.det(jacobian @ jacobian.T))))
+
+    def solve(
+        self,
+        base_from_tool: Pose,
+        reference: ArrayLike,
+        rng: np.random.Generator,
+        count: int = 1,
+        is_valid: Callable[[NDArray[np.float64]], bool] | None = None,
+        attempts: int | None = None,
+    ) -> IKResult:
+        """Search up to ``count`` distinct solutions; see the base class."""
+        target = self._target(base_from_tool)
+        origin = self._checked(reference, "reference")
+        lower, upper = self._bounds
+        solutions: list[NDArray[np.float64]] = []
+        closest, rejected, tried = (np.inf, np.inf), 0, 0
+        if not self._in_reach(target):
+            return IKResult((), *self._errors(target, origin), 0)
+        for attempt in range(attempts or self.parameters.attempts):
+            tried = attempt + 1
+            if attempt == 0:
+                start = origin
+            elif attempt <= self.parameters.near_attempts:
+                start = origin + rng.normal(0.0, self.parameters.near_std, len(origin))
+            else:
+                start = rng.uniform(lower, upper)
+            q, reached = self._descend(target, np.clip(start, lower, upper), lower, upper)
+            if not reached:
+                if not solutions:
+                    closest = min(closest, self._errors(target, q), key=sum)
+                continue
+            if any(np.abs(q - other).max() < self.parameters.distinct for other in solutions):
+                continue
+            if is_valid is not None and not is_valid(q):
+                rejected += 1
+                continue
+            solutions.append(q)
+            if len(solutions) >= count:
+                break
+        solutions.sort(key=lambda q: float(np.linalg.norm(q - origin)))
+        if solutions:
+            closest = self._errors(target, solutions[0])
+        return IKResult(tuple(solutions), *closest, tried, rejected)
+
+    def track(self, base_from_tool: Pose, start: ArrayLike) -> NDArray[np.float64] | None:
+        """The solution (n,) that continues smoothly from ``start`` (n,), without restarts; None if there is none."""
+        origin = self._checked(start, "start")
+        lower, upper = self._bounds
+        # A start inside the margin must not jump out of it.
+        q, reached = self._descend(
+            self._target(base_from_tool), origin, np.minimum(lower, origin), np.maximum(upper, origin)
+        )
+        return q if reached and np.abs(q - origin).max() <= self.parameters.track_step else None
+
+    def _descend(
+        self,
+        target: pinocchio.SE3,
+        start: NDArray[np.float64],
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], bool]:
+        model, data, tool, parameters = self._model, self._data, self._tool, self.parameters
+        damping = parameters.damping * np.eye(6)
+        q, best, since_best = start, np.inf, 0
+        for _ in range(parameters.max_iterations):
+            pinocchio.forwardKinematics(model, data, self._to_model(q))
+            tool_from_target = pinocchio.updateFramePlacement(model, data, tool).actInv(target)
+            error = pinocchio.log6(tool_from_target).vector
+            size = float(np.abs(error).max())
+            if size < parameters.tolerance:
+                return q, True
+            if size < best:
+                best, since_best = size, 0
+            else:
+                since_best += 1
+                if since_best > parameters.patience:
+                    break
+            jacobian = pinocchio.computeFrameJacobian(model, data, self._to_model(q), tool, pinocchio.LOCAL)
+            jacobian = pinocchio.Jlog6(tool_from_target.inverse()) @ jacobian
+            step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping, error)
+            if self._order is not None:
+                step = step[np.argsort(self._order)]
+            largest = float(np.abs(step).max())
+            q = np.clip(q + step * min(1.0, parameters.max_step / max(largest, 1e-12)), lower, upper)
+        return q, False
+
+    def _in_reach(self, target: pinocchio.SE3) -> bool:
+        shoulder, reach = self._reach
+        return bool(np.linalg.norm(target.translation - shoulder) <= reach)
+
+    @cached_property
+    def _reach(self) -> tuple[NDArray[np.float64], float]:
+        """The first joint's origin (3,), and the sum of the lengths between it and the tool: no pose lies beyond."""
+        model, data = self._model, self._data
+        pinocchio.forwardKinematics(model, data, pinocchio.neutral(model))
+        chain = [model.frames[self._tool].parentJoint]
+        while model.parents[chain[-1]] != 0:
+            chain.append(model.parents[chain[-1]])
+        lengths = [float(np.linalg.norm(model.jointPlacements[joint].translation)) for joint in chain[:-1]]
+        travel = self.arm.upper - self.arm.lower
+        sliding = sum(
+            float(travel[i])
+            for i, name in enumerate(self.arm.joint_names)
+            if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")
+        )
+        tip = float(np.linalg.norm(model.frames[self._tool].placement.translation))
+        return data.oMi[chain[-1]].translation.copy(), sum(lengths) + tip + sliding + 1e-6
+
+    def _errors(self, target: pinocchio.SE3, positions: NDArray[np.float64]) -> tuple[float, float]:
+        placement = self._place(positions)
+        rotation = pinocchio.log3(placement.rotation.T @ target.rotation)
+        return float(np.linalg.norm(placement.translation - target.translation)), float(np.linalg.norm(rotation))
+
+    def _place(self, positions: NDArray[np.float64]) -> pinocchio.SE3:
+        pinocchio.forwardKinematics(self._model, self._data, self._to_model(positions))
+        return pinocchio.updateFramePlacement(self._model, self._data, self._tool)
+
+    def _to_model(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        return positions if self._order is None else positions[self._order]
+
+    def _target(self, base_from_tool: Pose) -> pinocchio.SE3:
+        if not (np.isfinite(base_from_tool.position).all() and np.isfinite(base_from_tool.quaternion).all()):
+            raise ManipulationError(f"base_from_tool should be finite but is {base_from_tool}")
+        return self._root_from_base * to_se3(base_from_tool)
+
+    def _checked(self, values: ArrayLike, what: str) -> NDArray[np.float64]:
+        return joint_vector(values, len(self.arm.joint_names), f"{what} of arm joints")

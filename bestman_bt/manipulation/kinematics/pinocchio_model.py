@@ -1,0 +1,79 @@
+"""The pinocchio model of a robot: what forward kinematics, inverse kinematics and collision worlds share.
+
+Carpentier et al., "The Pinocchio C++ library", SII 2019.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel, RobotModel
+
+
+def build_model(robot: RobotModel) -> pinocchio.Model:
+    """The kinematic tree of the whole robot; ManipulationError if the URDF has no ``base_frame``."""
+    model = pinocchio.buildModelFromXML(robot.urdf)
+    frame_index(model, robot.base_frame)
+    return model
+
+
+def frame_index(model: pinocchio.Model, frame: str) -> int:
+    """Index of a frame (a link); ManipulationError names what there is."""
+    if not model.existFrame(frame):
+        bodies = [f.name for f in model.frames if f.type == pinocchio.FrameType.BODY]
+        raise ManipulationError(f"the robot has no frame {frame!r}; it has {', '.join(bodies)}")
+    return int(model.getFrameId(frame))
+
+
+def joint_index(model: pinocchio.Model, joint: str) -> int:
+    """Index of a movable joint; ManipulationError names what there is."""
+    if not model.existJointName(joint):
+        raise ManipulationError(f"the robot has no movable joint {joint!r}; it has {', '.join(list(model.names)[1:])}")
+    return int(model.getJointId(joint))
+
+
+def configuration(model: pinocchio.Model, positions: Mapping[str, float]) -> NDArray[np.float64]:
+    """The configuration vector (nq,) with the named joints at ``positions`` and all others at zero.
+
+    Names of joints that the model lacks are an error; continuous joints are stored as (cos, sin), as pinocchio does.
+    """
+    q: NDArray[np.float64] = pinocchio.neutral(model)
+    for name, value in positions.items():
+        if not math.isfinite(value):
+            raise ManipulationError(f"position of joint {name!r} should be finite but is {value}")
+        joint = model.joints[joint_index(model, name)]
+        if joint.nq == 2:
+            q[joint.idx_q : joint.idx_q + 2] = math.cos(value), math.sin(value)
+        else:
+            q[joint.idx_q] = value
+    return q
+
+
+def joints_to_lock(model: pinocchio.Model, arm: ArmModel) -> list[int]:
+    """Indices of all joints but the arm's."""
+    moving = {joint_index(model, name) for name in arm.joint_names}
+    return [index for index in range(1, model.njoints) if index not in moving]
+
+
+def arm_order(reduced: pinocchio.Model, arm: ArmModel) -> NDArray[np.intp] | None:
+    """Indices that turn an array in the arm's order into the reduced model's order; None where both agree."""
+    place = {name: reduced.joints[joint_index(reduced, name)].idx_q for name in arm.joint_names}
+    order = np.argsort([place[name] for name in arm.joint_names])
+    return None if np.array_equal(order, np.arange(len(order))) else order
+
+
+def to_se3(pose: Pose) -> pinocchio.SE3:
+    """Our pose as pinocchio's."""
+    return pinocchio.SE3(pose.rotation, pose.position)
+
+
+def to_pose(placement: pinocchio.SE3) -> Pose:
+    """pinocchio's placement as our pose."""
+    return Pose(placement.translation, pinocchio.Quaternion(placement.rotation).coeffs())

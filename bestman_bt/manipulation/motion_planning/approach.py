@@ -1,0 +1,57 @@
+"""Approaches: a configuration beside the goal, a straight motion into contact, a straight motion out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.manipulation.collision import CollisionWorld
+from bestman_bt.manipulation.kinematics import InverseKinematics, cartesian_path
+from bestman_bt.messages import Pose
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """``pre``: (n,) radians, where free motion ends. ``into`` and ``out``: (N, n), straight tool motions.
+
+    ``into`` goes from ``pre`` to the contact pose, ``out`` from there on. ``cost``: radians, distance of ``pre`` from
+    the reference.
+    """
+
+    pre: NDArray[np.float64]
+    into: NDArray[np.float64]
+    out: NDArray[np.float64]
+    cost: float
+
+
+def approaches(
+    kinematics: InverseKinematics,
+    base_from_pre: Pose,
+    base_from_contact: Pose,
+    base_from_out: Pose,
+    reference: ArrayLike,
+    free: CollisionWorld,
+    contact: CollisionWorld,
+    rng: np.random.Generator,
+    count: int = 2,
+    attempts: int | None = None,
+) -> Iterator[Approach]:
+    """Approaches through up to ``count`` different arm configurations, nearest to ``reference`` (n,) first.
+
+    ``free``: the world for ``pre``, in which the target is an obstacle. ``contact``: the world for both straight
+    motions, in which the hand may touch the target. Nothing is yielded where none is possible.
+    """
+    reference = np.asarray(reference, dtype=float)
+    result = kinematics.solve(base_from_pre, reference, rng, count, is_valid=free.is_free, attempts=attempts)
+    for pre in result.solutions:
+        into = cartesian_path(kinematics, pre, base_from_contact, contact.is_free)
+        if not into.complete:
+            continue
+        out = cartesian_path(kinematics, into.path[-1], base_from_out, contact.is_free)
+        if not out.complete:
+            continue
+        distance = np.abs(pre - reference)
+        yield Approach(pre, into.path, out.path, float(distance.max() + 0.3 * np.linalg.norm(distance)))

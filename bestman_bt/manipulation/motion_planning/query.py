@@ -1,0 +1,117 @@
+"""The question to a motion planner, checked before any search: refusals name the joint or the bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.manipulation.collision.base import CollisionWorld
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
+from bestman_bt.manipulation.motion_planning.base import PathConstraint, PlanningError, PlanningErrorCode
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningQuery:
+    """``start``, ``lower``, ``upper``: (n,) radians; ``goals``: the admissible ones, with their ``indices``."""
+
+    start: NDArray[np.float64]
+    goals: tuple[NDArray[np.float64], ...]
+    indices: tuple[int, ...]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+
+    def index_of(self, positions: NDArray[np.float64]) -> int:
+        """Number, in the caller's list, of the goal at ``positions`` (n,)."""
+        distances = [float(np.linalg.norm(goal - positions)) for goal in self.goals]
+        return self.indices[int(np.argmin(distances))]
+
+
+def check_query(
+    start: ArrayLike,
+    goals: Sequence[ArrayLike],
+    world: CollisionWorld,
+    limits: JointLimits,
+    constraint: PathConstraint | None,
+    limit_tolerance: float,
+) -> PlanningQuery:
+    """Check start and goals; the start may be ``limit_tolerance`` rad outside its limits.
+
+    Raises PlanningError if the start, or every goal, is out of limits, in collision or against the constraint;
+    ManipulationError for NaN, wrong shapes, an empty list of goals, or a world of other joints than the limits.
+    """
+    if world.joint_names != limits.joint_names:
+        raise ManipulationError(
+            f"the collision world moves {', '.join(world.joint_names)} but the limits are for "
+            f"{', '.join(limits.joint_names)}"
+        )
+    count = len(limits.joint_names)
+    if len(goals) == 0:
+        raise ManipulationError("goals should hold at least one goal but is empty")
+    origin = joint_vector(start, count, "start")
+    targets = [joint_vector(goal, count, f"goal {i}") for i, goal in enumerate(goals)]
+    _check_start(origin, world, limits, constraint, limit_tolerance)
+    refusals = [_goal_refusal(i, goal, world, limits, constraint) for i, goal in enumerate(targets)]
+    indices = [i for i, refusal in enumerate(refusals) if refusal is None]
+    if not indices:
+        for refusal in refusals:
+            if refusal is not None:
+                raise refusal
+    return PlanningQuery(
+        origin,
+        tuple(targets[i] for i in indices),
+        tuple(indices),
+        np.minimum(limits.lower, origin),
+        np.maximum(limits.upper, origin),
+    )
+
+
+def _check_start(
+    start: NDArray[np.float64],
+    world: CollisionWorld,
+    limits: JointLimits,
+    constraint: PathConstraint | None,
+    tolerance: float,
+) -> None:
+    outside = _out_of_limits(start, limits, tolerance)
+    if outside:
+        raise PlanningError(PlanningErrorCode.START_OUT_OF_LIMITS, f"the start is outside its limits: {outside}")
+    if not world.is_free(start):
+        raise PlanningError(
+            PlanningErrorCode.START_IN_COLLISION, f"the start is in collision: {describe_contacts(world, start)}"
+        )
+    if constraint is not None and not constraint.satisfied(start):
+        raise PlanningError(PlanningErrorCode.START_VIOLATES_CONSTRAINT, f"the start breaks: {constraint.description}")
+
+
+def _goal_refusal(
+    index: int, goal: NDArray[np.float64], world: CollisionWorld, limits: JointLimits, constraint: PathConstraint | None
+) -> PlanningError | None:
+    outside = _out_of_limits(goal, limits, 1e-6)
+    if outside:
+        return PlanningError(PlanningErrorCode.GOAL_OUT_OF_LIMITS, f"goal {index} is outside the limits: {outside}")
+    if not world.is_free(goal):
+        return PlanningError(
+            PlanningErrorCode.GOAL_IN_COLLISION, f"goal {index} is in collision: {describe_contacts(world, goal)}"
+        )
+    if constraint is not None and not constraint.satisfied(goal):
+        return PlanningError(
+            PlanningErrorCode.GOAL_VIOLATES_CONSTRAINT, f"goal {index} breaks: {constraint.description}"
+        )
+    return None
+
+
+def describe_contacts(world: CollisionWorld, positions: NDArray[np.float64]) -> str:
+    """The pairs that touch, in words: ``panda_hand with table``."""
+    return ", ".join(f"{a} with {b}" for a, b in world.colliding_pairs(positions))
+
+
+def _out_of_limits(positions: NDArray[np.float64], limits: JointLimits, tolerance: float) -> str:
+    return ", ".join(
+        f"{name} at {value:.4f}, allowed {low:.4f} to {high:.4f}"
+        for name, value, low, high in zip(limits.joint_names, positions, limits.lower, limits.upper, strict=True)
+        if not low - tolerance <= value <= high + tolerance
+    )

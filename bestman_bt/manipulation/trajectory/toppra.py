@@ -1,0 +1,130 @@
+"""Time-optimal parametrisation by toppra, slowed where its samples overshoot.
+
+Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis", T-RO 2018.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import toppra
+from numpy.typing import ArrayLike, NDArray
+from toppra import algorithm, constraint
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.joint_values import JointLimits, joint_path
+from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, TrajectoryError
+from bestman_bt.messages import JointTrajectory
+
+
+@dataclass(frozen=True)
+class ToppraParameters:
+    """``waypoint_spacing``: rad between points of the spline (a sparse spline leaves the path by up to 0.45 rad).
+
+    ``grid_per_waypoint``, ``min_grid``: points at which toppra holds the limits; between them accelerations overshoot
+    by a few percent, which is measured at ``check_rate`` Hz and taken away by slowing the whole motion.
+    ``rate``: Hz of the result. ``position_slack``: rad by which the first sample may lie outside its limits.
+    """
+
+    waypoint_spacing: float = 0.05
+    grid_per_waypoint: int = 4
+    min_grid: int = 200
+    check_rate: float = 1000.0
+    rate: float = 100.0
+    position_slack: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name in ("waypoint_spacing", "grid_per_waypoint", "min_grid", "check_rate", "rate"):
+            if getattr(self, name) <= 0:
+                raise ManipulationError(f"ToppraParameters {name} should be above 0 but is {getattr(self, name)}")
+
+
+class Toppra(TimeParametrization):
+    """A cubic spline along the path, as fast as velocity and acceleration limits allow."""
+
+    def __init__(self, parameters: ToppraParameters | None = None) -> None:
+        self.parameters = parameters or ToppraParameters()
+
+    def parametrize(self, path: ArrayLike, limits: JointLimits, scale: SpeedScale | None = None) -> JointTrajectory:
+        """Time ``path`` (N, n) within ``scale`` of ``limits``; see the base class."""
+        count = len(limits.joint_names)
+        waypoints = _densified(joint_path(path, count, "path"), self.parameters.waypoint_spacing)
+        if len(waypoints) < 2:
+            return JointTrajectory(limits.joint_names, np.zeros(1), waypoints, np.zeros((1, count)))
+        scale = scale or SpeedScale()
+        velocity, acceleration = limits.velocity * scale.velocity, limits.acceleration * scale.acceleration
+        motion = self._solve(waypoints, velocity, acceleration)
+        stretch = self._overshoot(motion, velocity, acceleration)
+        duration = motion.duration * stretch
+        times = np.linspace(0.0, duration, max(2, math.ceil(duration * self.parameters.rate) + 1))
+        positions = motion(times / stretch)
+        velocities = motion(times / stretch, 1) / stretch
+        positions[[0, -1]] = waypoints[[0, -1]]
+        velocities[[0, -1]] = 0.0
+        _check_positions(positions, limits, self.parameters.position_slack)
+        return JointTrajectory(limits.joint_names, times, positions, velocities)
+
+    def _solve(
+        self, waypoints: NDArray[np.float64], velocity: NDArray[np.float64], acceleration: NDArray[np.float64]
+    ) -> toppra.interpolator.AbstractGeometricPath:
+        lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+        marks = np.concatenate([[0.0], np.cumsum(lengths)])
+        grid = max(self.parameters.min_grid, self.parameters.grid_per_waypoint * len(waypoints))
+        logging.getLogger("toppra").setLevel(logging.ERROR)
+        solver = algorithm.TOPPRA(
+            [
+                constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
+                constraint.JointAccelerationConstraint(
+                    np.stack([-acceleration, acceleration], axis=1),
+                    discretization_scheme=constraint.DiscretizationType.Interpolation,
+                ),
+            ],
+            toppra.SplineInterpolator(marks, waypoints),
+            gridpoints=np.linspace(0.0, marks[-1], grid),
+            solver_wrapper="seidel",
+            parametrizer="ParametrizeConstAccel",
+        )
+        motion = solver.compute_trajectory(0.0, 0.0)
+        if motion is None:
+            raise TrajectoryError(f"toppra found no timing for a path of {len(waypoints)} points, {marks[-1]:.3f} rad")
+        return motion
+
+    def _overshoot(
+        self,
+        motion: toppra.interpolator.AbstractGeometricPath,
+        velocity: NDArray[np.float64],
+        acceleration: NDArray[np.float64],
+    ) -> float:
+        """How many times longer the motion has to take so that every sample keeps the limits; at least 1."""
+        times = np.linspace(0.0, motion.duration, max(2, math.ceil(motion.duration * self.parameters.check_rate)))
+        too_fast = float(np.max(np.abs(motion(times, 1)) / velocity))
+        too_hard = float(np.max(np.abs(motion(times, 2)) / acceleration))
+        return max(1.0, too_fast, math.sqrt(too_hard))
+
+
+def _densified(path: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """The path with points at most ``spacing`` rad apart and no repeated ones (toppra refuses those)."""
+    points = [path[0]]
+    for waypoint in path[1:]:
+        gap = float(np.linalg.norm(waypoint - points[-1]))
+        if gap < 1e-6:
+            continue
+        count = math.ceil(gap / spacing)
+        start = points[-1]
+        points += [start + (i / count) * (waypoint - start) for i in range(1, count + 1)]
+    if len(points) > 1:
+        points[-1] = path[-1]
+    return np.array(points)
+
+
+def _check_positions(positions: NDArray[np.float64], limits: JointLimits, slack: float) -> None:
+    outside = np.maximum(limits.lower - positions, positions - limits.upper)
+    row, joint = np.unravel_index(int(np.argmax(outside)), outside.shape)
+    if outside[row, joint] > slack:
+        raise TrajectoryError(
+            f"the path takes {limits.joint_names[joint]} to {positions[row, joint]:.4f}, "
+            f"allowed {limits.lower[joint]:.4f} to {limits.upper[joint]:.4f}"
+        )
