@@ -1,0 +1,162 @@
+"""Trees in Python: nodes that read like the XML, and the same loader behind them.
+
+    Sequence("fetch", [
+        NavigateTo(goal="{stand}"),
+        RetryUntilSuccessful(Grasp(target="{cup}"), num_attempts=3),
+        SubTree(build_place, where="{counter}"),
+    ])
+
+Ports are keyword arguments: a literal as a Python value, or ``"{key}"``. Scripts are ``_skipIf="..."`` and the like.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from py_trees.behaviour import Behaviour
+
+from bestman_bt.engine.blackboard import Blackboard
+from bestman_bt.engine.clock import Clock
+from bestman_bt.engine.decorators.subtree import SubTree
+from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.leaves.native import PyTreesBehaviour
+from bestman_bt.engine.loading import MAX_NODES, Builder, Place
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.registry import NodeRegistry
+from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.tree import Tree
+from bestman_bt.engine.xml.checking import check_values
+from bestman_bt.engine.xml.elements import MAX_DEPTH
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.substitution import SubstitutionRules
+
+_SUBTREE_RESERVED = frozenset(("name", "ID"))
+
+
+def build_tree(
+    root: Behaviour,
+    *,
+    registry: NodeRegistry | None = None,
+    context: Any = None,
+    clock: Clock | None = None,
+    blackboard: Blackboard | None = None,
+    substitutions: SubstitutionRules | None = None,
+    tree_id: str = "MainTree",
+    file: str = "<python>",
+) -> Tree:
+    """Make a tree of nodes that were made in Python; native py_trees behaviours among them are adapted.
+
+    Raises:
+        TreeLoadError: with everything that is wrong in ``problems``.
+    """
+    registry = registry or NodeRegistry()
+    compiler = ScriptCompiler(registry.enums)
+    board = blackboard or Blackboard(tree_id, converters=registry.converters)
+    tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=tree_id, context=context, clock=clock)
+    tree.file = file
+    adopter = _Adopter(tree, [], None, substitutions)
+    node = adopter.adopt(root, Place(board, "", "", (tree_id,)))
+    adopter.finish(node)
+    node.parent = None
+    return tree
+
+
+def load_python_tree(path: Path) -> Node:
+    """Return what the ``build()`` of a Python file returns.
+
+    Raises:
+        TreeLoadError: the file does not exist, fails to run, or defines no ``build()``.
+    """
+
+    def fail(message: str) -> TreeLoadError:
+        return TreeLoadError([Problem(str(path), 0, "", "", message)])
+
+    if not path.is_file():
+        raise fail("the tree file does not exist")
+    specification = importlib.util.spec_from_file_location(f"bestman_bt_tree_{path.stem}", path)
+    if specification is None or specification.loader is None:
+        raise fail("the file cannot be imported")
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[specification.name] = module
+    try:
+        specification.loader.exec_module(module)
+        build = getattr(module, "build", None)
+        if not callable(build):
+            raise fail("it defines no function build() that returns the root node")
+        root = build()
+    except TreeLoadError:
+        raise
+    except Exception as error:
+        raise fail(f"it fails with {type(error).__name__}: {error}") from error
+    finally:
+        del sys.modules[specification.name]
+    if not isinstance(root, Node):
+        raise fail(f"its build() returned {root!r}; a node is expected")
+    return root
+
+
+class _Adopter(Builder):
+    """Takes nodes that exist already into the tree."""
+
+    def adopt(self, behaviour: Behaviour, place: Place) -> Node:
+        node = behaviour if isinstance(behaviour, Node) else PyTreesBehaviour(behaviour)
+        file = self.tree.file
+        if node.tree is not None:
+            self._report(node, file, f"'{node.name}' is part of a tree already; make a new node")
+            raise TreeLoadError(self.problems)
+        info = self.tree.registry.info_of_class(type(node))
+        node.attributes = {_port_name(key): value for key, value in node.attributes.items()}
+        if info.kind != "SubTree":
+            self._check(node, info, file)
+        existing = list(node.children)
+        failed = len(self.problems)
+        node = self.install(node, info, place, file)
+        self.depth += 1
+        if self.depth > MAX_DEPTH or len(self.tree.nodes) > MAX_NODES:
+            self._report(node, file, f"it is nested deeper than {MAX_DEPTH}, or there are more than {MAX_NODES} nodes")
+            raise TreeLoadError(self.problems)
+        if isinstance(node, PyTreesBehaviour):
+            pass
+        elif isinstance(node, SubTree):
+            inner = self._enter(node, place, file)
+            self._take(node, existing, inner)
+        else:
+            self._take(node, existing, place)
+        self.depth -= 1
+        if len(self.problems) == failed:
+            self._load(node, file)
+        return node
+
+    def _take(self, node: Node, children: list[Behaviour], place: Place) -> None:
+        node.children = [self.adopt(child, place) for child in children]
+        for child in node.children:
+            child.parent = node
+
+    def _check(self, node: Node, info: Any, file: str) -> None:
+        def report(field: str, message: str, suggestion: str) -> None:
+            self.problems.append(Problem(file, node.line, node.name, field, message, suggestion))
+
+        count = len(node.children)
+        if not isinstance(node, PyTreesBehaviour) and (
+            count < info.min_children or (info.max_children is not None and count > info.max_children)
+        ):
+            wanted = f"at least {info.min_children}" if info.max_children is None else f"{info.max_children}"
+            report("", f"it has {count} children but needs {wanted}", "")
+        check_values(info, node.attributes, self.tree.registry, self.tree.compiler, report)
+
+    def _enter(self, node: SubTree, place: Place, file: str) -> Place:
+        if node.tree_id in place.ancestors:
+            self._report(node, file, f"the tree '{node.tree_id}' contains itself")
+            raise TreeLoadError(self.problems)
+        ports = {k: v for k, v in node.attributes.items() if k[0] != "_" and k not in _SUBTREE_RESERVED}
+        autoremap = node.attributes.get("_autoremap") in (True, "true", "1")
+        return self.enter(node, node.tree_id, node.named, ports, autoremap, place, file)
+
+
+def _port_name(key: str) -> str:
+    """Return the port that a keyword argument means; ``if_`` and ``else_`` stand for Python's own words."""
+    return key[:-1] if key in ("if_", "else_") else key

@@ -1,0 +1,314 @@
+"""The blackboard: one per SubTree, linked to its parent by remapping that is resolved once, to a slot.
+
+A ``Slot`` is one entry. Nodes and scripts hold slots, never keys, so that a read at tick time is one attribute.
+Entries are locked to the type of their first typed use. Values are mirrored into py_trees' blackboard under
+``/<tree>/<subtree path>/<key>``, so that its display and activity stream show them; each tree has a name of
+its own there, and nothing is ever read back from it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import weakref
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from py_trees.blackboard import ActivityItem, ActivityType, KeyMetaData
+from py_trees.blackboard import Blackboard as PyTreesBlackboard
+
+from bestman_bt.engine.conversion import UNTYPED, ConverterRegistry, cast, compatible, type_name
+from bestman_bt.engine.errors import BlackboardError, ConversionError
+
+Watcher = Callable[["Slot", Any], None]
+"""Called after a write with the slot (its new value inside) and the previous value."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What is known of one entry: its value, how often and when (clock seconds) it was written, its type."""
+
+    key: str
+    value: Any
+    sequence: int
+    stamp: float
+    type: str
+
+
+class Store:
+    """What the blackboards of one tree share: the time of the current tick, converters, the py_trees mirror."""
+
+    __slots__ = ("__weakref__", "converters", "mirror", "name", "now", "observed", "watchers")
+
+    def __init__(self, name: str, converters: ConverterRegistry | None = None) -> None:
+        self.name = name
+        self.now = 0.0
+        self.converters = converters or ConverterRegistry()
+        self.mirror = PyTreesBlackboard.storage
+        self.watchers: list[Watcher] = []
+        self.observed = False
+        weakref.finalize(self, _forget, f"/{name}/")
+
+    def look_for_observers(self) -> None:
+        """Notice whether anybody watches every write: a watcher of all keys, or py_trees' activity stream."""
+        self.observed = bool(self.watchers) or PyTreesBlackboard.activity_stream is not None
+
+    def stream(self, slot: Slot, previous: Any, writer: Any) -> None:
+        """Tell py_trees' activity stream of one write."""
+        kind = ActivityType.INITIALISED if previous is None else ActivityType.WRITE
+        name, identity = ("", None) if writer is None else (writer.name, writer.id)
+        if writer is not None:
+            PyTreesBlackboard.metadata.setdefault(slot.path, KeyMetaData()).write.add(identity)
+            PyTreesBlackboard.clients.setdefault(identity, name)
+        item = ActivityItem(slot.path, name, identity, kind.value, previous, slot.value)
+        if PyTreesBlackboard.activity_stream is not None:
+            PyTreesBlackboard.activity_stream.push(item)
+
+
+def _forget(prefix: str) -> None:
+    """Remove a discarded tree's values from py_trees' blackboard."""
+    for table in (PyTreesBlackboard.storage, PyTreesBlackboard.metadata):
+        for key in [key for key in table if key.startswith(prefix)]:
+            del table[key]
+
+
+_names = itertools.count(1)
+
+
+def _unique_name(name: str) -> str:
+    """Return ``name``, or ``name#N`` where another living tree already mirrors its values under ``name``."""
+    prefix = f"/{name}/"
+    if any(key.startswith(prefix) for key in PyTreesBlackboard.storage):
+        return f"{name}#{next(_names)}"
+    return name
+
+
+class Slot:
+    """One entry. ``value`` is None while it is empty; ``exists`` is False until it is declared or written."""
+
+    __slots__ = ("exists", "key", "kind", "path", "sequence", "stamp", "store", "value", "watchers")
+
+    def __init__(self, key: str, path: str, store: Store) -> None:
+        self.key = key
+        self.path = path
+        self.store = store
+        self.value: Any = None
+        self.sequence = 0
+        self.stamp = 0.0
+        self.kind: Any = None
+        self.exists = False
+        self.watchers: tuple[Watcher, ...] = ()
+
+    def write(self, value: Any, writer: Any = None) -> None:
+        """Store a value that already has the right type, and tell whoever watches."""
+        previous = self.value
+        store = self.store
+        self.value = value
+        self.exists = True
+        self.sequence += 1
+        self.stamp = store.now
+        store.mirror[self.path] = value
+        if self.watchers or store.observed:
+            self.notify(previous, writer)
+
+    def notify(self, previous: Any, writer: Any = None) -> None:
+        """Call the watchers after a write."""
+        if PyTreesBlackboard.activity_stream is not None:
+            self.store.stream(self, previous, writer)
+        for watcher in (*self.watchers, *self.store.watchers):
+            watcher(self, previous)
+
+    def declare(self, data_type: Any) -> None:
+        """Make the entry exist, as a port that uses it does at load; the first port decides its type.
+
+        Raises:
+            BlackboardError: the entry has another type, and is no string that could be converted.
+        """
+        untyped = data_type in UNTYPED
+        if not self.exists:
+            self.exists = True
+            self.kind = None if untyped else data_type
+        elif not (untyped or self.kind is None or self.kind is str or compatible(self.kind, data_type)):
+            raise BlackboardError(
+                f"entry '{self.key}' is used as {type_name(data_type)} but was declared as {type_name(self.kind)}"
+            )
+
+    def assign(self, value: Any, writer: Any = None) -> None:
+        """Store a value from outside the scripts: the first typed value locks the type, later ones must fit.
+
+        Raises:
+            BlackboardError: the value does not fit the type that the entry is locked to.
+        """
+        if value is None:
+            self.write(None, writer)
+            return
+        if self.kind is None:
+            if self.exists or not isinstance(value, str):
+                self.kind = type(value)
+        elif type(value) is not self.kind:
+            value = self._fit(value)
+        self.write(value, writer)
+
+    def _fit(self, value: Any) -> Any:
+        if self.kind is str and not isinstance(value, str):
+            raise BlackboardError(
+                f"entry '{self.key}' is locked to str and cannot take {value!r} ({type(value).__name__})"
+            )
+        try:
+            return cast(value, self.kind, self.store.converters)
+        except ConversionError as error:
+            raise BlackboardError(f"entry '{self.key}' is locked to {type_name(self.kind)}: {error}") from error
+
+    def clear(self) -> None:
+        """Remove the entry: it no longer exists, and its type is free again."""
+        self.value = None
+        self.exists = False
+        self.kind = None
+        self.sequence = 0
+        self.store.mirror.pop(self.path, None)
+
+
+class Blackboard:
+    """The entries of one SubTree.
+
+    Keys that the SubTree remaps lead to the parent's slot; with ``autoremap`` so do all keys that do not start
+    with ``_``; ``@key`` leads to the topmost blackboard.
+    """
+
+    __slots__ = ("_resolved", "_slots", "autoremap", "parent", "path", "remapping", "store")
+
+    def __init__(
+        self,
+        name: str = "blackboard",
+        parent: Blackboard | None = None,
+        *,
+        converters: ConverterRegistry | None = None,
+    ) -> None:
+        self.parent = parent
+        self.store = Store(_unique_name(name), converters)
+        self.path = ""
+        self.remapping: dict[str, str] = {}
+        self.autoremap = False
+        self._slots: dict[str, Slot] = {}
+        self._resolved: dict[str, Slot] = {}
+
+    def child(self, path: str, remapping: dict[str, str], *, autoremap: bool = False) -> Blackboard:
+        """Return the blackboard of a SubTree at ``path`` whose keys lead here by ``remapping``."""
+        board = object.__new__(Blackboard)
+        board.parent = self
+        board.store = self.store
+        board.path = path
+        board.remapping = remapping
+        board.autoremap = autoremap
+        board._slots = {}
+        board._resolved = {}
+        return board
+
+    @property
+    def root(self) -> Blackboard:
+        """The topmost blackboard, which ``@key`` means."""
+        board = self
+        while board.parent is not None:
+            board = board.parent
+        return board
+
+    def slot(self, key: str) -> Slot:
+        """Return the slot that ``key`` means here; it is made, but does not exist yet, when it is new."""
+        slot = self._slots.get(key) or self._resolved.get(key)
+        if slot is None:
+            slot = self._resolve(key)
+        return slot
+
+    def _resolve(self, key: str) -> Slot:
+        if not key or key == "@" or key.count("@") > 1:
+            raise BlackboardError(f"'{key}' is not a key (it must be named, with '@' at most once, in front)")
+        if key[0] == "@":
+            slot = self.root.slot(key[1:])
+        elif self.parent is not None and key in self.remapping:
+            slot = self.parent.slot(self.remapping[key])
+        elif self.parent is not None and self.autoremap and key[0] != "_":
+            slot = self.parent.slot(key)
+        else:
+            return self.local_slot(key)
+        self._resolved[key] = slot
+        return slot
+
+    def local_slot(self, key: str) -> Slot:
+        """Return this blackboard's own slot for ``key``, whatever the remapping says (SubTree literals)."""
+        slot = self._slots.get(key)
+        if slot is None:
+            middle = f"{self.path}/" if self.path else ""
+            slot = self._slots[key] = Slot(key, f"/{self.store.name}/{middle}{key}", self.store)
+        return slot
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """Return the value of ``key``, or ``default`` while it is missing or empty."""
+        value = self.slot(key).value
+        return default if value is None else value
+
+    def __getitem__(self, key: str) -> Any:
+        value = self.slot(key).value
+        if value is None:
+            known = ", ".join(sorted(self.keys())) or "none"
+            raise BlackboardError(f"entry '{key}' has no value (entries here: {known})")
+        return value
+
+    def set(self, key: str, value: Any) -> None:
+        """Store a value.
+
+        Raises:
+            BlackboardError: the value does not fit the type that the entry is locked to.
+        """
+        self.store.look_for_observers()
+        self.slot(key).assign(value)
+
+    __setitem__ = set
+
+    def unset(self, key: str) -> None:
+        """Remove one of this blackboard's own entries; keys that lead elsewhere stay, as in BehaviorTree.CPP."""
+        slot = self._slots.get(key)
+        if slot is not None:
+            slot.clear()
+
+    def keys(self) -> list[str]:
+        """Return the keys of this blackboard's own entries, in the order of their making."""
+        return [key for key, slot in self._slots.items() if slot.exists]
+
+    def __contains__(self, key: str) -> bool:
+        return self.slot(key).exists
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
+
+    def items(self) -> list[tuple[str, Any]]:
+        """Return key and value of this blackboard's own entries; empty ones have the value None."""
+        return [(key, slot.value) for key, slot in self._slots.items() if slot.exists]
+
+    def entry(self, key: str) -> Entry:
+        """Return everything that is known of an entry.
+
+        Raises:
+            BlackboardError: there is no such entry.
+        """
+        slot = self.slot(key)
+        if not slot.exists:
+            raise BlackboardError(f"there is no entry '{key}' (entries here: {', '.join(sorted(self.keys()))})")
+        kind = "any" if slot.kind is None else type_name(slot.kind)
+        return Entry(key, slot.value, slot.sequence, slot.stamp, kind)
+
+    def subscribe(self, key: str | None, watcher: Watcher) -> Callable[[], None]:
+        """Call ``watcher(slot, previous)`` after each write of ``key`` (None: of any key of the whole tree).
+
+        Returns a function that ends the subscription.
+        """
+        if key is None:
+            self.store.watchers.append(watcher)
+            self.store.look_for_observers()
+            return lambda: self.store.watchers.remove(watcher)
+        slot = self.slot(key)
+        slot.watchers = (*slot.watchers, watcher)
+
+        def unsubscribe() -> None:
+            slot.watchers = tuple(w for w in slot.watchers if w is not watcher)
+
+        return unsubscribe

@@ -1,0 +1,22 @@
+"""The built-in nodes by name."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from bestman_bt.engine import controls, decorators
+from bestman_bt.engine.leaves.constants import AlwaysFailure, AlwaysSuccess
+from bestman_bt.engine.leaves.script import Script, ScriptCondition
+from bestman_bt.engine.leaves.sleep import Sleep
+from bestman_bt.engine.node import Node
+
+_LEAVES: Final = (AlwaysFailure, AlwaysSuccess, Script, ScriptCondition, Sleep)
+
+_FAMILIES: Final = [
+    getattr(family, name)
+    for family in (controls, decorators)
+    for name in family.__all__
+    if name not in ("Control", "Decorator")
+]
+
+BUILTIN_NODES: Final[dict[str, type[Node]]] = {cls.__name__: cls for cls in (*_FAMILIES, *_LEAVES)}

@@ -1,0 +1,167 @@
+"""What Sequence and Fallback share: an index that walks over the children and survives RUNNING."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+from bestman_bt.engine.controls.base import Control
+from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.node import odd_status, wrapped
+from bestman_bt.engine.status import IDLE, RUNNING, SKIPPED
+
+
+class Indexed(Control):
+    """``GO`` is the child status that moves on to the next child, ``STOP`` the one that ends the node."""
+
+    GO: ClassVar[int]
+    STOP: ClassVar[int]
+    YIELDS: ClassVar[bool] = False
+    FORGETS: ClassVar[bool] = True
+    index: int = 0
+    skipped: int = 0
+
+    def on_load(self) -> None:
+        """Begin at the first child."""
+        self.index = 0
+        self.skipped = 0
+
+    def halt(self) -> None:
+        """Forget the index, unless the node keeps it."""
+        if self.FORGETS:
+            self.index = 0
+            self.skipped = 0
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick from the current child on."""
+        children = self.nodes_below()
+        if self._s <= IDLE:
+            self.skipped = 0
+        self.set_state(RUNNING)
+        while self.index < len(children):
+            child = children[self.index]
+            was_idle = child._s <= IDLE
+            status = child.execute_tick()
+            if status == RUNNING:
+                return RUNNING
+            if status == self.STOP:
+                self._end_early()
+                return status
+            self.index += 1
+            if status == SKIPPED:
+                self.skipped += 1
+            elif self.YIELDS and was_idle and self.index < len(children):
+                self.wake_up()
+                return RUNNING
+        all_skipped = self.skipped == len(children)
+        self.reset_children()
+        self.index = 0
+        self.skipped = 0
+        return SKIPPED if all_skipped else self.GO
+
+    def _end_early(self) -> None:
+        if self.FORGETS:
+            self.reset_children()
+            self.index = 0
+        else:
+            for child in self.nodes_below()[self.index :]:
+                self.halt_child(child)
+
+
+def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
+    """Return the tick of an ``Indexed`` node that nobody listens to."""
+
+    def tick(self: Any) -> int:
+        if self._s <= 0:
+            self.skipped = 0
+        self._s = RUNNING
+        pairs = self.pairs
+        index = self.index
+        count = len(pairs)
+        child = self
+        try:
+            while index < count:
+                run, child = pairs[index]
+                status = run()
+                if status == RUNNING:
+                    if child.NEVER_RUNS:
+                        child.refuse_running()
+                    child._s = RUNNING
+                    return RUNNING
+                if status == go:
+                    child._s = status
+                    self.index = index = index + 1
+                elif status == stop:
+                    child._s = status
+                    self.reset_children()
+                    self.index = 0
+                    return stop
+                elif status == SKIPPED:
+                    self.index = index = index + 1
+                    self.skipped += 1
+                else:
+                    raise odd_status(status, child)
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, child) from error
+        all_skipped = self.skipped == count
+        for _, child in pairs:
+            if child._s > 0:
+                child._s = -child._s
+        self.index = self.skipped = 0
+        return SKIPPED if all_skipped else go
+
+    return tick
+
+
+def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
+    """Return the tick of an ``Indexed`` node that logs every state change."""
+
+    def tick(self: Any) -> int:
+        log = self.log
+        if self._s <= 0:
+            self.skipped = 0
+        if self._s != RUNNING:
+            self._s = RUNNING
+            log.append(self.ev[1])
+        pairs = self.pairs
+        index = self.index
+        count = len(pairs)
+        child = self
+        try:
+            while index < count:
+                run, child = pairs[index]
+                status = run()
+                if status != SKIPPED and child._s != status:
+                    if status not in (1, 2, 3):
+                        raise odd_status(status, child)
+                    if status == RUNNING and child.NEVER_RUNS:
+                        child.refuse_running()
+                    log.append(child.ev[status])
+                    child._s = status
+                if status == RUNNING:
+                    return RUNNING
+                if status == go:
+                    self.index = index = index + 1
+                elif status == stop:
+                    self.reset_children()
+                    self.index = 0
+                    return stop
+                else:
+                    self.index = index = index + 1
+                    self.skipped += 1
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, child) from error
+        all_skipped = self.skipped == count
+        for _, child in pairs:
+            if child._s > 0:
+                log.append(child.ev[0])
+                child._s = -child._s
+        self.index = self.skipped = 0
+        return SKIPPED if all_skipped else go
+
+    return tick

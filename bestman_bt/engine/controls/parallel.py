@@ -1,0 +1,128 @@
+"""Parallel and ParallelAll: children side by side, within one thread."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from py_trees import composites
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.controls.base import NATIVE_POLICY, Control
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+
+
+def _threshold(count: int, children: int) -> int:
+    """Return how many children ``count`` means; a negative one counts from the number of children."""
+    return max(children + count + 1, 0) if count < 0 else count
+
+
+class Parallel(Control, composites.Parallel):
+    """Ticks all children that are not done; decides by how many succeeded and failed, and halts the rest."""
+
+    INPUT_PORTS = {
+        "success_count": PortInformation(
+            int, False, "number of children that need to succeed to trigger a SUCCESS", -1
+        ),
+        "failure_count": PortInformation(int, False, "number of children that need to fail to trigger a FAILURE", 1),
+    }
+    policy: Any = NATIVE_POLICY
+
+    def on_load(self) -> None:
+        """Begin with no child done."""
+        self._clear()
+
+    def _clear(self) -> None:
+        self.done: set[int] = set()
+        self.succeeded = 0
+        self.failed = 0
+
+    def halt(self) -> None:
+        """Forget which children are done."""
+        self._clear()
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick every child that is not done, in order."""
+        children = self.nodes_below()
+        success_count = self.get_input("success_count")
+        needed = _threshold(success_count, len(children))
+        tolerated = _threshold(self.get_input("failure_count"), len(children))
+        if len(children) < needed:
+            raise self.error(f"success_count is {needed} but there are {len(children)} children; it cannot succeed")
+        if len(children) < tolerated:
+            raise self.error(f"failure_count is {tolerated} but there are {len(children)} children; it cannot fail")
+        self.set_state(RUNNING)
+        skipped = 0
+        for index, child in enumerate(children):
+            if index not in self.done:
+                status = child.execute_tick()
+                if status == SKIPPED:
+                    skipped += 1
+                elif status == SUCCESS:
+                    self.done.add(index)
+                    self.succeeded += 1
+                elif status == FAILURE:
+                    self.done.add(index)
+                    self.failed += 1
+            if self.succeeded >= needed or (success_count < 0 and self.succeeded + skipped >= needed):
+                return self._end(SUCCESS)
+            if len(children) - self.failed < needed or self.failed == tolerated:
+                return self._end(FAILURE)
+        return SKIPPED if skipped == len(children) else RUNNING
+
+    def _end(self, status: int) -> int:
+        self._clear()
+        self.reset_children()
+        return status
+
+
+class ParallelAll(Control, composites.Parallel):
+    """Ticks all children until each is done; FAILURE where at least ``max_failures`` failed."""
+
+    INPUT_PORTS = {
+        "max_failures": PortInformation(
+            int,
+            False,
+            "If the number of children returning FAILURE exceeds this value, ParallelAll returns FAILURE",
+            1,
+        )
+    }
+    policy: Any = NATIVE_POLICY
+
+    def on_load(self) -> None:
+        """Begin with no child done."""
+        self.done: set[int] = set()
+        self.failed = 0
+
+    def halt(self) -> None:
+        """Forget which children are done."""
+        self.done = set()
+        self.failed = 0
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick every child that is not done, in order."""
+        children = self.nodes_below()
+        tolerated = _threshold(self.get_input("max_failures"), len(children))
+        if len(children) < tolerated:
+            raise self.error(f"max_failures is {tolerated} but there are {len(children)} children; it cannot fail")
+        self.set_state(RUNNING)
+        skipped = 0
+        for index, child in enumerate(children):
+            if index in self.done:
+                continue
+            status = child.execute_tick()
+            if status == SKIPPED:
+                skipped += 1
+            elif status != RUNNING:
+                self.done.add(index)
+                self.failed += status == FAILURE
+        if skipped == len(children):
+            return SKIPPED
+        if skipped + len(self.done) < len(children):
+            return RUNNING
+        self.reset_children()
+        status = FAILURE if self.failed >= tolerated else SUCCESS
+        self.done = set()
+        self.failed = 0
+        return status

@@ -1,0 +1,55 @@
+"""The base of nodes with one child."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import py_trees
+
+from bestman_bt.engine.node import Node, Tick
+from bestman_bt.engine.status import SKIPPED
+
+
+class Decorator(Node, py_trees.decorators.Decorator):
+    """A node with one child: implement ``on_tick()`` with ``self.child.execute_tick()`` and ``reset_child()``."""
+
+    KIND: ClassVar[str] = "Decorator"
+    RESETS_CHILD: ClassVar[bool] = False
+    """True where the tick never leaves a finished child behind, so that nobody has to look for one."""
+
+    @property
+    def child(self) -> Node:
+        """The child."""
+        return self.nodes_below()[0]
+
+    if not TYPE_CHECKING:
+
+        @property
+        def decorated(self):
+            """The child, by py_trees' name."""
+            return self.children[0]
+
+    def reset_child(self) -> None:
+        """Halt the child if it runs, and make it idle."""
+        self.halt_child(self.child)
+
+    def bind_children(self, log: list[Any] | None) -> None:
+        """Pair the child with what it is called by."""
+        child = self.child
+        self.only = (child.run, child)
+
+    def bound(self, core: Tick) -> Tick:
+        """Make a finished child idle after the node has its own status, as v4 orders it."""
+        if self.RESETS_CHILD:
+            return core
+
+        def run() -> int:
+            status = core()
+            child = self.child
+            if child._s > 1:
+                if status != SKIPPED:
+                    self.set_state(status)
+                child.reset_status()
+            return status
+
+        return run

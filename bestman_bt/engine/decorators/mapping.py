@@ -1,0 +1,99 @@
+"""Inverter, ForceSuccess and ForceFailure: the child's result, changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.node import odd_status, wrapped
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+
+
+def mapping_tick_bare(on_success: int, on_failure: int) -> Callable[[Any], int]:
+    """Return the tick of a decorator that maps its child's result, while nobody listens."""
+
+    def tick(self: Any) -> int:
+        self._s = RUNNING
+        run, child = self.only
+        try:
+            status = run()
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, child) from error
+        if status == SUCCESS:
+            child._s = -SUCCESS
+            return on_success
+        if status == FAILURE:
+            child._s = -FAILURE
+            return on_failure
+        if status == RUNNING:
+            if child.NEVER_RUNS:
+                child.refuse_running()
+            child._s = RUNNING
+        elif status != SKIPPED:
+            raise odd_status(status, child)
+        return int(status)
+
+    return tick
+
+
+def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int]:
+    """Return the same tick, logging every state change."""
+
+    def tick(self: Any) -> int:
+        log = self.log
+        if self._s != RUNNING:
+            self._s = RUNNING
+            log.append(self.ev[1])
+        run, child = self.only
+        try:
+            status = run()
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, child) from error
+        if status == SUCCESS or status == FAILURE:
+            events = child.ev
+            if child._s != status:
+                log.append(events[status])
+            log.append(events[0])
+            child._s = -status
+            return on_success if status == SUCCESS else on_failure
+        if status == RUNNING:
+            if child.NEVER_RUNS:
+                child.refuse_running()
+            if child._s != RUNNING:
+                child._s = RUNNING
+                log.append(child.ev[1])
+        elif status != SKIPPED:
+            raise odd_status(status, child)
+        return int(status)
+
+    return tick
+
+
+class Inverter(Decorator):
+    """SUCCESS becomes FAILURE and FAILURE becomes SUCCESS."""
+
+    RESETS_CHILD = True
+    tick_bare = mapping_tick_bare(FAILURE, SUCCESS)
+    tick_traced = mapping_tick_traced(FAILURE, SUCCESS)
+
+
+class ForceSuccess(Decorator):
+    """SUCCESS, whatever the child's result is."""
+
+    RESETS_CHILD = True
+    tick_bare = mapping_tick_bare(SUCCESS, SUCCESS)
+    tick_traced = mapping_tick_traced(SUCCESS, SUCCESS)
+
+
+class ForceFailure(Decorator):
+    """FAILURE, whatever the child's result is."""
+
+    RESETS_CHILD = True
+    tick_bare = mapping_tick_bare(FAILURE, FAILURE)
+    tick_traced = mapping_tick_traced(FAILURE, FAILURE)

@@ -1,0 +1,99 @@
+"""Repeat, RetryUntilSuccessful and KeepRunningUntilFailure: the child, again and again."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+
+
+class _Counting(Decorator):
+    AGAIN: ClassVar[int]
+    """The child's result that is counted; the other one ends the node."""
+    PORT: ClassVar[str]
+    RESETS_CHILD = True
+
+    def on_load(self) -> None:
+        """Begin to count at zero."""
+        self.count = 0
+
+    def halt(self) -> None:
+        """Forget the count."""
+        self.count = 0
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick the child until it runs, ends the node, or the count is reached.
+
+        Between two rounds that each took one tick the node returns RUNNING and wakes the loop.
+        """
+        child = self.child
+        limit = self.get_input(self.PORT)
+        again = self.count < limit or limit == -1
+        self.set_state(RUNNING)
+        while again:
+            was_idle = child._s <= IDLE
+            status = child.execute_tick()
+            if status == RUNNING:
+                return RUNNING
+            if status == SKIPPED:
+                self.reset_child()
+                return SKIPPED
+            if status != self.AGAIN:
+                self.count = 0
+                self.reset_child()
+                return status
+            self.count += 1
+            if self.AGAIN == FAILURE:
+                limit = self.get_input(self.PORT)
+            again = self.count < limit or limit == -1
+            self.reset_child()
+            if was_idle and again:
+                self.wake_up()
+                return RUNNING
+        self.count = 0
+        return self.AGAIN
+
+
+class Repeat(_Counting):
+    """Ticks a child that succeeds up to ``num_cycles`` times (-1: for ever); fails when the child fails."""
+
+    INPUT_PORTS = {
+        "num_cycles": PortInformation(
+            int, True, "Repeat a successful child up to N times. Use -1 to create an infinite loop."
+        )
+    }
+    AGAIN = SUCCESS
+    PORT = "num_cycles"
+
+
+class RetryUntilSuccessful(_Counting):
+    """Ticks a child that fails up to ``num_attempts`` times (-1: for ever); succeeds when the child does."""
+
+    INPUT_PORTS = {
+        "num_attempts": PortInformation(
+            int, True, "Execute again a failing child up to N times. Use -1 to create an infinite loop."
+        )
+    }
+    AGAIN = FAILURE
+    PORT = "num_attempts"
+
+
+class KeepRunningUntilFailure(Decorator):
+    """RUNNING until the child fails."""
+
+    RESETS_CHILD = True
+
+    def on_tick(self) -> int:
+        """Tick the child once."""
+        self.set_state(RUNNING)
+        status = self.child.execute_tick()
+        if status == FAILURE:
+            self.reset_child()
+            return FAILURE
+        if status == SUCCESS:
+            self.reset_child()
+        return RUNNING

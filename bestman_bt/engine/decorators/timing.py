@@ -1,0 +1,73 @@
+"""Timeout and Delay. Both read the tree's clock when they are ticked; no timer thread is involved."""
+
+from __future__ import annotations
+
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
+
+
+class Timeout(Decorator):
+    """Halts its child and fails when the child still runs ``msec`` after the node started (0: never)."""
+
+    INPUT_PORTS = {
+        "msec": PortInformation(int, True, "After a certain amount of time, halt() the child if it is still running.")
+    }
+    RESETS_CHILD = True
+
+    def on_load(self) -> None:
+        """Begin with no time running."""
+        self.started: float | None = None
+
+    def halt(self) -> None:
+        """Forget when it started."""
+        self.started = None
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Fail if the time is over, else tick the child."""
+        duration = self.get_input("msec") * 1e-3
+        if self.started is None:
+            self.started = self.clock.now()
+            self.set_state(RUNNING)
+        child = self.child
+        if duration > 0 and child._s == RUNNING and self.clock.now() - self.started >= duration:
+            self.reset_child()
+            self.started = None
+            self.feedback_message = f"timed out after {duration:g} s"
+            return FAILURE
+        status = child.execute_tick()
+        if status == SUCCESS or status == FAILURE:
+            self.started = None
+            self.reset_child()
+        return status
+
+
+class Delay(Decorator):
+    """Ticks its child ``delay_msec`` after the node started; RUNNING until then."""
+
+    INPUT_PORTS = {"delay_msec": PortInformation(int, True, "Tick the child after a few milliseconds")}
+    RESETS_CHILD = True
+
+    def on_load(self) -> None:
+        """Begin with no time running."""
+        self.started: float | None = None
+
+    def halt(self) -> None:
+        """Forget when it started."""
+        self.started = None
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick the child once the time is over."""
+        if self.started is None:
+            self.started = self.clock.now()
+            self.set_state(RUNNING)
+        if self.clock.now() - self.started < self.get_input("delay_msec") * 1e-3:
+            return RUNNING
+        status = self.child.execute_tick()
+        if status == SUCCESS or status == FAILURE:
+            self.started = None
+            self.reset_child()
+        return status

@@ -1,0 +1,65 @@
+"""The leaves that skills derive from: a synchronous action, a condition, and a stateful action."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.behaviour import Behaviour
+
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.status import IDLE, RUNNING
+
+
+class Leaf(Node, Behaviour):
+    """A node without children."""
+
+    def halt(self) -> None:
+        """Become idle."""
+        self.reset_status()
+
+
+class SyncAction(Leaf):
+    """An action that is done within one tick: implement ``on_tick() -> int`` (SUCCESS, FAILURE or SKIPPED)."""
+
+    NEVER_RUNS = True
+
+
+class Condition(Leaf):
+    """A question: implement ``on_tick() -> int`` (SUCCESS for yes, FAILURE for no), without side effects."""
+
+    KIND: ClassVar[str] = "Condition"
+    NEVER_RUNS = True
+
+
+class StatefulAction(Leaf):
+    """An action that takes several ticks.
+
+    Implement ``on_start()`` (the first tick), ``on_running()`` (the ticks after it while RUNNING) and
+    ``on_halted()`` (somebody interrupts it: leave nothing moving).
+    """
+
+    def on_start(self) -> int:
+        """Begin, and return RUNNING, or a result that is known at once."""
+        raise NotImplementedError(f"{type(self).__name__} does not define on_start()")
+
+    def on_running(self) -> int:
+        """Look whether it is done; RUNNING if not."""
+        raise NotImplementedError(f"{type(self).__name__} does not define on_running()")
+
+    def on_halted(self) -> None:
+        """Stop what was begun. It is not called when the action ended by itself."""
+
+    def on_tick(self) -> int:
+        """Call ``on_start`` or ``on_running``; a result that nobody reset yet is returned again."""
+        code = self._s
+        if code <= IDLE:
+            return self.on_start()
+        if code == RUNNING:
+            return self.on_running()
+        return code
+
+    def halt(self) -> None:
+        """Call ``on_halted`` if the action runs, and become idle."""
+        if self._s == RUNNING:
+            self.on_halted()
+        self.reset_status()

@@ -1,0 +1,536 @@
+"""The base of every node: a py_trees behaviour with the tick, halt and status rules of BehaviorTree.CPP v4.
+
+Two statuses. The engine's own is one integer, ``_s``: 1 RUNNING, 2 SUCCESS, 3 FAILURE, and when the node is idle
+0, or -2/-3 to remember its last result. ``state`` and py_trees' ``status`` are views of it.
+
+A parent calls ``child.run()`` and stores the status that comes back. ``bind`` alone decides what ``run`` is: the
+node's bare tick, the traced one while somebody listens, or one wrapped in conditions and hooks.
+"""
+
+from __future__ import annotations
+
+import typing
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import py_trees
+from py_trees.behaviour import Behaviour
+from py_trees.common import BlackBoxLevel
+from py_trees.common import Status as PyTreesStatus
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.lazy import Lazy
+from bestman_bt.engine.ports import make_reader, make_writer
+from bestman_bt.engine.status import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SKIPPED,
+    STATUS_NAMES,
+    SUCCESS,
+    TO_PY_TREES,
+    from_py_trees,
+)
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.blackboard import Blackboard
+    from bestman_bt.engine.clock import Clock
+    from bestman_bt.engine.registry import NodeInfo
+    from bestman_bt.engine.tree import Tree
+
+    _Base = Behaviour
+else:
+    _Base = object
+
+Tick = Callable[[], int]
+PreTick = Callable[["Node"], "int | None"]
+PostTick = Callable[["Node", int], "int | None"]
+
+
+class Conditions:
+    """The compiled scripts around one node's tick: ``_skipIf`` and the like before, ``_onSuccess`` after."""
+
+    __slots__ = ("on_failure", "on_halted", "on_success", "post", "pre")
+
+    def __init__(self) -> None:
+        self.pre: list[tuple[str, Callable[[], bool]]] = []
+        self.on_success: Callable[[], Any] | None = None
+        self.on_failure: Callable[[], Any] | None = None
+        self.on_halted: Callable[[], Any] | None = None
+        self.post: Callable[[], Any] | None = None
+
+
+class Hooks:
+    """The callbacks around one node's tick; a status that they return replaces the tick's."""
+
+    __slots__ = ("monitor", "post", "pre")
+
+    def __init__(self) -> None:
+        self.pre: list[PreTick] = []
+        self.post: list[PostTick] = []
+        self.monitor: list[PostTick] = []
+
+
+class Node(_Base):
+    """Base of all nodes.
+
+    Write leaves on ``SyncAction``, ``StatefulAction`` or ``Condition``, parents on ``Control`` or ``Decorator``.
+    State that a node needs is made in ``on_load``, when ports and context are there.
+    """
+
+    __slots__ = ("_s", "conditions", "core", "ev", "log", "only", "pairs", "run")
+
+    INPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
+    OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
+    KIND: ClassVar[str] = "Action"
+    NEVER_RUNS: ClassVar[bool] = False
+    """True for leaves that must not return RUNNING."""
+
+    tick_bare: ClassVar[Callable[..., int] | None] = None
+    """The tick while nobody listens, where a class has a faster one than ``on_tick``."""
+    tick_traced: ClassVar[Callable[..., int] | None] = None
+    """The same, logging every state change."""
+
+    _s: int
+    run: Tick
+    core: Tick
+    log: list[Any] | None
+    ev: tuple[int, int, int, int]
+    pairs: list[tuple[Tick, Node]]
+    only: tuple[Tick, Node]
+    conditions: Conditions | None
+
+    uid: int = 0
+    tree: Tree | None = None
+    info: NodeInfo | None = None
+    board: Blackboard
+    prefix: str = ""
+    line: int = 0
+    file: str = ""
+    attributes: dict[str, Any]
+    hooks: Hooks | None = None
+    _readers: dict[str, Callable[[], Any]] | None = None
+    _writers: dict[str, Callable[[Any], None]] | None = None
+
+    # py_trees' own attributes. Those that cost time or memory are made when somebody reads them.
+    children: list[Behaviour]
+    parent: Behaviour | None = None
+    feedback_message: str = ""
+    blackbox_level: BlackBoxLevel = BlackBoxLevel.NOT_A_BLACKBOX
+    if not TYPE_CHECKING:
+        current_child = None
+        memory = True
+        id = Lazy(lambda node: uuid.uuid4())
+        blackboards = Lazy(lambda node: [])
+        qualified_name = Lazy(lambda node: f"{type(node).__qualname__}/{node.name}")
+        iterator = Lazy(lambda node: node.tick())
+        logger = Lazy(lambda node: py_trees.logging.Logger(node.name))
+        path = Lazy(lambda node: node.full_path())
+    else:
+        path: str
+
+    def __init__(self, *args: Any, name: str | None = None, **attributes: Any) -> None:
+        name, children = split_arguments(type(self), args, name, attributes)
+        self.prepare(name or type(self).__name__, attributes, children)
+
+    def prepare(self, name: str, attributes: dict[str, Any], children: list[Any]) -> None:
+        """Set what every node has from the start; the loader calls it in place of the constructor."""
+        self.name = name
+        self._s = 0
+        self.attributes = attributes
+        self.children = children
+        self.conditions = None
+        for child in children:
+            child.parent = self
+
+    # ---- what a node offers to the code inside it
+
+    def on_load(self) -> None:  # noqa: B027
+        """Do once what must precede the first tick; ports, blackboard, context and clock are there."""
+
+    def on_tick(self) -> int:
+        """Do one tick and return a status."""
+        raise NotImplementedError(f"{type(self).__name__} does not define on_tick()")
+
+    def halt(self) -> None:
+        """Interrupt the node: children first, then itself."""
+        self.reset_children()
+        self.reset_status()
+
+    @property
+    def owner(self) -> Tree:
+        """The tree that this node belongs to."""
+        if self.tree is None:
+            raise NodeError("the node is not part of a tree yet; build one with build_tree()", node=self.name)
+        return self.tree
+
+    @property
+    def context(self) -> Any:
+        """Whatever the application handed over when the tree was loaded."""
+        return self.owner.context
+
+    @property
+    def clock(self) -> Clock:
+        """The tree's clock."""
+        return self.owner.clock
+
+    def wake_up(self) -> None:
+        """End the tick loop's sleep: the tree is ticked again at once. May be called from any thread."""
+        self.owner.wake_up()
+
+    def get_input(self, port: str) -> Any:
+        """Return the value of an input port, converted to the port's type.
+
+        An optional port without a value gives its default, else None.
+
+        Raises:
+            NodeError: a required port has no value, or one of another type.
+        """
+        readers = self._readers
+        if readers is None:
+            readers = self._readers = {}
+        reader = readers.get(port)
+        if reader is None:
+            reader = readers[port] = make_reader(self, port)
+        return reader()
+
+    def set_output(self, port: str, value: Any) -> None:
+        """Write a value to the blackboard entry that an output port is mapped to; nothing if it is not mapped.
+
+        Raises:
+            NodeError: the node has no such output port, or the value does not fit its type.
+        """
+        writers = self._writers
+        if writers is None:
+            writers = self._writers = {}
+        writer = writers.get(port)
+        if writer is None:
+            writer = writers[port] = make_writer(self, port)
+        writer(value)
+
+    def error(self, message: str) -> NodeError:
+        """Return a ``NodeError`` that names this node."""
+        return NodeError(message, node=self.path, node_type=self.type_id)
+
+    @property
+    def type_id(self) -> str:
+        """The name that the node's class is registered by."""
+        return self.info.name if self.info is not None else type(self).__name__
+
+    def full_path(self) -> str:
+        """Return the path: the SubTrees on the way, then the name (with ``::uid`` where it is the type's)."""
+        suffix = f"::{self.uid}" if self.name == self.type_id and self.uid else ""
+        return self.prefix + self.name + suffix
+
+    # ---- the two statuses
+
+    @property
+    def state(self) -> int:
+        """The engine's status: IDLE, RUNNING, SUCCESS or FAILURE."""
+        code = self._s
+        return code if code > 0 else IDLE
+
+    @property
+    def last_result(self) -> int:
+        """What an idle node returned last (IDLE if nothing, or if it was halted), else its state."""
+        return abs(self._s)
+
+    if not TYPE_CHECKING:
+
+        @property
+        def status(self) -> PyTreesStatus:
+            """py_trees' view of the state; an idle node shows its last result."""
+            return TO_PY_TREES[self._s]
+
+        @status.setter
+        def status(self, value: PyTreesStatus) -> None:
+            self._s = from_py_trees(value)
+
+    def set_state(self, state: int) -> None:
+        """Store a status that is not IDLE, and log the change."""
+        if self._s != state:
+            if state not in (RUNNING, SUCCESS, FAILURE):
+                raise self.error(describe_bad_status(state))
+            self._s = state
+            if self.log is not None:
+                self.log.append(self.ev[state])
+
+    def reset_status(self) -> None:
+        """Become idle, and log the change."""
+        code = self._s
+        if code > 0:
+            self._s = 0 if code == RUNNING else -code
+            if self.log is not None:
+                self.log.append(self.ev[0])
+
+    # ---- what parents do with children
+
+    def execute_tick(self) -> int:
+        """Tick this node and store the status that comes back; what parents do in the general form."""
+        try:
+            status = self.run()
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, self) from error
+        if status != SKIPPED:
+            if status == RUNNING and self.NEVER_RUNS:
+                self.refuse_running()
+            self.set_state(status)
+        return status
+
+    def refuse_running(self) -> None:
+        """Raise the error for a synchronous leaf that returned RUNNING."""
+        raise self.error("it must not return RUNNING; derive it from StatefulAction")
+
+    def halt_node(self) -> None:
+        """Interrupt the node, then run its ``_onHalted`` script."""
+        self.halt()
+        if self.conditions is not None and self.conditions.on_halted is not None:
+            self.conditions.on_halted()
+
+    def halt_child(self, child: Node) -> None:
+        """Halt a child if it runs, and make it idle."""
+        code = child._s
+        if code > 0:
+            if code == RUNNING:
+                child.halt_node()
+            child.reset_status()
+
+    def reset_children(self) -> None:
+        """Halt the children that run and make all of them idle, in order."""
+        for child in self.children:
+            self.halt_child(child)  # type: ignore[arg-type]
+
+    def nodes_below(self) -> list[Node]:
+        """Return the children as engine nodes."""
+        return self.children  # type: ignore[return-value]
+
+    # ---- which method a parent calls
+
+    def bind(self, log: list[Any] | None, visited: list[Node] | None) -> None:
+        """Choose ``run``; children are bound before their parent.
+
+        Args:
+            log: receives ``uid * 8 + state`` for every state change; None while nobody listens.
+            visited: receives every node that was ticked, for py_trees' visitors; None without them.
+        """
+        self.log = log
+        fast = self.tick_bare if log is None else self.tick_traced
+        core: Tick = self.on_tick if fast is None else fast
+        if log is not None:
+            base = self.uid * 8
+            self.ev = (base, base + 1, base + 2, base + 3)
+        hooks = self.hooks
+        if hooks is not None and (hooks.pre or hooks.monitor):
+            core = self._with_pre_hooks(core, hooks)
+        if self.conditions is not None:
+            self.core = core
+            core = self._run_with_conditions
+        if hooks is not None and hooks.post:
+            core = self._with_post_hooks(core, hooks)
+        self.bind_children(log)
+        core = self.bound(core)
+        if visited is not None:
+            core = self._with_visits(core, visited)
+        self.run = core
+
+    def bind_children(self, log: list[Any] | None) -> None:
+        """Collect what this node calls its children by."""
+
+    def bound(self, core: Tick) -> Tick:
+        """Return ``core`` with whatever the node's kind needs around it."""
+        return core
+
+    def _with_visits(self, core: Tick, visited: list[Node]) -> Tick:
+        def run() -> int:
+            status = core()
+            visited.append(self)
+            return status
+
+        return run
+
+    def _with_pre_hooks(self, core: Tick, hooks: Hooks) -> Tick:
+        def run() -> int:
+            if self._s <= RUNNING:
+                for before in hooks.pre:
+                    replaced = before(self)
+                    if replaced in (SUCCESS, FAILURE, SKIPPED):
+                        return int(replaced)
+            status = core()
+            for watch in hooks.monitor:
+                watch(self, status)
+            return status
+
+        return run
+
+    def _with_post_hooks(self, core: Tick, hooks: Hooks) -> Tick:
+        def run() -> int:
+            status = core()
+            for after in hooks.post:
+                replaced = after(self, status)
+                if replaced in (SUCCESS, FAILURE):
+                    status = int(replaced)
+            return status
+
+        return run
+
+    def _run_with_conditions(self) -> int:
+        conditions = self.conditions
+        assert conditions is not None
+        status = -1
+        if conditions.pre:
+            code = self._s
+            if code <= 0:
+                for kind, holds in conditions.pre:
+                    if holds():
+                        if kind == "_skipIf":
+                            status = SKIPPED
+                        elif kind == "_failureIf":
+                            status = FAILURE
+                        elif kind == "_successIf":
+                            status = SUCCESS
+                        else:
+                            continue
+                        break
+                    if kind == "_while":
+                        status = SKIPPED
+                        break
+            elif code == RUNNING:
+                kind, holds = conditions.pre[-1]
+                if kind == "_while" and not holds():
+                    self.halt_node()
+                    status = SKIPPED
+        if status < 0:
+            status = self.core()
+        if status == SUCCESS:
+            if conditions.on_success is not None:
+                conditions.on_success()
+            if conditions.post is not None:
+                conditions.post()
+        elif status == FAILURE:
+            if conditions.on_failure is not None:
+                conditions.on_failure()
+            if conditions.post is not None:
+                conditions.post()
+        return status
+
+    # ---- hooks
+
+    def add_pre_tick(self, callback: PreTick) -> None:
+        """Call ``callback(node)`` before each tick; a SUCCESS, FAILURE or SKIPPED from it replaces the tick."""
+        self._hooked().pre.append(callback)
+        self.owner.rebind()
+
+    def add_post_tick(self, callback: PostTick) -> None:
+        """Call ``callback(node, status)`` after each tick; a SUCCESS or FAILURE from it replaces the status."""
+        self._hooked().post.append(callback)
+        self.owner.rebind()
+
+    def add_tick_monitor(self, callback: PostTick) -> None:
+        """Call ``callback(node, status)`` after each real tick, before the post-tick callbacks."""
+        self._hooked().monitor.append(callback)
+        self.owner.rebind()
+
+    def remove_hook(self, callback: Callable[..., Any]) -> None:
+        """Remove a callback wherever it was added."""
+        hooks = self._hooked()
+        for kind in (hooks.pre, hooks.post, hooks.monitor):
+            while callback in kind:
+                kind.remove(callback)
+        if not (hooks.pre or hooks.post or hooks.monitor):
+            self.hooks = None
+        self.owner.rebind()
+
+    def _hooked(self) -> Hooks:
+        if self.hooks is None:
+            self.hooks = Hooks()
+        return self.hooks
+
+    # ---- py_trees' side
+
+    def tick(self) -> Iterator[Behaviour]:
+        """Tick as a py_trees behaviour: everything happens at once, then the visited nodes are yielded."""
+        yield from self.standalone_tree().tick_as_behaviour(self)
+
+    def standalone_tree(self) -> Tree:
+        """Return the node's tree; a node that has none, under a native py_trees composite, gets its own."""
+        if self.tree is None:
+            from bestman_bt.engine.authoring import build_tree
+
+            parent = self.parent
+            build_tree(self)
+            self.parent = parent
+        return self.owner
+
+    def stop(self, new_status: PyTreesStatus = PyTreesStatus.INVALID) -> None:
+        """Stop as a py_trees behaviour: halt if running, and become idle."""
+        if self.tree is not None:
+            if self._s == RUNNING:
+                self.halt_node()
+            self.reset_status()
+        if new_status is PyTreesStatus.INVALID:
+            self._s = 0
+        else:
+            self._s = from_py_trees(new_status)
+
+    def update(self) -> PyTreesStatus:
+        """Return the current status; the engine does not call it."""
+        return self.status
+
+    def tip(self) -> Behaviour | None:
+        """Return the deepest node that runs or decided last, as py_trees does."""
+        for child in self.children:
+            if child.status == PyTreesStatus.RUNNING:
+                return typing.cast(Behaviour, child.tip()) if hasattr(child, "tip") else child
+        if self.status == PyTreesStatus.INVALID:
+            return None
+        decided = [c for c in self.children if c.status == self.status]
+        if decided and hasattr(decided[-1], "tip"):
+            return decided[-1].tip() or self
+        return self
+
+
+def describe_bad_status(status: object) -> str:
+    """Return what to tell the author of a node that returned something odd."""
+    if isinstance(status, int) and status == IDLE:
+        return "its tick returned IDLE; SUCCESS, FAILURE, RUNNING or SKIPPED are accepted"
+    if isinstance(status, PyTreesStatus):
+        return f"its tick returned py_trees' {status}; return bestman_bt.engine's {status.name} instead"
+    return f"its tick returned {status!r}; one of {', '.join(STATUS_NAMES[1:])} is accepted"
+
+
+def wrapped(error: Exception, node: Node) -> NodeError:
+    """Return a ``NodeError`` that says in which node ``error`` was raised."""
+    text = str(error) or type(error).__name__
+    if type(error).__module__.startswith("bestman_bt.engine"):
+        return node.error(text)
+    return node.error(f"{type(error).__name__}: {text}")
+
+
+def odd_status(status: object, child: Node) -> NodeError:
+    """Return the error for a status that no parent accepts."""
+    return child.error(describe_bad_status(status))
+
+
+def split_arguments(
+    cls: type[Node], args: tuple[Any, ...], name: str | None, attributes: dict[str, Any]
+) -> tuple[str | None, list[Any]]:
+    """Sort the positional arguments of a node made in Python into its name and its children."""
+    children: list[Any] = []
+    for argument in args:
+        if isinstance(argument, str) and name is None:
+            name = argument
+        elif isinstance(argument, Behaviour):
+            children.append(argument)
+        elif isinstance(argument, (list, tuple)) and all(isinstance(c, Behaviour) for c in argument):
+            children.extend(argument)
+        else:
+            raise TypeError(f"{cls.__name__} takes a name and children but got {argument!r}")
+    children.extend(attributes.pop("children", ()))
+    child = attributes.pop("child", None)
+    if child is not None:
+        children.append(child)
+    return name, children

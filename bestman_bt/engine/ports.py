@@ -1,0 +1,160 @@
+"""Ports: declared on classes with py_trees' ``PortInformation``, merged along the inheritance, read and written here.
+
+An attribute ``{key}`` maps a port to a blackboard entry (``{=}`` to the entry of the port's own name);
+anything else is a literal. Literals are converted once; entries are resolved to their slot once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.conversion import UNTYPED, cast, type_name
+from bestman_bt.engine.errors import BlackboardError, ConversionError
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.blackboard import Slot
+    from bestman_bt.engine.node import Node
+
+
+@dataclass(frozen=True, slots=True)
+class Port:
+    """One declared port; ``direction`` is ``input``, ``output`` or ``inout``."""
+
+    name: str
+    direction: str
+    data_type: Any
+    required: bool
+    default: Any
+    description: str
+
+    @property
+    def type_name(self) -> str:
+        """A readable name of the port's type."""
+        return type_name(self.data_type)
+
+
+def declared_ports(cls: type[Node]) -> dict[str, Port]:
+    """Return the ports of a class, its bases' first; a name among inputs and outputs is one inout port."""
+    inputs: dict[str, PortInformation] = {}
+    outputs: dict[str, PortInformation] = {}
+    for base in reversed(cls.__mro__):
+        inputs.update(vars(base).get("INPUT_PORTS", {}))
+        outputs.update(vars(base).get("OUTPUT_PORTS", {}))
+    ports: dict[str, Port] = {}
+    for name, information in {**inputs, **outputs}.items():
+        if name in inputs:
+            direction = "inout" if name in outputs else "input"
+            information = inputs[name]
+        else:
+            direction = "output"
+        ports[name] = Port(
+            name,
+            direction,
+            information.data_type,
+            information.required and not information.has_default,
+            information.default_value,
+            information.description,
+        )
+    return ports
+
+
+def key_of(attribute: Any, port: str) -> str | None:
+    """Return the blackboard key that an attribute maps ``port`` to; None for a literal."""
+    if attribute.__class__ is not str or len(attribute) < 3:
+        return port if attribute == "=" else None
+    text = attribute if attribute[0] == "{" and attribute[-1] == "}" else attribute.strip(" ")
+    if len(text) >= 3 and text[0] == "{" and text[-1] == "}":
+        key = text[1:-1]
+        return port if key == "=" else key
+    return None
+
+
+def make_reader(node: Node, name: str) -> Callable[[], Any]:
+    """Return the function that reads an input port of a loaded node."""
+    ports: Mapping[str, Port] = node.owner.info_of(node).ports
+    port = ports.get(name)
+    if port is None or port.direction == "output":
+        known = ", ".join(p.name for p in ports.values() if p.direction != "output") or "none"
+        raise node.error(f"it has no input port '{name}' (its input ports: {known})")
+    attribute = node.attributes.get(name)
+    if attribute is None:
+        if port.required:
+            raise node.error(f"port '{name}' is required but not given")
+        default = port.default
+        if isinstance(default, str) and key_of(default, name) is not None:
+            attribute = default
+        else:
+            return lambda: default
+    key = key_of(attribute, name)
+    if key is None:
+        return _constant(node, port, attribute)
+    return _entry_reader(node, port, node.board.slot(key), key)
+
+
+def _constant(node: Node, port: Port, attribute: Any) -> Callable[[], Any]:
+    try:
+        value = cast(attribute, port.data_type, node.board.store.converters)
+    except ConversionError as error:
+        raise node.error(f"port '{port.name}': {error}") from error
+    return lambda: value
+
+
+def _entry_reader(node: Node, port: Port, slot: Slot, key: str) -> Callable[[], Any]:
+    data_type = port.data_type
+    converters = slot.store.converters
+    untyped = data_type in UNTYPED
+    exact = data_type if isinstance(data_type, type) else None
+    default = port.default
+
+    def read() -> Any:
+        value = slot.value
+        if value is None:
+            if port.required:
+                raise node.error(f"port '{port.name}': the entry '{{{key}}}' has no value yet")
+            return default
+        if untyped or value.__class__ is exact:
+            return value
+        try:
+            return cast(value, data_type, converters)
+        except ConversionError as error:
+            raise node.error(f"port '{port.name}' from '{{{key}}}': {error}") from error
+
+    return read
+
+
+def make_writer(node: Node, name: str) -> Callable[[Any], None]:
+    """Return the function that writes an output port of a loaded node."""
+    ports: Mapping[str, Port] = node.owner.info_of(node).ports
+    port = ports.get(name)
+    if port is None or port.direction == "input":
+        known = ", ".join(p.name for p in ports.values() if p.direction != "input") or "none"
+        raise node.error(f"it has no output port '{name}' (its output ports: {known})")
+    attribute = node.attributes.get(name)
+    if attribute is None and isinstance(port.default, str):
+        attribute = port.default
+    if attribute is None:
+        return lambda value: None
+    key = key_of(attribute, name)
+    if key is None:
+        raise node.error(f"output port '{name}' must be mapped to an entry such as '{{{name}}}', not '{attribute}'")
+    return _entry_writer(node, port, node.board.slot(key))
+
+
+def _entry_writer(node: Node, port: Port, slot: Slot) -> Callable[[Any], None]:
+    data_type = port.data_type
+    converters = slot.store.converters
+    untyped = data_type in UNTYPED
+
+    def write(value: Any) -> None:
+        try:
+            if not untyped and value is not None:
+                value = cast(value, data_type, converters)
+            slot.assign(value, node)
+        except (ConversionError, BlackboardError) as error:
+            raise node.error(f"output port '{port.name}': {error}") from error
+
+    return write

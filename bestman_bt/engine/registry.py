@@ -1,0 +1,186 @@
+"""The node registry: which classes a tree file may name, and what is known of each (kind, ports, description)."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from bestman_bt.engine import catalogue
+from bestman_bt.engine.conversion import UNTYPED, Converter, ConverterRegistry
+from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.ports import Port, declared_ports
+
+
+class RegistryError(EngineError):
+    """A class cannot be registered, or a name is not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class NodeInfo:
+    """One entry of the palette.
+
+    ``kind`` is Action, Condition, Control, Decorator or SubTree; ``checks`` holds, for each typed input port, the
+    converter that its literals must pass.
+    """
+
+    name: str
+    cls: type[Node]
+    kind: str
+    ports: dict[str, Port]
+    description: str
+    required: tuple[str, ...]
+    checks: dict[str, Converter | None]
+    min_children: int
+    max_children: int | None
+    builtin: bool
+    custom_init: bool
+    custom_load: bool
+
+    @property
+    def inputs(self) -> list[Port]:
+        """The input and inout ports."""
+        return [port for port in self.ports.values() if port.direction != "output"]
+
+    @property
+    def outputs(self) -> list[Port]:
+        """The output and inout ports."""
+        return [port for port in self.ports.values() if port.direction != "input"]
+
+
+class NodeRegistry:
+    """Names to node classes. The whole catalogue of v4 is in it from the start."""
+
+    def __init__(self) -> None:
+        self.converters = ConverterRegistry()
+        self._infos: dict[str, NodeInfo] = {}
+        self._by_class: dict[type[Node], NodeInfo] = {}
+        for name, cls in catalogue.BUILTIN_NODES.items():
+            self._add(name, cls, builtin=True)
+
+    @property
+    def enums(self) -> dict[str, int]:
+        """The names that scripts and enum ports know, and their values."""
+        return self.converters.enums
+
+    def register(self, cls: type[Node], name: str | None = None) -> type[Node]:
+        """Make ``cls`` usable as ``name`` (by default the class's own name); returns it, to serve as decorator.
+
+        Raises:
+            RegistryError: ``cls`` is no node class, or the name belongs to another class.
+        """
+        if not (isinstance(cls, type) and issubclass(cls, Node)):
+            raise RegistryError(f"{cls!r} is not a subclass of bestman_bt.engine.Node")
+        name = name or getattr(cls, "NAME", None) or cls.__name__
+        known = self._infos.get(name)
+        if known is not None and known.cls is not cls:
+            raise RegistryError(f"'{name}' is registered already, as {known.cls.__module__}.{known.cls.__qualname__}")
+        self._add(name, cls, builtin=False)
+        return cls
+
+    def unregister(self, name: str) -> None:
+        """Forget a name that is not built in.
+
+        Raises:
+            RegistryError: it is built in or not known.
+        """
+        info = self.info(name)
+        if info.builtin:
+            raise RegistryError(f"'{name}' is built in and cannot be removed")
+        del self._infos[name]
+        self._by_class.pop(info.cls, None)
+
+    def register_enum(self, name: str, value: int) -> None:
+        """Make ``name`` a constant in scripts and in ports of enum types.
+
+        Raises:
+            RegistryError: it has another value already.
+        """
+        if self.enums.setdefault(name, value) != value:
+            raise RegistryError(f"the enum name '{name}' has the value {self.enums[name]} already, not {value}")
+
+    def _add(self, name: str, cls: type[Node], *, builtin: bool) -> NodeInfo:
+        info = make_info(name, cls, self.converters, builtin=builtin)
+        self._infos[name] = info
+        self._by_class.setdefault(cls, info)
+        return info
+
+    def info(self, name: str) -> NodeInfo:
+        """Return what is known of ``name``.
+
+        Raises:
+            RegistryError: it is not registered; the message suggests the closest name.
+        """
+        info = self._infos.get(name)
+        if info is None:
+            hint = self.suggest(name)
+            raise RegistryError(f"unknown node '{name}'" + (f"; did you mean '{hint}'?" if hint else ""))
+        return info
+
+    def info_of_class(self, cls: type[Node]) -> NodeInfo:
+        """Return what is known of a class; one that is not registered is described as it stands."""
+        info = self._by_class.get(cls)
+        if info is None:
+            name = getattr(cls, "NAME", None) or cls.__name__
+            info = self._by_class[cls] = make_info(name, cls, self.converters, builtin=False)
+        return info
+
+    def find(self, name: str) -> NodeInfo | None:
+        """Return what is known of ``name``, or None."""
+        return self._infos.get(name)
+
+    def suggest(self, name: str) -> str:
+        """Return the registered name closest to ``name``, or an empty text."""
+        return closest(name, self._infos)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._infos
+
+    def __iter__(self) -> Iterator[NodeInfo]:
+        return iter(self.manifest())
+
+    def manifest(self) -> list[NodeInfo]:
+        """Return the palette, sorted by name."""
+        return sorted(self._infos.values(), key=lambda info: info.name)
+
+
+def closest(name: str, known: Any) -> str:
+    """Return the item of ``known`` that is spelled most like ``name``, or an empty text."""
+    names = list(known)
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    if not matches:
+        lowered = {other.lower(): other for other in names}
+        matches = [lowered[m] for m in difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)]
+    return matches[0] if matches else ""
+
+
+def make_info(name: str, cls: type[Node], converters: ConverterRegistry, *, builtin: bool) -> NodeInfo:
+    """Describe a node class."""
+    ports = declared_ports(cls)
+    checks: dict[str, Converter | None] = {}
+    for port in ports.values():
+        if port.direction != "output" and port.data_type not in UNTYPED and port.data_type is not str:
+            checks[port.name] = converters.converter(port.data_type)
+    kind = cls.KIND
+    low, high = getattr(cls, "MIN_CHILDREN", 0), getattr(cls, "MAX_CHILDREN", None)
+    if kind == "Decorator":
+        low, high = 1, 1
+    elif kind in ("Action", "Condition", "SubTree"):
+        low, high = 0, 0
+    return NodeInfo(
+        name=name,
+        cls=cls,
+        kind=kind,
+        ports=ports,
+        description=inspect.cleandoc(cls.__doc__ or ""),
+        required=tuple(port.name for port in ports.values() if port.required),
+        checks=checks,
+        min_children=low,
+        max_children=high,
+        builtin=builtin,
+        custom_init=cls.__init__ is not Node.__init__,
+        custom_load=cls.on_load is not Node.on_load,
+    )

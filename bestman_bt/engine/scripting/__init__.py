@@ -1,0 +1,9 @@
+"""The script language of BehaviorTree.CPP v4: tokens, a Pratt parser, and closures on blackboard slots."""
+
+from __future__ import annotations
+
+from bestman_bt.engine.scripting.compiler import ScriptCompiler
+from bestman_bt.engine.scripting.parser import MAX_SCRIPT_DEPTH, parse_script
+from bestman_bt.engine.scripting.tokens import MAX_SCRIPT_LENGTH, tokenize
+
+__all__ = ["MAX_SCRIPT_DEPTH", "MAX_SCRIPT_LENGTH", "ScriptCompiler", "parse_script", "tokenize"]

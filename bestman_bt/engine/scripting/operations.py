@@ -1,0 +1,219 @@
+"""What the script operators do with values: the arithmetic and the conversions of BehaviorTree.CPP 4.10.
+
+Numbers are doubles in every operation, whatever they were before; division by zero is an error here.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from bestman_bt.engine.conversion import text_of_number
+from bestman_bt.engine.errors import ScriptError
+
+EPSILON: Final = 1.1920928955078125e-07
+"""Single-precision epsilon: numbers closer than this are equal."""
+
+_NUMBER_IN_FRONT = re.compile(r"-?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+
+
+def truth(value: Any) -> bool:
+    """Return the condition that a script's result stands for: any double, or the integers 0 and 1."""
+    if isinstance(value, float):
+        return value != 0.0
+    if isinstance(value, int) and value in (0, 1):
+        return bool(value)
+    raise ScriptError(f"{_shown(value)} is no condition (a comparison, 0 or 1 is)")
+
+
+def number_of_text(text: str, enums: Mapping[str, int]) -> float:
+    """Return the number that a string stands for beside a number: true, false, an enum name or its digits."""
+    if text in ("true", "false"):
+        return 1.0 if text == "true" else 0.0
+    if text in enums:
+        return float(enums[text])
+    match = _NUMBER_IN_FRONT.match(text)
+    if match is None:
+        raise ScriptError(f"the string '{text}' is not a number")
+    return float(match.group())
+
+
+def ternary_truth(value: Any) -> bool:
+    """Return which branch of ``?:`` a condition takes; a string that is not empty counts as true."""
+    if isinstance(value, str) and value:
+        return True
+    if isinstance(value, (int, float)):
+        return value != 0
+    raise ScriptError(f"{_shown(value)} is no condition of '?:'")
+
+
+def negate(value: Any) -> float:
+    """Return ``-value``."""
+    return -_operand(value, "-")
+
+
+def complement(value: Any) -> float:
+    """Return ``~value`` of the 64-bit integer part."""
+    number = _operand(value, "~")
+    if not -(2.0**63) <= number < 2.0**63:
+        raise ScriptError(f"{number} is out of range for bitwise operations")
+    return float(~int(number))
+
+
+def logical_not(value: Any) -> float:
+    """Return 1.0 for zero, else 0.0."""
+    return 0.0 if _operand(value, "!") else 1.0
+
+
+def _operand(value: Any, operator: str) -> float:
+    if isinstance(value, (int, float)):
+        return float(value)
+    raise ScriptError(f"operator [{operator}] does not apply to {_shown(value)}")
+
+
+def add(left: Any, right: Any) -> Any:
+    """Return the sum of two numbers, or two strings joined."""
+    if isinstance(left, (int, float)) and isinstance(right, (int, float)):
+        return float(left) + right
+    if isinstance(left, str) and isinstance(right, str):
+        return left + right
+    raise _not_permitted(left, "+", right)
+
+
+def subtract(left: Any, right: Any) -> float:
+    """Return ``left - right``."""
+    a, b = _numbers(left, "-", right)
+    return a - b
+
+
+def multiply(left: Any, right: Any) -> float:
+    """Return ``left * right``."""
+    a, b = _numbers(left, "*", right)
+    return a * b
+
+
+def divide(left: Any, right: Any) -> float:
+    """Return ``left / right``; dividing by zero is an error."""
+    a, b = _numbers(left, "/", right)
+    if b == 0.0:
+        raise ScriptError(f"division by zero ({left} / {right})")
+    return a / b
+
+
+def concatenate(left: Any, right: Any) -> str:
+    """Return two strings joined, or a string and a number's text."""
+    if isinstance(left, str):
+        if isinstance(right, str):
+            return left + right
+        if isinstance(right, (int, float)):
+            return left + text_of_number(right)
+    elif isinstance(right, str) and isinstance(left, (int, float)):
+        return text_of_number(left) + right
+    raise _not_permitted(left, "..", right)
+
+
+def bit_and(left: Any, right: Any) -> float:
+    """Return ``left & right`` of two whole numbers."""
+    return float(_whole(left, "&", right) & _whole(right, "&", left))
+
+
+def bit_or(left: Any, right: Any) -> float:
+    """Return ``left | right`` of two whole numbers."""
+    return float(_whole(left, "|", right) | _whole(right, "|", left))
+
+
+def bit_xor(left: Any, right: Any) -> float:
+    """Return ``left ^ right`` of two whole numbers."""
+    return float(_whole(left, "^", right) ^ _whole(right, "^", left))
+
+
+def logic_and(left: Any, right: Any) -> float:
+    """Return 1.0 where both numbers are true; both sides are always evaluated."""
+    _numbers(left, "&&", right)
+    a, b = truth(left), truth(right)
+    return 1.0 if a and b else 0.0
+
+
+def logic_or(left: Any, right: Any) -> float:
+    """Return 1.0 where either number is true; both sides are always evaluated."""
+    _numbers(left, "||", right)
+    a, b = truth(left), truth(right)
+    return 1.0 if a or b else 0.0
+
+
+BINARY: Final[Mapping[str, Callable[[Any, Any], Any]]] = {
+    "+": add,
+    "-": subtract,
+    "*": multiply,
+    "/": divide,
+    "..": concatenate,
+    "&": bit_and,
+    "|": bit_or,
+    "^": bit_xor,
+    "&&": logic_and,
+    "||": logic_or,
+}
+
+UNARY: Final[Mapping[str, Callable[[Any], float]]] = {"-": negate, "~": complement, "!": logical_not}
+
+
+def _equal(a: Any, b: Any) -> bool:
+    return bool(a == b) if isinstance(a, str) else abs(a - b) <= EPSILON
+
+
+COMPARE: Final[Mapping[str, Callable[[Any, Any], bool]]] = {
+    "==": _equal,
+    "!=": lambda a, b: not _equal(a, b),
+    "<": lambda a, b: not a >= b,
+    ">": lambda a, b: not a <= b,
+    "<=": lambda a, b: not a > b,
+    ">=": lambda a, b: not a < b,
+}
+
+
+def comparable(left: Any, right: Any, enums: Mapping[str, int]) -> tuple[Any, Any]:
+    """Return both sides of a comparison as two numbers or two strings."""
+    left_number = isinstance(left, (int, float))
+    right_number = isinstance(right, (int, float))
+    if left_number and right_number:
+        return left, right
+    left_text = isinstance(left, str)
+    right_text = isinstance(right, str)
+    if left_text and right_text:
+        return left, right
+    if left_text and right_number:
+        return number_of_text(left, enums), right
+    if left_number and right_text:
+        return left, number_of_text(right, enums)
+    raise ScriptError(f"cannot compare {_shown(left)} with {_shown(right)}")
+
+
+def _numbers(left: Any, operator: str, right: Any) -> tuple[float, float]:
+    if isinstance(left, (int, float)) and isinstance(right, (int, float)):
+        return float(left), float(right)
+    raise _not_permitted(left, operator, right)
+
+
+def _whole(value: Any, operator: str, other: Any) -> int:
+    if not isinstance(value, (int, float)) or not isinstance(other, (int, float)):
+        raise _not_permitted(value, operator, other)
+    if not math.isfinite(value) or value != int(value) or not -(2**63) <= value < 2**63:
+        raise ScriptError(f"operator [{operator}] needs whole 64-bit numbers, not {value}")
+    return int(value)
+
+
+def _not_permitted(left: Any, operator: str, right: Any) -> ScriptError:
+    for side, value in (("left", left), ("right", right)):
+        if value is None:
+            return ScriptError(f"the {side} operand of the operator [{operator}] is not initialized")
+    return ScriptError(f"operation not permitted: {_shown(left)} {operator} {_shown(right)}")
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "an empty entry"
+    if isinstance(value, (int, float, str)):
+        return repr(value)
+    return f"a {type(value).__name__}"

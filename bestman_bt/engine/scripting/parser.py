@@ -1,0 +1,210 @@
+"""Pratt parser of the script language: text to a list of expression trees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from bestman_bt.engine.errors import ScriptError
+from bestman_bt.engine.scripting.tokens import Token, tokenize
+
+MAX_SCRIPT_DEPTH = 100
+MAX_OPERATORS = 250
+"""In one statement; bounds the depth of the expression tree, which leans to the left."""
+
+_ASSIGNMENTS: Final = (":=", "=", "+=", "-=", "*=", "/=")
+_COMPARISONS: Final = ("==", "!=", "<", ">", "<=", ">=")
+_ASSIGNMENT_POWER: Final = 2
+_TERNARY_POWER: Final = 4
+_COMPARISON_POWER: Final = 10
+_PREFIX_POWER: Final = 20
+_POWERS: Final = {
+    **dict.fromkeys(_ASSIGNMENTS, _ASSIGNMENT_POWER),
+    "?": _TERNARY_POWER,
+    "||": 6,
+    "&&": 8,
+    **dict.fromkeys(_COMPARISONS, _COMPARISON_POWER),
+    "|": 12,
+    "^": 12,
+    "&": 14,
+    "+": 16,
+    "-": 16,
+    "..": 16,
+    "*": 18,
+    "/": 18,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Literal:
+    """A number or a string."""
+
+    value: int | float | str
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """A blackboard key or the name of an enum value."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unary:
+    """``-x``, ``~x`` or ``!x``."""
+
+    operator: str
+    operand: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Binary:
+    """An arithmetic, bit, logic or concatenation operator and its operands."""
+
+    operator: str
+    left: Expression
+    right: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A chain such as ``a < b <= c``: one operator fewer than operands."""
+
+    operators: tuple[str, ...]
+    operands: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ternary:
+    """``condition ? then : otherwise``."""
+
+    condition: Expression
+    then: Expression
+    otherwise: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """An assignment to the blackboard key ``name``."""
+
+    operator: str
+    name: str
+    value: Expression
+
+
+Expression = Literal | Name | Unary | Binary | Comparison | Ternary | Assignment
+
+
+def parse_script(source: str) -> list[Expression]:
+    """Return the statements of a script.
+
+    Raises:
+        ScriptError: the script is empty, too long, nested too deeply, or does not follow the grammar.
+    """
+    return _Parser(source).statements()
+
+
+class _Parser:
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._tokens = tokenize(source)
+        self._index = 0
+        self._depth = 0
+        self._operators = 0
+
+    def statements(self) -> list[Expression]:
+        found: list[Expression] = []
+        while self._peek().kind != "end":
+            self._operators = 0
+            found.append(self._expression(0))
+            while self._is(";"):
+                self._index += 1
+        if not found:
+            raise ScriptError("the script is empty")
+        return found
+
+    def _peek(self) -> Token:
+        return self._tokens[self._index]
+
+    def _next(self) -> Token:
+        token = self._tokens[self._index]
+        if token.kind != "end":
+            self._index += 1
+        return token
+
+    def _is(self, operator: str) -> bool:
+        token = self._tokens[self._index]
+        return token.kind == "operator" and token.value == operator
+
+    def _expect(self, operator: str) -> None:
+        if not self._is(operator):
+            raise self._error(f"expected '{operator}'", self._peek())
+        self._index += 1
+
+    def _error(self, what: str, token: Token) -> ScriptError:
+        source = self._source if len(self._source) <= 80 else self._source[:77] + "..."
+        got = "the end" if token.kind == "end" else f"'{token.value}'"
+        return ScriptError(f"{what} at position {token.position} (got {got}) in script '{source}'")
+
+    def _expression(self, minimum: int) -> Expression:
+        self._depth += 1
+        if self._depth > MAX_SCRIPT_DEPTH:
+            raise self._error(f"the script is nested deeper than {MAX_SCRIPT_DEPTH}", self._peek())
+        left = self._prefix()
+        while True:
+            token = self._peek()
+            power = _POWERS.get(str(token.value), -1) if token.kind == "operator" else -1
+            if power < 0 or power < minimum:
+                break
+            self._operators += 1
+            if self._operators > MAX_OPERATORS:
+                raise self._error(f"more than {MAX_OPERATORS} operators in one statement", token)
+            if power == _ASSIGNMENT_POWER:
+                left = self._assignment(left)
+                break
+            if power == _TERNARY_POWER:
+                left = self._ternary(left)
+                break
+            if power == _COMPARISON_POWER:
+                left = self._comparison(left)
+                continue
+            self._index += 1
+            left = Binary(str(token.value), left, self._expression(power + 1))
+        self._depth -= 1
+        return left
+
+    def _prefix(self) -> Expression:
+        token = self._next()
+        if token.kind == "value":
+            return Literal(token.value)
+        if token.kind == "name":
+            return Name(str(token.value))
+        if token.kind == "operator":
+            if token.value in ("-", "~", "!"):
+                return Unary(str(token.value), self._expression(_PREFIX_POWER))
+            if token.value == "(":
+                inner = self._expression(0)
+                self._expect(")")
+                return inner
+        raise self._error("expected operand", token)
+
+    def _assignment(self, left: Expression) -> Expression:
+        token = self._next()
+        if not isinstance(left, Name):
+            raise self._error("only a blackboard key can be assigned to", token)
+        return Assignment(str(token.value), left.name, self._expression(0))
+
+    def _ternary(self, condition: Expression) -> Expression:
+        self._next()
+        then = self._expression(0)
+        self._expect(":")
+        return Ternary(condition, then, self._expression(_TERNARY_POWER))
+
+    def _comparison(self, first: Expression) -> Expression:
+        operators: list[str] = []
+        operands = [first]
+        while self._peek().kind == "operator" and self._peek().value in _COMPARISONS:
+            self._operators += 1
+            operators.append(str(self._next().value))
+            operands.append(self._expression(_COMPARISON_POWER + 1))
+        return Comparison(tuple(operators), tuple(operands))

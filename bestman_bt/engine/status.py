@@ -1,0 +1,59 @@
+"""The five statuses of BehaviorTree.CPP as plain integers, and their projection onto py_trees' enum.
+
+They are module constants because reading an enum member costs four times as much on the tick path.
+``SKIPPED`` is returned by a tick and never stored in a node.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Final
+
+from py_trees.common import Status as PyTreesStatus
+
+IDLE: Final = 0
+RUNNING: Final = 1
+SUCCESS: Final = 2
+FAILURE: Final = 3
+SKIPPED: Final = 4
+
+STATUS_NAMES: Final = ("IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED")
+
+
+class NodeStatus(enum.IntEnum):
+    """Type of ports that carry a status (``if_empty``, ``else``); members equal the module constants."""
+
+    IDLE = IDLE
+    RUNNING = RUNNING
+    SUCCESS = SUCCESS
+    FAILURE = FAILURE
+    SKIPPED = SKIPPED
+
+
+TO_PY_TREES: Final = {
+    IDLE: PyTreesStatus.INVALID,
+    RUNNING: PyTreesStatus.RUNNING,
+    SUCCESS: PyTreesStatus.SUCCESS,
+    FAILURE: PyTreesStatus.FAILURE,
+    -SUCCESS: PyTreesStatus.SUCCESS,
+    -FAILURE: PyTreesStatus.FAILURE,
+}
+"""py_trees' status for each internal code; negative codes are idle nodes and name their last result."""
+
+
+def from_py_trees(status: PyTreesStatus) -> int:
+    """Return the engine's status for a py_trees status (``INVALID`` is ``IDLE``)."""
+    if status is PyTreesStatus.SUCCESS:
+        return SUCCESS
+    if status is PyTreesStatus.FAILURE:
+        return FAILURE
+    if status is PyTreesStatus.RUNNING:
+        return RUNNING
+    return IDLE
+
+
+def status_name(status: int) -> str:
+    """Return the name of a status, such as ``"RUNNING"``."""
+    if 0 <= status < len(STATUS_NAMES):
+        return STATUS_NAMES[status]
+    raise ValueError(f"status {status} is none of 0 to {len(STATUS_NAMES) - 1}")

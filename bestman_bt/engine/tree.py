@@ -1,0 +1,259 @@
+"""A loaded tree: the tick loop, halting, wake-ups, and the stream of state changes."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status as PyTreesStatus
+from py_trees.composites import Selector
+
+from bestman_bt.engine.blackboard import Blackboard
+from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
+from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.registry import NodeInfo, NodeRegistry
+    from bestman_bt.engine.scripting import ScriptCompiler
+
+
+class StateChanges(Sequence["tuple[int, int]"]):
+    """The state changes of one tick or halt, in order, as ``(uid, new state)``; ``stamp`` is its clock time."""
+
+    __slots__ = ("codes", "stamp")
+
+    def __init__(self, stamp: float, codes: list[int]) -> None:
+        self.stamp = stamp
+        self.codes = codes
+
+    def __len__(self) -> int:
+        return len(self.codes)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return [divmod(code, 8) for code in self.codes[index]]
+        return divmod(self.codes[index], 8)
+
+    def __iter__(self) -> Iterator[tuple[int, int]]:
+        return (divmod(code, 8) for code in self.codes)
+
+
+Listener = Callable[[StateChanges], None]
+
+
+class Tree:
+    """A tree that can be ticked. ``nodes`` are in construction order: the node with uid N is ``nodes[N - 1]``."""
+
+    def __init__(
+        self,
+        *,
+        registry: NodeRegistry,
+        compiler: ScriptCompiler,
+        blackboard: Blackboard,
+        tree_id: str,
+        context: Any = None,
+        clock: Clock | None = None,
+    ) -> None:
+        self.registry = registry
+        self.compiler = compiler
+        self.tree_id = tree_id
+        self.context = context
+        self.clock: Clock = clock if clock is not None else WallClock()
+        self.nodes: list[Node] = []
+        self.blackboard = blackboard
+        self.blackboards: dict[str, Blackboard] = {"": blackboard}
+        self.subtree_ids: dict[str, str] = {"": tree_id}
+        self.file = ""
+        self.source = ""
+        self.status = IDLE
+        self._root: Node | None = None
+        self._wake = threading.Event()
+        self._listeners: list[Listener] = []
+        self._log: list[Any] | None = None
+        self._visited: list[Node] | None = None
+
+    # ---- what the loader does
+
+    @property
+    def root(self) -> Node:
+        """The root node."""
+        if self._root is None:
+            raise EngineError("the tree is empty")
+        return self._root
+
+    def complete(self, root: Node) -> None:
+        """Take the root and choose what every node is called by."""
+        self._root = root
+        self.blackboard.store.now = self.clock.now()
+        self.rebind()
+
+    def info_of(self, node: Node) -> NodeInfo:
+        """Return what the registry knows of a node's class."""
+        return node.info if node.info is not None else self.registry.info_of_class(type(node))
+
+    def rebind(self) -> None:
+        """Choose each node's ``run`` anew, after a listener, a visitor or a hook came or went."""
+        for node in reversed(self.nodes):
+            node.bind(self._log, self._visited)
+
+    # ---- looking around
+
+    def node(self, path: str) -> Node:
+        """Return the node with this path.
+
+        Raises:
+            KeyError: there is none.
+        """
+        for node in self.nodes:
+            if node.path == path:
+                return node
+        raise KeyError(f"there is no node '{path}' in the tree '{self.tree_id}'")
+
+    @property
+    def xml(self) -> str:
+        """The tree as XML: the text it was loaded from, or what the writer makes of a tree built in Python."""
+        if self.source:
+            return self.source
+        from bestman_bt.engine.xml.writer import tree_to_xml
+
+        return tree_to_xml(self)
+
+    # ---- ticking
+
+    def tick_exactly_once(self) -> int:
+        """Tick once, whatever wake-ups there are; return the root's status."""
+        status = self._tick()
+        return self._finished(status)
+
+    def tick_once(self) -> int:
+        """Tick once, and again as long as the root runs and a node has woken the loop; return the root's status."""
+        status = self._tick()
+        while status == RUNNING and self._woken():
+            status = self._tick()
+        return self._finished(status)
+
+    def tick_while_running(self, period: float = 0.05, max_ticks: int | None = None) -> int:
+        """Tick until the root does not run any more, sleeping ``period`` seconds of the clock between ticks.
+
+        Args:
+            period: seconds; a wake-up ends the sleep early where the clock can.
+            max_ticks: return RUNNING after this many ticks; None for no limit.
+        """
+        ticks = 0
+        while True:
+            status = self.tick_once()
+            ticks += 1
+            if status != RUNNING or (max_ticks is not None and ticks >= max_ticks):
+                return status
+            self.sleep(period)
+
+    def sleep(self, duration: float) -> None:
+        """Let ``duration`` seconds of the clock pass, less where a wake-up comes."""
+        if self._woken():
+            return
+        clock = self.clock
+        if isinstance(clock, WakeableClock):
+            clock.wait(duration, self._wake)
+        else:
+            clock.sleep(duration)
+        self._woken()
+
+    def wake_up(self) -> None:
+        """End the loop's sleep. May be called from any thread."""
+        if not self._wake.is_set():
+            self._wake.set()
+
+    def _woken(self) -> bool:
+        if self._wake.is_set():
+            self._wake.clear()
+            return True
+        return False
+
+    def _tick(self) -> int:
+        if self._visited is not None:
+            self._visited = None
+            self.rebind()
+        root = self.root
+        self._begin()
+        try:
+            status = root.execute_tick()
+            if status == SUCCESS or status == FAILURE:
+                root.reset_status()
+        finally:
+            if self._log:
+                self._publish()
+        return status
+
+    def _begin(self) -> None:
+        store = self.blackboard.store
+        store.now = self.clock.now()
+        store.look_for_observers()
+
+    def _finished(self, status: int) -> int:
+        self.status = status
+        return status
+
+    def halt(self) -> None:
+        """Interrupt everything that runs, deepest first, and run the ``_onHalted`` scripts."""
+        self._begin()
+        try:
+            root = self.root
+            root.halt_node()
+            for node in self.nodes:
+                node.halt_node()
+            root.reset_status()
+        finally:
+            if self._log:
+                self._publish()
+        self.status = IDLE
+
+    def tick_as_behaviour(self, node: Node) -> Iterator[Behaviour]:
+        """Tick ``node`` for py_trees: yields the nodes that were visited, children before parents."""
+        if self._visited is None:
+            self._visited = []
+            self.rebind()
+        visited = self._visited
+        visited.clear()
+        node.reset_status() if node._s > RUNNING else None
+        self._begin()
+        try:
+            status = node.execute_tick()
+        finally:
+            if self._log:
+                self._publish()
+        if status == SKIPPED:
+            skipped_as = FAILURE if isinstance(node.parent, Selector) else SUCCESS
+            node.status = PyTreesStatus.FAILURE if skipped_as == FAILURE else PyTreesStatus.SUCCESS
+        if node is self._root:
+            self.status = status
+        yield from list(visited)
+
+    # ---- listening
+
+    def subscribe(self, listener: Listener) -> None:
+        """Call ``listener`` with the ``StateChanges`` of each tick and halt that has any."""
+        self._listeners.append(listener)
+        if self._log is None:
+            self._log = []
+            self.rebind()
+
+    def unsubscribe(self, listener: Listener) -> None:
+        """End a subscription; without any, ticks cost nothing more than before."""
+        if listener in self._listeners:
+            self._listeners.remove(listener)
+        if not self._listeners and self._log is not None:
+            self._log = None
+            self.rebind()
+
+    def _publish(self) -> None:
+        log = self._log
+        if log is None:
+            return
+        changes = StateChanges(self.blackboard.store.now, log.copy())
+        log.clear()
+        for listener in tuple(self._listeners):
+            listener(changes)

@@ -1,0 +1,1 @@
+"""Tree files: reading XML into elements, and checking them against the registry."""

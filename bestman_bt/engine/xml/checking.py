@@ -1,0 +1,212 @@
+"""Checks elements against the registry: names, children, ports, literals and scripts, all errors at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from bestman_bt.engine.conversion import UNTYPED, cast, type_name
+from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
+from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest
+from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.xml.documents import Documents, TreeDefinition
+from bestman_bt.engine.xml.elements import MAX_ATTRIBUTE, Element
+
+EXPLICIT: Final = frozenset(("Action", "Condition", "Control", "Decorator"))
+PRE_CONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
+POST_CONDITIONS: Final = ("_onHalted", "_onSuccess", "_onFailure", "_post")
+SCRIPTS: Final = frozenset((*PRE_CONDITIONS, *POST_CONDITIONS))
+
+Report = Callable[[str, str, str], None]
+"""Called with the attribute, what is wrong with it, and a suggestion."""
+
+
+class Checker:
+    """Checks all trees of one set of documents; what it finds is appended to ``documents.problems``."""
+
+    def __init__(self, registry: NodeRegistry, compiler: ScriptCompiler, documents: Documents) -> None:
+        self.registry = registry
+        self.compiler = compiler
+        self.documents = documents
+        self.file = documents.file
+        self._infos = {info.name: info for info in registry}
+
+    def check(self, definition: TreeDefinition) -> None:
+        """Check one tree."""
+        self.file = definition.file
+        if definition.tree_id in self.registry:
+            element = definition.element
+            self._report(element, "ID", f"'{definition.tree_id}' is the name of a node; a tree needs another")
+        for child in definition.element.children:
+            self._check(child)
+
+    def _report(self, element: Element, field: str, message: str, suggestion: str = "") -> None:
+        name = element.attributes.get("ID", element.tag) if element.tag in EXPLICIT else element.tag
+        self.documents.problems.append(Problem(self.file, element.line, name, field, message, suggestion))
+
+    def _check(self, element: Element) -> None:
+        tag = element.tag
+        attributes = element.attributes
+        if tag == "SubTree":
+            self._check_subtree(element)
+            return
+        name = tag
+        if tag in EXPLICIT:
+            name = attributes.get("ID", "")
+            if not name:
+                self._report(element, "ID", "the attribute is missing; it names the node")
+        info = self._infos.get(name)
+        children = element.children
+        if info is None:
+            if name:
+                hint = closest(name, self._infos)
+                self._report(element, "", f"unknown node '{name}'", f"did you mean '{hint}'?" if hint else "")
+        else:
+            element.info = info
+            if tag in EXPLICIT and info.kind != tag:
+                self._report(element, "", f"'{name}' is no {tag}", f'write <{info.kind} ID="{name}">')
+            count = len(children)
+            if count < info.min_children or (info.max_children is not None and count > info.max_children):
+                self._report(element, "", _children_message(info, count))
+            ports = info.ports
+            checks = info.checks
+            for key, text in attributes.items():
+                if key in checks:
+                    if text[:1] != "{" or key_of(text, key) is None:
+                        self._check_literal(element, info, key, text)
+                elif key not in ports:
+                    if key == "name":
+                        continue
+                    self._check_other(element, info, key, text)
+                elif ports[key].direction == "output":
+                    if key_of(text, key) is None:
+                        self._report(element, key, _output_message(info, key, text))
+                elif len(text) > MAX_ATTRIBUTE:
+                    self._report(element, key, f"it has {len(text)} characters; at most {MAX_ATTRIBUTE} are accepted")
+                elif key == "code" and info.builtin and key_of(text, key) is None:
+                    self._check_script(element, key, text)
+            for key in info.required:
+                if key not in attributes:
+                    what = f"port '{key}': it is required but not given"
+                    self._report(element, "", what, f"of type {ports[key].type_name}")
+        for child in children:
+            self._check(child)
+
+    def _check_subtree(self, element: Element) -> None:
+        tree_id = element.attributes.get("ID")
+        if not tree_id:
+            self._report(element, "ID", "the attribute is missing; it names the tree")
+        elif tree_id not in self.documents.trees:
+            hint = closest(tree_id, self.documents.trees)
+            suggestion = f"did you mean '{hint}'?" if hint else ""
+            self._report(element, "ID", f"there is no tree '{tree_id}'", suggestion)
+        if element.children:
+            self._report(element, "", "a <SubTree> has no children of its own")
+        element.info = self._infos["SubTree"]
+        for key, text in element.attributes.items():
+            if key in SCRIPTS:
+                self._check_script(element, key, text)
+            elif key == "_autoremap" and text not in ("true", "false", "1", "0", "True", "False", "TRUE", "FALSE"):
+                self._report(element, key, f"'{text}' is not a bool")
+        model = self.documents.models.get(tree_id or "", {})
+        if model and element.attributes.get("_autoremap") not in ("true", "1", "True", "TRUE"):
+            for port in model.values():
+                if port.default is None and port.name not in element.attributes:
+                    what = f"port '{port.name}': the TreeNodesModel of '{tree_id}' says it is mandatory"
+                    self._report(element, "", what)
+
+    def _check_literal(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
+        if len(text) > MAX_ATTRIBUTE:
+            self._report(element, key, f"it has {len(text)} characters; at most {MAX_ATTRIBUTE} are accepted")
+            return
+        message = literal_message(info, key, text, self.registry)
+        if message:
+            self._report(element, "", f"port '{key}': {message}")
+
+    def _check_other(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
+        if key in SCRIPTS:
+            self._check_script(element, key, text)
+        elif key == "ID" and element.tag in EXPLICIT:
+            return
+        elif key[0] != "_":
+            message, suggestion = unknown_port(info, key)
+            self._report(element, "", message, suggestion)
+
+    def _check_script(self, element: Element, key: str, text: str) -> None:
+        try:
+            self.compiler.parse(text)
+        except ScriptError as error:
+            self._report(element, key, str(error))
+
+
+def unknown_port(info: NodeInfo, key: str) -> tuple[str, str]:
+    """Return what to say about an attribute that is no port of a node."""
+    hint = closest(key, info.ports)
+    known = ", ".join(info.ports) or "none"
+    return f"unknown port '{key}'", f"did you mean '{hint}'?" if hint else f"its ports: {known}"
+
+
+def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry) -> str:
+    """Return what is wrong with a literal, or an empty text."""
+    port = info.ports[key]
+    if port.data_type in UNTYPED:
+        return ""
+    if isinstance(value, str):
+        converter = registry.converters.converter(port.data_type)
+        if converter is None:
+            return f"a {type_name(port.data_type)} cannot be written as a literal; map an entry, as '{{{key}}}'"
+        try:
+            converter(value)
+        except ConversionError as error:
+            return str(error)
+        return ""
+    try:
+        cast(value, port.data_type, registry.converters)
+    except ConversionError as error:
+        return str(error)
+    return ""
+
+
+def _output_message(info: NodeInfo, key: str, value: Any) -> str:
+    return f"an output port is mapped to an entry, as '{{{key}}}', not to '{value}'"
+
+
+def _children_message(info: NodeInfo, count: int) -> str:
+    if info.kind in ("Action", "Condition"):
+        return f"it must not have children but has {count}"
+    if info.kind == "Decorator":
+        return f"it must have exactly one child but has {count}"
+    if info.max_children == info.min_children:
+        return f"it must have exactly {info.min_children} children but has {count}"
+    if info.max_children is not None and count > info.max_children:
+        return f"it must have at most {info.max_children} children but has {count}"
+    return f"it must have at least {info.min_children} children but has {count}"
+
+
+def check_values(
+    info: NodeInfo, attributes: Mapping[str, Any], registry: NodeRegistry, compiler: ScriptCompiler, report: Report
+) -> None:
+    """Check the attributes of a node that was made in Python."""
+    for key, value in attributes.items():
+        port = info.ports.get(key)
+        if key in SCRIPTS or (key == "code" and info.builtin and isinstance(value, str)):
+            if key in SCRIPTS or key_of(value, key) is None:
+                try:
+                    compiler.parse(value)
+                except (ScriptError, TypeError) as error:
+                    report(key, str(error), "")
+        elif port is None:
+            if not key.startswith("_"):
+                message, suggestion = unknown_port(info, key)
+                report("", message, suggestion)
+        elif key_of(value, key) is None:
+            if port.direction == "output":
+                report(key, _output_message(info, key, value), "")
+            else:
+                message = literal_message(info, key, value, registry)
+                if message:
+                    report("", f"port '{key}': {message}", "")
+    for key in info.required:
+        if key not in attributes:
+            report("", f"port '{key}': it is required but not given", f"of type {info.ports[key].type_name}")

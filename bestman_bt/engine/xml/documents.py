@@ -1,0 +1,200 @@
+"""The files behind one tree: a main document, what it includes, its trees and its subtree models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.engine.xml.elements import MAX_BYTES, Element, parse_xml
+
+MAX_INCLUDES = 200
+
+
+@dataclass(frozen=True)
+class TreeDefinition:
+    """One ``<BehaviorTree>`` and the file it stands in."""
+
+    tree_id: str
+    element: Element
+    file: str
+
+
+@dataclass(frozen=True)
+class ModelPort:
+    """One port of a SubTree in a TreeNodesModel; without a default it is mandatory."""
+
+    name: str
+    direction: str
+    default: str | None
+    line: int
+
+
+@dataclass
+class Documents:
+    """Everything that was read for one tree, and what is wrong with it so far."""
+
+    file: str
+    source: str
+    trees: dict[str, TreeDefinition] = field(default_factory=dict)
+    models: dict[str, dict[str, ModelPort]] = field(default_factory=dict)
+    main_tree: str | None = None
+    problems: list[Problem] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)
+
+
+def read_documents(source: str | Path, search_path: Iterable[Path] = ()) -> Documents:
+    """Read a tree file (or XML text) and what it includes.
+
+    Included files must lie in the folder of the tree file or in one of ``search_path``.
+
+    Raises:
+        TreeLoadError: a file cannot be read as XML.
+    """
+    if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
+        reader = _Reader(None, search_path)
+        documents = Documents("<text>", source)
+        reader.read(parse_xml(source, "<text>"), "<text>", None, documents, main=True)
+        return documents
+    path = Path(source)
+    data = read_file(path, str(path))
+    documents = Documents(str(path), data.decode("utf-8", "replace"))
+    reader = _Reader(path.resolve().parent, search_path)
+    reader.open_files.append(path.resolve())
+    reader.read(parse_xml(data, str(path)), str(path), path.resolve(), documents, main=True)
+    return documents
+
+
+def read_file(path: Path, name: str) -> bytes:
+    """Return the bytes of a tree file.
+
+    Raises:
+        TreeLoadError: it does not exist, is no file, or is too large.
+    """
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            what = f"the file has {path.stat().st_size} bytes; at most {MAX_BYTES} are accepted"
+            raise TreeLoadError([Problem(name, 0, "", "", what)])
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise TreeLoadError([Problem(name, 0, "", "", "the tree file does not exist")]) from None
+    except (OSError, ValueError) as error:
+        raise TreeLoadError([Problem(name, 0, "", "", f"the tree file cannot be read: {error}")]) from None
+
+
+class _Reader:
+    def __init__(self, folder: Path | None, search_path: Iterable[Path]) -> None:
+        self.allowed = [*([folder] if folder is not None else []), *(Path(p).resolve() for p in search_path)]
+        self.open_files: list[Path] = []
+        self.done: set[Path] = set()
+
+    def read(self, root: Element, file: str, path: Path | None, documents: Documents, *, main: bool) -> None:
+        documents.files.append(file)
+        report = documents.problems.append
+        if root.tag != "root":
+            report(Problem(file, root.line, root.tag, "", "the outermost element must be <root>"))
+            return
+        version = root.attributes.get("BTCPP_format", "4")
+        if version != "4":
+            report(Problem(file, root.line, "root", "BTCPP_format", f"'{version}' is not supported; it must be 4"))
+        if main:
+            documents.main_tree = root.attributes.get("main_tree_to_execute")
+        for element in root.children:
+            if element.tag == "include":
+                self._include(element, file, path, documents)
+        models = [element for element in root.children if element.tag == "TreeNodesModel"]
+        for extra in models[1:]:
+            report(Problem(file, extra.line, extra.tag, "", "only one <TreeNodesModel> is accepted in a file"))
+        for model in models:
+            _read_models(model, file, documents)
+        trees = [element for element in root.children if element.tag == "BehaviorTree"]
+        for element in trees:
+            _read_tree(element, file, documents, alone=len(trees) == 1)
+        for element in root.children:
+            if element.tag not in ("include", "TreeNodesModel", "BehaviorTree"):
+                what = "only <BehaviorTree>, <TreeNodesModel> and <include> may stand under <root>"
+                report(Problem(file, element.line, element.tag, "", what))
+
+    def _include(self, element: Element, file: str, path: Path | None, documents: Documents) -> None:
+        def report(message: str, field_name: str = "path") -> None:
+            documents.problems.append(Problem(file, element.line, "include", field_name, message))
+
+        if "ros_pkg" in element.attributes:
+            report("ROS packages are not supported; name a path", "ros_pkg")
+            return
+        target = element.attributes.get("path")
+        if not target:
+            report("the attribute is missing")
+            return
+        found = self._find(target, path)
+        if found is None:
+            report(f"'{target}' does not exist in the tree's folder or the search path, or leads out of them")
+            return
+        if found in self.open_files:
+            report(f"'{target}' includes itself, directly or through another file")
+            return
+        if found in self.done:
+            return
+        if len(self.done) + len(self.open_files) >= MAX_INCLUDES:
+            report(f"more than {MAX_INCLUDES} files are included")
+            return
+        self.open_files.append(found)
+        try:
+            name = str(found)
+            self.read(parse_xml(read_file(found, name), name), name, found, documents, main=False)
+        except TreeLoadError as error:
+            documents.problems.extend(error.problems)
+        finally:
+            self.open_files.pop()
+            self.done.add(found)
+
+    def _find(self, target: str, including: Path | None) -> Path | None:
+        bases = [including.parent] if including is not None else []
+        for base in [*bases, *self.allowed]:
+            try:
+                candidate = (base / target).resolve()
+                if candidate.is_file() and any(candidate.is_relative_to(folder) for folder in self.allowed):
+                    return candidate
+            except (OSError, ValueError):
+                continue
+        return None
+
+
+def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool) -> None:
+    report = documents.problems.append
+    tree_id = element.attributes.get("ID", "")
+    if not tree_id:
+        if not alone:
+            report(Problem(file, element.line, "BehaviorTree", "ID", "the attribute is missing"))
+            return
+        tree_id = "BehaviorTree"
+    known = documents.trees.get(tree_id)
+    if known is not None:
+        where = f"{known.file}:{known.element.line}"
+        report(Problem(file, element.line, "BehaviorTree", "ID", f"'{tree_id}' is defined already, at {where}"))
+        return
+    if len(element.children) != 1:
+        what = f"tree '{tree_id}' must have exactly one root node but has {len(element.children)}"
+        report(Problem(file, element.line, "BehaviorTree", "", what))
+    documents.trees[tree_id] = TreeDefinition(tree_id, element, file)
+
+
+def _read_models(model: Element, file: str, documents: Documents) -> None:
+    for element in model.children:
+        tree_id = element.attributes.get("ID")
+        if tree_id is None:
+            documents.problems.append(Problem(file, element.line, element.tag, "ID", "the attribute is missing"))
+            continue
+        if element.tag != "SubTree":
+            continue
+        ports = documents.models.setdefault(tree_id, {})
+        for port in element.children:
+            name = port.attributes.get("name")
+            if not port.tag.endswith("_port"):
+                continue
+            if not name:
+                documents.problems.append(Problem(file, port.line, port.tag, "name", "the attribute is missing"))
+                continue
+            default = port.attributes.get("default") or None
+            ports[name] = ModelPort(name, port.tag.removesuffix("_port"), default, port.line)

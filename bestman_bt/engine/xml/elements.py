@@ -1,0 +1,104 @@
+"""XML text to a tree of elements with line numbers, by expat, with everything dangerous refused.
+
+Entities, external references and oversized input are refused before they cost anything: a file has at most
+``MAX_BYTES``, an element nests at most ``MAX_DEPTH`` deep, as in BehaviorTree.CPP.
+"""
+
+from __future__ import annotations
+
+import xml.parsers.expat
+from collections.abc import Iterator
+from typing import Any
+
+from bestman_bt.engine.errors import Problem, TreeLoadError
+
+MAX_BYTES = 16_000_000
+MAX_DEPTH = 256
+MAX_ATTRIBUTE = 100_000
+
+
+class Element:
+    """One XML element. ``info`` and ``known`` are filled when it is checked against the registry."""
+
+    __slots__ = ("attributes", "children", "info", "line", "tag")
+
+    def __init__(self, tag: str, attributes: dict[str, str], line: int) -> None:
+        self.tag = tag
+        self.attributes = attributes
+        self.children: list[Element] = []
+        self.line = line
+        self.info: Any = None
+
+    def iter(self) -> Iterator[Element]:
+        """Yield this element and all below it, in document order."""
+        pending = [self]
+        while pending:
+            element = pending.pop()
+            yield element
+            pending.extend(reversed(element.children))
+
+
+class _Refused(Exception):
+    def __init__(self, line: int, message: str) -> None:
+        self.line = line
+        super().__init__(message)
+
+
+def parse_xml(text: str | bytes, file: str) -> Element:
+    """Return the root element of ``text``.
+
+    Raises:
+        TreeLoadError: it is not well-formed XML, or holds something that is refused.
+    """
+    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    if len(data) > MAX_BYTES:
+        raise _failure(file, 0, f"the file has {len(data)} bytes; at most {MAX_BYTES} are accepted")
+    if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise _failure(file, 1, "the file holds NUL bytes; it is not XML text")
+    encoding = "utf-8" if isinstance(text, str) else None
+    parser = xml.parsers.expat.ParserCreate(encoding)
+    parser.buffer_text = True
+    holder = Element("", {}, 0)
+    stack = [holder]
+    push, pop = stack.append, stack.pop
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes, parser.CurrentLineNumber)
+        stack[-1].children.append(element)
+        push(element)
+        if len(stack) > MAX_DEPTH + 4:
+            raise _Refused(element.line, f"elements are nested deeper than {MAX_DEPTH}")
+
+    def end(tag: str) -> None:
+        pop()
+
+    def entity(name: str, *rest: Any) -> None:
+        raise _Refused(parser.CurrentLineNumber, f"entity declarations are refused ('{name}')")
+
+    def doctype(name: str, system_id: str | None, public_id: str | None, internal: int) -> None:
+        if system_id or public_id:
+            raise _Refused(parser.CurrentLineNumber, f"external references are refused ('{system_id or public_id}')")
+
+    def external(*rest: Any) -> int:
+        raise _Refused(parser.CurrentLineNumber, "external references are refused")
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.EntityDeclHandler = entity
+    parser.StartDoctypeDeclHandler = doctype
+    parser.ExternalEntityRefHandler = external
+    try:
+        parser.Parse(data, True)
+    except _Refused as refused:
+        raise _failure(file, refused.line, str(refused)) from None
+    except xml.parsers.expat.ExpatError as error:
+        what = xml.parsers.expat.errors.messages[error.code]
+        message = f"not well-formed XML: {what} (column {error.offset + 1})"
+        raise _failure(file, error.lineno, message) from None
+    except (LookupError, ValueError, UnicodeError) as error:
+        raise _failure(file, parser.CurrentLineNumber, f"not readable as XML: {error}") from None
+    return holder.children[0]
+
+
+def _failure(file: str, line: int, message: str) -> TreeLoadError:
+    return TreeLoadError([Problem(file, line, "", "", message)])
