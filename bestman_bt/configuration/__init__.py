@@ -2,19 +2,40 @@
 
 from bestman_bt.configuration.checked import check, override
 from bestman_bt.configuration.data import data_names, data_root, find_data
-from bestman_bt.configuration.document import Document, dotted, parse_document, read_document
+from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
+from bestman_bt.configuration.task import (
+    GoalConfig,
+    TaskConfig,
+    TolerancesConfig,
+    algorithm_parameters,
+    load_task,
+    task_of_tree,
+)
 
 __all__ = [
     "ConfigurationError",
     "Document",
+    "GoalConfig",
     "Problem",
+    "RunConfig",
+    "TaskConfig",
+    "TolerancesConfig",
+    "algorithm_parameters",
     "check",
     "data_names",
     "data_root",
     "dotted",
+    "dump_run",
     "find_data",
+    "load_run",
+    "load_task",
     "override",
     "parse_document",
+    "parse_settings",
+    "parse_value",
     "read_document",
+    "read_run",
+    "task_of_tree",
 ]

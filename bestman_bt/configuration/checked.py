@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from bestman_bt.configuration.document import Document, FieldPath, parse_value
+from bestman_bt.configuration.document import Document, FieldPath
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.registry import suggestion
 
@@ -31,7 +31,7 @@ def check(document: Document, dataclass_type: type[T]) -> T:
 
 
 def override(document: Document, dataclass_type: type, values: Mapping[str, Any], prefix: str = "") -> Document:
-    """``document`` with dotted keys set, each value a Python value or the text of a YAML scalar.
+    """``document`` with dotted keys set to values.
 
     A key names fields of ``dataclass_type`` or entries of its mappings that are there; anything else is a
     ConfigurationError that suggests the closest key. ``prefix`` is put before keys in errors (``scene.``).
@@ -44,12 +44,7 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
         if fault is not None:
             problems.append(Problem(source, None, "", fault))
             continue
-        try:
-            parsed = parse_value(value) if isinstance(value, str) else value
-        except ValueError as error:
-            problems.append(Problem(source, None, "", str(error)))
-            continue
-        nested: Any = parsed
+        nested: Any = value
         for part in reversed(path):
             nested = {part: nested}
         document = document.merged(Document(nested, {path: (source, None)}))

@@ -29,7 +29,8 @@ class DifferentialBase:
     """Two driven wheels on the axis through the base frame, ball casters on the middle line before and behind.
 
     ``chassis_height``: of the chassis' centre above the floor; ``centre_of_mass``: its height.
-    ``caster_drop``: how much lower than the wheels the casters reach. ``scanner_height``: of a dark slot drawn around the chassis.
+    ``caster_drop``: how much lower than the wheels the casters reach.
+    ``scanner_height``: of a dark slot drawn around the chassis.
     """
 
     chassis_mass: Mass

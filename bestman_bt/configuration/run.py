@@ -1,0 +1,125 @@
+"""The merged configuration of one run: task, seed and settings; it can be dumped to YAML and read back unchanged."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bestman_bt.configuration.checked import check, override
+from bestman_bt.configuration.data import find_data
+from bestman_bt.configuration.document import Document, parse_value, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.quantity import WholeNumber
+from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
+
+
+@dataclass(frozen=True)
+class RunConfig:
+    """Everything that decides a run.
+
+    ``name``: of the task, in results and folders. ``scene_settings``, ``robot_settings``: dotted keys → values for
+    ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API.
+    """
+
+    name: str
+    task: TaskConfig
+    seed: WholeNumber = 0
+    driver: str = "pybullet"
+    record: bool = False
+    scene_settings: Mapping[str, Any] = field(default_factory=dict)
+    robot_settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+def load_run(
+    task: str | Path | None = None,
+    *,
+    tree: str | Path | None = None,
+    scene: str | Path | None = None,
+    robot: str | Path | None = None,
+    seed: int = 0,
+    settings: Iterable[str] = (),
+    plugins: Iterable[str] = (),
+    record: bool = False,
+    driver: str = "pybullet",
+) -> RunConfig:
+    """Merge a task (or, without one, a tree, a scene and a robot) with what the command line says.
+
+    ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
+    Raises ConfigurationError; scene and robot settings are checked when those are loaded.
+    """
+    choices = {"tree": tree, "scene": scene, "robot": robot}
+    source = {key: str(value) for key, value in choices.items() if value is not None}
+    command_line = Document(dict(source), {(key,): (f"--{key} {value}", None) for key, value in source.items()})
+    document = with_default_algorithms(Document({})) if task is None else task_document(task)
+    document = document.merged(command_line)
+    values = parse_settings(settings)
+    inner = {kind: _below(values, kind) for kind in ("scene", "robot")}
+    document = override(
+        document, TaskConfig, {k: v for k, v in values.items() if not k.startswith(("scene.", "robot."))}
+    )
+    merged = check_task(document)
+    merged = dataclasses.replace(merged, plugins=(*merged.plugins, *plugins))
+    problems: list[Problem] = []
+    for kind in choices:
+        try:
+            find_data(kind, getattr(merged, kind), document.problem((kind,), ""))
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
+    name = Path(str(merged.tree if task is None else task)).stem
+    run = RunConfig(name, merged, seed, driver, record, inner["scene"], inner["robot"])
+    return check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)
+
+
+def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
+    """``key=value`` texts as a mapping; values are YAML scalars. Raises ConfigurationError."""
+    values: dict[str, Any] = {}
+    problems: list[Problem] = []
+    for setting in settings:
+        key, equals, value = setting.partition("=")
+        if not equals or not key.strip():
+            problems.append(Problem(f"--set {setting}", None, "", "should have the form key=value"))
+            continue
+        try:
+            values[key.strip()] = parse_value(value)
+        except ValueError as error:
+            problems.append(Problem(f"--set {setting}", None, "", str(error)))
+    if problems:
+        raise ConfigurationError(problems)
+    return values
+
+
+def dump_run(run: RunConfig) -> str:
+    """The run as YAML text, SI numbers."""
+    text: str = yaml.safe_dump(_plain(run), sort_keys=False, allow_unicode=True)
+    return text
+
+
+def read_run(path: Path) -> RunConfig:
+    """Read what ``dump_run`` wrote; raises ConfigurationError."""
+    document = read_document(path)
+    run = check(document, RunConfig)
+    check_task(document.below("task"))
+    return run
+
+
+def _below(values: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    return {key.removeprefix(f"{kind}."): value for key, value in values.items() if key.startswith(f"{kind}.")}
+
+
+def _plain(value: Any) -> Any:
+    """Dataclasses, mappings and tuples as dictionaries and lists."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return copy.copy(value)
