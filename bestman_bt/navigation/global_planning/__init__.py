@@ -3,5 +3,15 @@
 from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, PlanningFailureReason
 from bestman_bt.navigation.global_planning.costmap import Costmap, CostmapParameters
 from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.grid_astar import GridAStar, GridAStarParameters
 
-__all__ = ["Costmap", "CostmapParameters", "Footprint", "GlobalPlanner", "PlanningFailure", "PlanningFailureReason"]
+__all__ = [
+    "Costmap",
+    "CostmapParameters",
+    "Footprint",
+    "GlobalPlanner",
+    "GridAStar",
+    "GridAStarParameters",
+    "PlanningFailure",
+    "PlanningFailureReason",
+]

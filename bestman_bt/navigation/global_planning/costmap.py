@@ -108,6 +108,11 @@ class Costmap:
         data = np.where(self.distance <= self.resolution / 2, OCCUPIED, FREE).astype(np.int8)
         return OccupancyGrid(data, self.resolution, self.origin)
 
+    def grid_points(self, cells: ArrayLike) -> NDArray[np.float64]:
+        """Map points (..., 2), metres, at the centres of cells (row, column)."""
+        centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * self.resolution
+        return centres + self.origin
+
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Which map points (..., 2) lie on the costmap."""
         cells = (np.asarray(points, dtype=float) - self.origin) / self.resolution
@@ -129,13 +134,15 @@ class Costmap:
         value = (1 - v) * ((1 - u) * flat[corner] + u * flat[corner + 1]) + v * (
             (1 - u) * flat[corner + columns] + u * flat[corner + columns + 1]
         )
-        return np.where(self.contains(points), value, -1.0)
+        distance: NDArray[np.float64] = np.where(self.contains(points), value, -1.0)
+        return distance
 
     def cost(self, distance: ArrayLike, lethal_distance: float) -> NDArray[np.float64]:
         """Cost per metre, 1 and up, at ``distance`` metres from an obstacle; infinite below ``lethal_distance``."""
         beyond = np.asarray(distance, dtype=float) - lethal_distance
         cost = 1.0 + self.parameters.cost_weight * np.exp(-np.maximum(beyond, 0.0) / self.parameters.cost_decay)
-        return np.where(beyond < 0.0, np.inf, cost)
+        limited: NDArray[np.float64] = np.where(beyond < 0.0, np.inf, cost)
+        return limited
 
     def footprint_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Metres between the footprint and the next obstacle, (N,), for ``poses`` (N, 3) of x, y, theta.
@@ -153,7 +160,8 @@ class Costmap:
         )
         around = self.distance_at(points).min(axis=1)
         inside = self.distance_at(poses[:, :2]) - self.footprint.inscribed_radius
-        return np.minimum(around, inside)
+        clearance: NDArray[np.float64] = np.minimum(around, inside)
+        return clearance
 
     def clearance_at(self, pose: Pose2D) -> float:
         """Metres between the footprint at ``pose`` and the next obstacle, as ``footprint_clearance``."""

@@ -1,0 +1,194 @@
+"""Regulated pure pursuit (Macenski et al. 2023, after Coulter 1992) for bases that turn on the spot.
+
+The path is driven leg by leg: at a sharp corner, or where the driving direction changes, the base stops and turns.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
+
+_SPACING = 0.02
+
+
+@dataclass(frozen=True)
+class PurePursuitParameters:
+    """Lengths in metres, speeds in m/s and rad/s, accelerations in m/s² and rad/s².
+
+    ``lookahead_time``: seconds driven to the point that is steered for, between ``min_lookahead`` and
+    ``max_lookahead``. ``lateral_acceleration``: slows down in curves. ``deceleration``: plans the stop at the end.
+    ``corner``: radians between two segments above which the base stops and turns. ``leg_heading_tolerance``: radians,
+    when to set off after such a turn. ``position_tolerance``: along the path, at the end of a leg.
+    """
+
+    max_speed: float = 0.6
+    max_turn_rate: float = 1.2
+    acceleration: float = 0.5
+    deceleration: float = 0.35
+    lateral_acceleration: float = 0.4
+    turn_acceleration: float = 2.0
+    creep_speed: float = 0.015
+    lookahead_time: float = 0.6
+    min_lookahead: float = 0.2
+    max_lookahead: float = 0.4
+    corner: float = 0.6
+    leg_heading_tolerance: float = 0.03
+    position_tolerance: float = 0.003
+    still: float = 0.02
+    turning: RotateToHeadingParameters = field(default_factory=RotateToHeadingParameters)
+
+
+@dataclass(frozen=True, eq=False)
+class _Leg:
+    """A smooth piece of the path: dense ``points`` (N, 2), ``arc`` (N,) metres to its end, driving direction."""
+
+    points: NDArray[np.float64]
+    arc: NDArray[np.float64]
+    reverse: bool
+
+    @property
+    def end_direction(self) -> NDArray[np.float64]:
+        delta: NDArray[np.float64] = self.points[-1] - self.points[-2]
+        return delta / float(np.linalg.norm(delta))
+
+    @property
+    def start_heading(self) -> float:
+        dx, dy = self.points[1] - self.points[0]
+        return math.atan2(dy, dx) + (math.pi if self.reverse else 0.0)
+
+
+class PurePursuit(PathFollower):
+    """Steers for a point ahead on the path; deterministic."""
+
+    def __init__(self, parameters: PurePursuitParameters | None = None) -> None:
+        self._parameters = parameters or PurePursuitParameters()
+        self._legs: list[_Leg] | None = None
+        self._turn = RotateToHeading(self._parameters.turning)
+        self._turning = False
+        self._turn_heading = self._goal_heading = 0.0
+        self._speed = self._turn_rate = 0.0
+        self._at = 0
+
+    def reset(self, path: Path2D) -> None:
+        """See ``PathFollower.reset``."""
+        if len(path.points) == 0:
+            raise ValueError("PurePursuit path should have at least one point but has none")
+        self._legs = _split(path, self._parameters.corner)
+        self._goal_heading = path.goal.theta
+        self._speed = 0.0
+        self._turn_rate = 0.0
+        self._begin_leg()
+
+    def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
+        """See ``PathFollower.compute``."""
+        if self._legs is None:
+            raise RuntimeError("PurePursuit.compute was called before reset")
+        if self._turning:
+            command = self._turn.compute(pose, velocity, dt)
+            left = abs(wrap_angle(self._turn_heading - pose.theta))
+            if self._legs and left < self._parameters.leg_heading_tolerance and abs(command.twist.wz) < 0.15:
+                self._turning, self._turn_rate = False, command.twist.wz
+            elif not self._legs and command.done:
+                return command
+            else:
+                return FollowerCommand(command.twist, False, self._remaining())
+        twist, ended = self._drive(pose, velocity, dt)
+        if ended:
+            self._legs.pop(0)
+            self._begin_leg()
+        return FollowerCommand(twist, False, self._remaining())
+
+    def _begin_leg(self) -> None:
+        assert self._legs is not None
+        self._at = 0
+        self._turning = True
+        self._turn_heading = self._legs[0].start_heading if self._legs else self._goal_heading
+        self._turn.turn_to(self._turn_heading)
+
+    def _remaining(self) -> float:
+        assert self._legs is not None
+        if not self._legs:
+            return 0.0
+        return float(self._legs[0].arc[self._at] + sum(leg.arc[0] for leg in self._legs[1:]))
+
+    def _drive(self, pose: Pose2D, velocity: Twist2D, dt: float) -> tuple[Twist2D, bool]:
+        """The command along the present leg, and whether its end is reached."""
+        assert self._legs is not None
+        p, leg = self._parameters, self._legs[0]
+        position = pose.xy
+        # Progress never jumps to a later piece of the path that happens to be close.
+        window = leg.points[self._at : self._at + 30]
+        self._at += int(np.argmin(np.linalg.norm(window - position, axis=1)))
+        direction = leg.end_direction
+        remaining = float(leg.arc[self._at])
+        if remaining < 0.3:
+            remaining = float((leg.points[-1] - position) @ direction)
+        if remaining < p.position_tolerance:
+            self._speed = max(0.0, self._speed - p.acceleration * dt * 2.0)
+            self._steer(0.0, dt)
+            stopped = self._speed == self._turn_rate == 0.0 and abs(velocity.vx) < p.still
+            return self._twist(leg), stopped
+
+        lookahead = min(max(p.lookahead_time * self._speed, p.min_lookahead), p.max_lookahead)
+        ahead = int(np.searchsorted(-leg.arc, lookahead - leg.arc[self._at]))
+        if ahead < len(leg.points):
+            target = leg.points[ahead]
+        else:
+            # Beyond the end the last segment goes on, so that the base arrives along it.
+            target = leg.points[-1] + direction * (lookahead - max(0.0, remaining))
+        offset = target - position
+        bearing = wrap_angle(math.atan2(offset[1], offset[0]) - pose.theta - (math.pi if leg.reverse else 0.0))
+        curvature = 2.0 * math.sin(bearing) / max(float(np.linalg.norm(offset)), p.min_lookahead / 2)
+
+        speed = min(p.max_speed, max(p.creep_speed, math.sqrt(2.0 * p.deceleration * remaining)))
+        if curvature:
+            speed = min(speed, p.max_turn_rate / abs(curvature), math.sqrt(p.lateral_acceleration / abs(curvature)))
+        if abs(bearing) > math.pi / 3:
+            speed = p.creep_speed
+        self._speed += min(max(speed - self._speed, -2.0 * p.deceleration * dt), p.acceleration * dt)
+        self._steer(min(max(self._speed * curvature, -p.max_turn_rate), p.max_turn_rate), dt)
+        return self._twist(leg), False
+
+    def _steer(self, turn_rate: float, dt: float) -> None:
+        change = self._parameters.turn_acceleration * dt
+        self._turn_rate += min(max(turn_rate - self._turn_rate, -change), change)
+
+    def _twist(self, leg: _Leg) -> Twist2D:
+        return Twist2D(vx=-self._speed if leg.reverse else self._speed, wz=self._turn_rate)
+
+
+def _split(path: Path2D, corner: float) -> list[_Leg]:
+    """Cut a path at sharp corners and at changes of the driving direction."""
+    points, reverse = path.points, path.reverse
+    if len(points) < 2:
+        return []
+    deltas = np.diff(points, axis=0)
+    headings = np.arctan2(deltas[:, 1], deltas[:, 0])
+    legs: list[_Leg] = []
+    first = 0
+    for i in range(1, len(points)):
+        last = i == len(points) - 1
+        if last or reverse[i] != reverse[i - 1] or abs(wrap_angle(headings[i] - headings[i - 1])) > corner:
+            dense = _densified(points[first : i + 1])
+            lengths = np.linalg.norm(np.diff(dense, axis=0), axis=1)
+            arc = np.append(np.cumsum(lengths[::-1])[::-1], 0.0)
+            if arc[0] > 0.0:
+                legs.append(_Leg(dense, arc, bool(reverse[i - 1])))
+            first = i
+    return legs
+
+
+def _densified(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    pieces = [points[:1]]
+    for start, end in itertools.pairwise(points):
+        count = math.ceil(float(np.linalg.norm(end - start)) / _SPACING)
+        pieces.append(start + (np.arange(1, count + 1) / max(count, 1))[:, None] * (end - start))
+    return np.vstack(pieces)

@@ -1,0 +1,58 @@
+"""Turning on the spot to a heading, on a trapezoidal velocity profile."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
+
+
+@dataclass(frozen=True)
+class RotateToHeadingParameters:
+    """``max_speed`` rad/s, ``acceleration`` rad/s² (both ways), ``gain`` 1/s close to the heading.
+
+    ``tolerance``: radians. ``still``: rad/s below which the base counts as standing.
+    """
+
+    max_speed: float = 1.2
+    acceleration: float = 1.5
+    gain: float = 3.0
+    tolerance: float = 0.006
+    still: float = 0.03
+
+
+class RotateToHeading(PathFollower):
+    """Turns to the heading of a path's goal and ignores its points."""
+
+    def __init__(self, parameters: RotateToHeadingParameters | None = None) -> None:
+        self._parameters = parameters or RotateToHeadingParameters()
+        self._heading: float | None = None
+        self._speed = 0.0
+
+    def reset(self, path: Path2D) -> None:
+        """Begin to turn to ``path.goal.theta``."""
+        self.turn_to(path.goal.theta)
+
+    def turn_to(self, heading: float) -> None:
+        """Begin to turn to ``heading``, radians in the map frame."""
+        self._heading = heading
+        self._speed = 0.0
+
+    def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
+        """See ``PathFollower.compute``; ``remaining`` is 0, as no distance is driven."""
+        if self._heading is None:
+            raise RuntimeError("RotateToHeading.compute was called before reset")
+        p = self._parameters
+        error = wrap_angle(self._heading - pose.theta)
+        if abs(error) < p.tolerance and abs(velocity.wz) < p.still and abs(self._speed) < p.still:
+            self._speed = 0.0
+            return FollowerCommand(Twist2D(), True, 0.0)
+        sign = math.copysign(1.0, error)
+        if abs(error) > math.pi - 0.2 and self._speed:
+            sign = math.copysign(1.0, self._speed)  # half a turn away, noise must not change the direction
+        speed = min(p.max_speed, math.sqrt(p.acceleration * abs(error)), p.gain * abs(error))
+        change = p.acceleration * dt
+        self._speed += min(max(sign * speed - self._speed, -change), change)
+        return FollowerCommand(Twist2D(wz=self._speed), False, 0.0)

@@ -1,0 +1,184 @@
+"""Tracking by matching each scan to the map: point-to-line ICP (Censi 2008) inside a Kalman filter.
+
+The match gives a pose and its covariance (from the Gauss-Newton normal matrix); the filter weighs it against the
+odometry. Walls are exact; a piece of furniture is off as a whole, so all hits on it together count as one measurement
+with that error, not as many independent ones.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization.ray_casting import cast_rays
+from bestman_bt.world_model import SemanticMap
+
+
+@dataclass(frozen=True)
+class ScanToMapParameters:
+    """Lengths in metres, angles in radians.
+
+    ``iterations`` of the match; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything in the
+    map are left out of iteration k. ``robust_scale``: residual at which a hit counts half. ``range_std``: noise of a
+    beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``: variance
+    that odometry gains per metre driven (m²/m), ``turn_slip``: per radian turned (rad²/rad), ``drift``: heading
+    variance per metre (rad²/m). A match is refused with less than ``min_inlier_ratio`` of the hits explained, or when
+    it lies more than ``max_deviation`` standard deviations from the prediction.
+    """
+
+    iterations: int = 8
+    gate_first: float = 0.25
+    gate_decay: float = 0.6
+    gate_last: float = 0.04
+    robust_scale: float = 0.02
+    range_std: float = 0.01
+    wall_std: float = 0.001
+    furniture_std: float = 0.025
+    slip: float = 4e-5
+    turn_slip: float = 9e-5
+    drift: float = 4e-5
+    min_inlier_ratio: float = 0.35
+    max_deviation: float = 4.5
+
+
+class ScanToMap(Localizer):
+    """Scan-to-map tracking; needs a first pose within about 10 cm and 5°."""
+
+    def __init__(self, semantic_map: SemanticMap, parameters: ScanToMapParameters | None = None) -> None:
+        self._parameters = parameters or ScanToMapParameters()
+        self._segments, self._bodies, self._body_std = _bodies(semantic_map, self._parameters)
+        self._estimate: LocalizationEstimate | None = None
+        self._odometry = Pose2D()
+
+    @property
+    def estimate(self) -> LocalizationEstimate:
+        """See ``Localizer.estimate``."""
+        if self._estimate is None:
+            raise RuntimeError("ScanToMap was used before reset")
+        return self._estimate
+
+    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
+        """See ``Localizer.reset``."""
+        self._odometry = odometry
+        self._estimate = LocalizationEstimate(pose, np.diag([position_std**2, position_std**2, heading_std**2]))
+        return self._estimate
+
+    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
+        """See ``Localizer.predict``."""
+        estimate, p = self.estimate, self._parameters
+        moved = self._odometry.inverse() @ odometry
+        self._odometry = odometry
+        distance, turned = math.hypot(moved.x, moved.y), abs(moved.theta)
+        if distance == 0.0 and turned == 0.0:
+            return estimate
+        pose = estimate.pose @ moved
+        jacobian = np.eye(3)
+        jacobian[0, 2] = estimate.pose.y - pose.y
+        jacobian[1, 2] = pose.x - estimate.pose.x
+        noise = np.diag([p.slip * distance, p.slip * distance, p.turn_slip * turned + p.drift * distance])
+        covariance = jacobian @ estimate.covariance @ jacobian.T + noise
+        self._estimate = LocalizationEstimate(pose, covariance, estimate.match)
+        return self._estimate
+
+    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
+        """See ``Localizer.correct``."""
+        estimate, p = self.estimate, self._parameters
+        hits = base_from_lidar.apply(scan.points())
+        if len(hits) < 10:
+            return self._refused(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything"))
+        visible = self._visible(estimate.pose @ base_from_lidar, scan)
+        if len(visible) == 0:
+            return self._refused(ScanMatch(False, 0.0, math.inf, "nothing in the map is in view"))
+        matched, information, inliers, residual = self._match(hits, estimate.pose, visible)
+        if inliers < p.min_inlier_ratio:
+            text = f"only {inliers:.0%} of the hits lie on something in the map"
+            return self._refused(ScanMatch(False, inliers, residual, text))
+        innovation = np.array(
+            [
+                matched.x - estimate.pose.x,
+                matched.y - estimate.pose.y,
+                wrap_angle(matched.theta - estimate.pose.theta),
+            ]
+        )
+        # Directions that no hit constrains get a huge, finite variance.
+        measured = np.linalg.inv(information + 1e-6 * np.eye(3))
+        expected = estimate.covariance + measured
+        deviation = math.sqrt(float(innovation @ np.linalg.solve(expected, innovation)))
+        if deviation > p.max_deviation:
+            text = f"the match lies {deviation:.1f} standard deviations from the prediction"
+            return self._refused(ScanMatch(False, inliers, residual, text))
+        gain = estimate.covariance @ np.linalg.inv(expected)
+        dx, dy, dtheta = gain @ innovation
+        pose = Pose2D(estimate.pose.x + dx, estimate.pose.y + dy, wrap_angle(estimate.pose.theta + dtheta))
+        keep = np.eye(3) - gain
+        covariance = keep @ estimate.covariance @ keep.T + gain @ measured @ gain.T
+        self._estimate = LocalizationEstimate(pose, covariance, ScanMatch(True, inliers, residual))
+        return self._estimate
+
+    def _refused(self, match: ScanMatch) -> LocalizationEstimate:
+        self._estimate = LocalizationEstimate(self.estimate.pose, self.estimate.covariance, match)
+        return self._estimate
+
+    def _visible(self, map_from_lidar: Pose2D, scan: LaserScan) -> NDArray[np.intp]:
+        """Indices of the segments in view: not the far side of a wall, nor what stands behind it."""
+        _, seen = cast_rays(self._segments, map_from_lidar, scan.angles[::2])
+        return np.unique(seen[seen >= 0])
+
+    def _match(
+        self, hits: NDArray[np.float64], pose: Pose2D, visible: NDArray[np.intp]
+    ) -> tuple[Pose2D, NDArray[np.float64], float, float]:
+        """The pose that fits best, its information matrix (3, 3), the inlier ratio and the residual."""
+        p = self._parameters
+        segments, bodies = self._segments[visible], self._bodies[visible]
+        along = segments[:, 2:] - segments[:, :2]
+        length2 = np.sum(along**2, axis=1)
+        normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.sqrt(length2)[:, None]
+        state = np.array([pose.x, pose.y, pose.theta])
+        for k in range(p.iterations):
+            turned = Pose2D(0.0, 0.0, state[2]).apply(hits)
+            points = turned + state[:2]
+            dx = points[:, 0, None] - segments[:, 0]
+            dy = points[:, 1, None] - segments[:, 1]
+            u = np.clip((dx * along[:, 0] + dy * along[:, 1]) / length2, 0.0, 1.0)
+            distance2 = (dx - u * along[:, 0]) ** 2 + (dy - u * along[:, 1]) ** 2
+            nearest = np.argmin(distance2, axis=1)
+            row = np.arange(len(hits))
+            normal = normals[nearest]
+            residuals = dx[row, nearest] * normal[:, 0] + dy[row, nearest] * normal[:, 1]
+            gate = p.gate_first * p.gate_decay**k + p.gate_last
+            inlier = distance2[row, nearest] < gate**2
+            weights = inlier / (1.0 + (residuals / p.robust_scale) ** 2)
+            body = bodies[nearest]
+            hits_of_body = np.bincount(body, weights, minlength=len(self._body_std))
+            weights *= (1.0 / (p.range_std**2 + hits_of_body * self._body_std**2))[body]
+            jacobian = np.column_stack([normal, normal[:, 1] * turned[:, 0] - normal[:, 0] * turned[:, 1]])
+            weighted = jacobian * weights[:, None]
+            information = weighted.T @ jacobian
+            step = -np.linalg.solve(information + 1e-6 * np.eye(3), weighted.T @ residuals)
+            state += step
+            if k >= 3 and np.abs(step).max() < 1e-5:
+                break
+        matched = Pose2D(float(state[0]), float(state[1]), wrap_angle(float(state[2])))
+        count = int(inlier.sum())
+        residual = math.sqrt(float(np.mean(residuals[inlier] ** 2))) if count else math.inf
+        return matched, information, count / len(hits), residual
+
+
+def _bodies(
+    semantic_map: SemanticMap, parameters: ScanToMapParameters
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
+    """All segments (N, 4), the body that each belongs to (N,), and the error of each body (M,), metres."""
+    walls = semantic_map.walls
+    solid = [f for f in semantic_map.furniture.values() if f.solid_at_lidar]
+    segments = [walls]
+    for furniture in solid:
+        corners = furniture.corners()
+        segments.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+    bodies = np.concatenate([np.arange(len(walls)), len(walls) + np.repeat(np.arange(len(solid)), 4)])
+    stds = np.array([parameters.wall_std] * len(walls) + [parameters.furniture_std] * len(solid))
+    return np.concatenate(segments), bodies, stds

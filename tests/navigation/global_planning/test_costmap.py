@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose, Pose2D
+from bestman_bt.navigation.global_planning import Costmap, CostmapParameters, Footprint
+from bestman_bt.world_model import Obstacle
+
+EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
+
+
+def test_distance_to_a_wall_is_exact_between_cell_centres(kitchen, footprint):
+    costmap = Costmap.from_map(kitchen, footprint, parameters=EXACT)
+    assert costmap.distance_at([0.013, -1.987]) == pytest.approx(2.4 - 1.987, abs=1e-6)
+
+
+def test_distance_is_negative_inside_furniture(kitchen, footprint):
+    costmap = Costmap.from_map(kitchen, footprint, parameters=EXACT)
+    assert costmap.distance_at([3.4, -0.9]) == pytest.approx(-0.4, abs=0.03)
+
+
+def test_furniture_keeps_a_margin_for_its_position_and_heading_error(kitchen, footprint):
+    exact = Costmap.from_map(kitchen, footprint, parameters=EXACT)
+    careful = Costmap.from_map(
+        kitchen, footprint, parameters=CostmapParameters(clearance=0.0, furniture_heading_error=math.radians(2))
+    )
+    before_the_middle, before_the_corner = [2.8, -0.9], [2.8, -1.45]
+    lost = exact.distance_at([before_the_middle, before_the_corner]) - careful.distance_at(
+        [before_the_middle, before_the_corner]
+    )
+    assert 0.03 <= lost[0] < 0.034
+    assert lost[1] == pytest.approx(0.03 + 0.55 * math.radians(2), abs=0.004)
+
+
+def test_a_base_may_stand_6_cm_before_a_table_but_not_4_cm(costmap):
+    front = 3.0
+    assert costmap.clearance_at(Pose2D(front - 0.28 - 0.06, -0.9, 0.0)) > 0.0
+    assert costmap.clearance_at(Pose2D(front - 0.28 - 0.04, -0.9, 0.0)) < 0.0
+
+
+def test_a_base_that_stands_across_touches_what_it_would_miss_when_it_faces_it(costmap):
+    pose = Pose2D(3.0 - 0.28 - 0.06, -0.9, 0.0)
+    assert costmap.clearance_at(pose) > 0.0
+    assert costmap.clearance_at(Pose2D(pose.x, pose.y, math.radians(40))) < 0.0
+
+
+def test_a_table_leg_wholly_under_the_base_counts_as_touched(kitchen, footprint):
+    leg = Obstacle("leg", (PlacedShape(Cylinder(0.02, 0.7), Pose.from_xyz_rpy((0.0, 0.0, 0.35))),), 0.0)
+    assert Costmap.from_map(kitchen, footprint, [leg]).clearance_at(Pose2D()) < 0.0
+
+
+@pytest.mark.parametrize(("z", "blocks"), [(0.5, True), (2.5, False), (-0.2, False)])
+def test_an_obstacle_counts_only_where_the_robot_can_meet_it(kitchen, footprint, z, blocks):
+    box = Obstacle("box", (PlacedShape(Box((0.3, 0.3, 0.3)), Pose.from_xyz_rpy((0.0, 0.0, z), (0, 0, 0.4))),), 0.0)
+    assert (Costmap.from_map(kitchen, footprint, [box]).clearance_at(Pose2D()) < 0.0) == blocks
+
+
+def test_cost_decays_from_the_lethal_distance_on(costmap):
+    near, far, lethal = costmap.cost([0.41, 1.5, 0.39], 0.4)
+    assert near > 3.0
+    assert far == pytest.approx(1.0, abs=0.01)
+    assert lethal == np.inf
+
+
+def test_beyond_the_map_nothing_is_free(costmap):
+    assert costmap.distance_at([9.0, 0.0]) < 0.0
+    assert costmap.clearance_at(Pose2D(9.0, 0.0, 0.0)) < 0.0
+
+
+def test_the_occupancy_grid_shows_walls_and_furniture(costmap):
+    grid = costmap.grid
+    row, column = grid.to_cells([3.4, -0.9])
+    assert grid.data[row, column] == 100
+    row, column = grid.to_cells([0.0, 0.0])
+    assert grid.data[row, column] == 0
+
+
+def test_radii_of_a_rectangular_footprint():
+    footprint = Footprint(np.array([[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]]))
+    assert footprint.inscribed_radius == pytest.approx(0.2)
+    assert footprint.circumscribed_radius == pytest.approx(math.hypot(0.3, 0.2))
+
+
+def test_a_clockwise_footprint_is_refused():
+    with pytest.raises(ValueError, match="counter-clockwise"):
+        Footprint(np.array([[-0.3, -0.2], [-0.3, 0.2], [0.3, 0.2], [0.3, -0.2]]))

@@ -1,0 +1,91 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.navigation.global_planning import GridAStar
+from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters
+
+DT = 0.025
+
+
+def drive(path, start, follower=None, lag=0.05, limit=60.0):
+    """A unicycle whose wheels answer with a lag: all poses (N, 3) and commands (N, 2), to the end of the path."""
+    follower = follower or PurePursuit()
+    follower.reset(path)
+    pose, v, w = start, 0.0, 0.0
+    poses, commands = [], []
+    for _ in range(int(limit / DT)):
+        command = follower.compute(pose, Twist2D(v, 0.0, w), DT)
+        if command.done:
+            return np.array(poses), np.array(commands), pose
+        for _ in range(6):
+            h = DT / 6
+            v += (command.twist.vx - v) * h / lag
+            w += (command.twist.wz - w) * h / lag
+            pose = pose @ Pose2D(v * h, 0.0, w * h)
+        poses.append((pose.x, pose.y, pose.theta))
+        commands.append((command.twist.vx, command.twist.wz))
+    pytest.fail(f"the end was not reached in {limit} s; the base is at {pose}")
+
+
+def test_a_planned_path_ends_within_a_centimetre_of_the_stand_pose_and_touches_nothing(costmap):
+    start, goal = Pose2D(0.0, 0.0, 0.3), Pose2D(3.0 - 0.28 - 0.06, -0.9, 0.0)
+    poses, _, end = drive(GridAStar().plan(start, goal, costmap), start)
+    assert end.distance_to(goal) < 0.01
+    assert abs(wrap_angle(end.theta - goal.theta)) < math.radians(0.5)
+    assert costmap.footprint_clearance(poses).min() > 0.0
+
+
+def test_a_reverse_segment_is_driven_backwards_without_turning():
+    path = Path2D([(0, 0), (-0.5, 0)], Pose2D(-0.5, 0.0, 0.0), reverse=[True])
+    poses, commands, end = drive(path, Pose2D())
+    assert commands[:, 0].max() <= 0.0
+    assert np.abs(poses[:, 2]).max() < 0.01
+    assert end.x == pytest.approx(-0.5, abs=0.01)
+
+
+def test_the_base_turns_on_the_spot_at_a_sharp_corner():
+    path = Path2D([(0, 0), (1, 0), (1, 1)], Pose2D(1.0, 1.0, math.pi / 2))
+    poses, _, _ = drive(path, Pose2D())
+    segment = np.clip(poses[:, 1], 0.0, None)
+    beside = np.where(poses[:, 0] < 0.98, np.abs(poses[:, 1]), np.where(segment > 0.02, np.abs(poses[:, 0] - 1.0), 0.0))
+    assert beside.max() < 0.02
+
+
+def test_a_gentle_bend_is_driven_without_stopping():
+    path = Path2D([(0, 0), (1, 0), (2, 0.4)], Pose2D(2.0, 0.4, 0.38))
+    poses, commands, _ = drive(path, Pose2D())
+    around_bend = (poses[:, 0] > 0.6) & (poses[:, 0] < 1.4)
+    assert commands[around_bend, 0].min() > 0.3
+
+
+def test_speeds_and_accelerations_stay_within_the_limits(costmap):
+    p = PurePursuitParameters(max_speed=0.4, max_turn_rate=0.8)
+    path = Path2D([(0, 0), (1, 0), (1.5, 0.8), (0.5, 1.5)], Pose2D(0.5, 1.5, 0.0))
+    _, commands, _ = drive(path, Pose2D(), PurePursuit(p))
+    assert np.abs(commands[:, 0]).max() <= 0.4
+    assert np.abs(commands[:, 1]).max() <= max(0.8, p.turning.max_speed)
+    assert np.abs(np.diff(commands[:, 0])).max() / DT <= 2 * p.acceleration + 1e-9
+    assert np.abs(np.diff(commands[:, 1])).max() / DT <= p.turn_acceleration + 1e-9
+
+
+def test_an_offset_from_the_path_is_driven_out():
+    path = Path2D([(0, 0), (2, 0)], Pose2D(2.0, 0.0, 0.0))
+    _, _, end = drive(path, Pose2D(0.0, 0.15, 0.2))
+    assert abs(end.y) < 0.01
+
+
+@pytest.mark.parametrize("theta", [0.5, -2.0, 3.1, math.pi])
+def test_a_path_of_one_point_is_a_turn_on_the_spot(theta):
+    poses, _, end = drive(Path2D([(0, 0)], Pose2D(0.0, 0.0, theta)), Pose2D())
+    assert abs(wrap_angle(end.theta - theta)) < math.radians(0.5)
+    assert np.abs(poses[:, :2]).max() < 1e-6
+
+
+def test_a_path_without_points_is_refused():
+    with pytest.raises(ValueError, match="at least one point"):
+        PurePursuit().reset(Path2D(np.zeros((0, 2)), Pose2D()))

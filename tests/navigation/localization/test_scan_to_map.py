@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.navigation.localization import ScanToMap, cast_rays
+from bestman_bt.world_model import MapFurniture, SemanticMap
+
+BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)
+BEAMS = 360
+
+
+def actual(semantic_map: SemanticMap, offset: Pose2D) -> SemanticMap:
+    """The map as the world really is: each piece of furniture moved by ``offset``."""
+    moved = {
+        name: MapFurniture(
+            name,
+            Pose2D(f.pose.x + offset.x, f.pose.y + offset.y, f.pose.theta + offset.theta),
+            f.footprint,
+            f.height,
+            f.surfaces,
+            f.solid_at_lidar,
+        )
+        for name, f in semantic_map.furniture.items()
+    }
+    return SemanticMap(semantic_map.walls, moved)
+
+
+def scan_at(pose: Pose2D, segments: np.ndarray, rng: np.random.Generator) -> LaserScan:
+    angles = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
+    ranges, _ = cast_rays(segments, pose @ BASE_FROM_LIDAR, angles)
+    ranges = ranges + rng.normal(0.0, 0.01, BEAMS)
+    return LaserScan(np.where(ranges < 8.0, ranges, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
+
+
+def errors(pose: Pose2D, truth: Pose2D) -> tuple[float, float]:
+    return pose.distance_to(truth), abs(wrap_angle(pose.theta - truth.theta))
+
+
+def localizer_at(semantic_map, pose, position_std=0.02, heading_std=0.012):
+    localizer = ScanToMap(semantic_map)
+    localizer.reset(pose, Pose2D(), position_std, heading_std)
+    return localizer
+
+
+@pytest.mark.parametrize("truth", [Pose2D(0.0, 0.0, 0.3), Pose2D(2.6, -0.9, 0.0), Pose2D(2.9, 1.5, 1.57)])
+def test_one_scan_corrects_a_start_pose_that_is_3_cm_and_1_degree_off(kitchen, truth):
+    rng = np.random.default_rng(1)
+    localizer = localizer_at(kitchen, Pose2D(truth.x + 0.03, truth.y - 0.03, truth.theta + 0.02))
+    estimate = localizer.correct(scan_at(truth, kitchen.lidar_segments(), rng), BASE_FROM_LIDAR)
+    position, heading = errors(estimate.pose, truth)
+    assert estimate.match.accepted
+    assert position < 0.005
+    assert heading < math.radians(0.2)
+
+
+def test_furniture_that_is_3_cm_off_moves_the_estimate_by_no_more_than_a_few_millimetres(kitchen):
+    rng = np.random.default_rng(2)
+    truth = Pose2D(2.9, 1.5, 1.57)
+    world = actual(kitchen, Pose2D(0.03, -0.03, math.radians(2)))
+    localizer = localizer_at(kitchen, truth)
+    for _ in range(10):
+        estimate = localizer.correct(scan_at(truth, world.lidar_segments(), rng), BASE_FROM_LIDAR)
+    position, heading = errors(estimate.pose, truth)
+    assert position < 0.005
+    assert heading < math.radians(0.2)
+
+
+def test_legs_and_people_that_the_map_does_not_know_do_not_mislead_it(kitchen):
+    rng = np.random.default_rng(3)
+    truth = Pose2D(2.3, -0.3, -0.5)
+    around = np.linspace(0, 2 * math.pi, 9)
+    clutter = [kitchen.lidar_segments()]
+    for x, y, radius in [(3.1, -0.4, 0.03), (3.1, -1.4, 0.03), (2.4, 0.8, 0.25), (1.9, -0.9, 0.15)]:
+        ring = np.column_stack([x + radius * np.cos(around), y + radius * np.sin(around)])
+        clutter.append(np.hstack([ring[:-1], ring[1:]]))
+    localizer = localizer_at(kitchen, Pose2D(truth.x - 0.03, truth.y + 0.02, truth.theta - 0.02))
+    for _ in range(5):
+        estimate = localizer.correct(scan_at(truth, np.vstack(clutter), rng), BASE_FROM_LIDAR)
+    position, heading = errors(estimate.pose, truth)
+    assert estimate.match.inlier_ratio < 0.95
+    assert position < 0.005
+    assert heading < math.radians(0.2)
+
+
+def test_driving_with_wheels_that_are_1_percent_off_keeps_the_estimate_within_a_centimetre(kitchen):
+    rng = np.random.default_rng(4)
+    truth, odometry = Pose2D(0.0, 0.4, 0.0), Pose2D()
+    localizer = localizer_at(kitchen, Pose2D(0.02, 0.42, 0.015))
+    world = actual(kitchen, Pose2D(-0.02, 0.02, math.radians(-2))).lidar_segments()
+    worst = 0.0
+    for tick in range(400):
+        truth = truth @ Pose2D(0.006, 0.0, -0.002 if tick > 200 else 0.0)
+        odometry = odometry @ Pose2D(0.006 * 1.01, 0.0, (-0.002 if tick > 200 else 0.0) * 1.02 + 0.006 * 0.01)
+        estimate = localizer.predict(odometry)
+        if tick % 4 == 0:
+            estimate = localizer.correct(scan_at(truth, world, rng), BASE_FROM_LIDAR)
+        if tick > 8:
+            worst = max(worst, estimate.pose.distance_to(truth))
+    drift = (Pose2D(0.02, 0.42, 0.015) @ odometry).distance_to(truth)
+    assert drift > 0.04
+    assert worst < 0.01
+    assert estimate.position_std < 0.01
+
+
+def test_the_standard_deviation_covers_the_error(kitchen):
+    rng = np.random.default_rng(5)
+    ratios = []
+    for _ in range(60):
+        truth = Pose2D(*rng.uniform([-0.5, -1.5, -3], [1.0, 1.5, 3]))
+        localizer = localizer_at(
+            kitchen, Pose2D(truth.x + rng.normal(0, 0.02), truth.y + rng.normal(0, 0.02), truth.theta)
+        )
+        estimate = localizer.correct(scan_at(truth, kitchen.lidar_segments(), rng), BASE_FROM_LIDAR)
+        ratios.append(estimate.pose.distance_to(truth) / estimate.position_std)
+    assert 0.3 < np.median(ratios) < 1.8
+
+
+def test_odometry_alone_makes_the_estimate_less_certain(kitchen):
+    localizer = localizer_at(kitchen, Pose2D(), 0.001, 0.001)
+    first = localizer.predict(Pose2D(0.5, 0.0, 0.0))
+    second = localizer.predict(Pose2D(2.0, 0.0, 1.0))
+    assert 0.001 < first.position_std < second.position_std
+    assert 0.001 < first.heading_std < second.heading_std
+
+
+def test_a_scan_from_elsewhere_is_refused_and_the_estimate_stays(kitchen):
+    rng = np.random.default_rng(6)
+    localizer = localizer_at(kitchen, Pose2D(0.0, 0.0, 0.0))
+    elsewhere = scan_at(Pose2D(2.6, -1.4, 2.0), kitchen.lidar_segments(), rng)
+    estimate = localizer.correct(elsewhere, BASE_FROM_LIDAR)
+    assert not estimate.match.accepted
+    assert estimate.match.reason
+    assert estimate.pose == Pose2D(0.0, 0.0, 0.0)
+
+
+def test_a_blind_lidar_is_refused(kitchen):
+    blind = LaserScan(np.full(BEAMS, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
+    estimate = localizer_at(kitchen, Pose2D()).correct(blind, BASE_FROM_LIDAR)
+    assert "0 beams" in estimate.match.reason
+
+
+def test_before_the_first_reset_there_is_no_estimate(kitchen):
+    with pytest.raises(RuntimeError, match="before reset"):
+        ScanToMap(kitchen).predict(Pose2D())
