@@ -82,18 +82,18 @@ def install_lock() -> None:
     """Install the lock, hashes checked, with uv, else with pip."""
     requirements = ["--require-hashes", "-r", str(LOCK)]
     try:
-        _run([*_pip("install"), "--no-deps", "--require-hashes", "-r", _uv_requirement()])
+        _run([*_pip_install(), "--no-deps", "--require-hashes", "-r", _uv_requirement()])
         _run(
             [str(PYTHON), "-m", "uv", "pip", "install", "-q", "--python", str(PYTHON), *requirements], _uv_environment()
         )
     except subprocess.CalledProcessError:
         print("uv could not install the lock; trying pip, which takes longer ...", flush=True)
-        _run([*_pip("install"), *requirements])
+        _run([*_pip_install(), *requirements])
 
 
 def install_project() -> None:
     """Install the checkout itself, editable, without a second resolution."""
-    _run([*_pip("install"), "--no-deps", "--no-build-isolation", "--editable", str(CHECKOUT)])
+    _run([*_pip_install(), "--no-deps", "--no-build-isolation", "--editable", str(CHECKOUT)])
 
 
 def uv_settings(pip_configuration: str, environment: dict[str, str]) -> dict[str, str]:
@@ -116,7 +116,7 @@ def uv_settings(pip_configuration: str, environment: dict[str, str]) -> dict[str
 
 
 def _uv_environment() -> dict[str, str]:
-    listed = subprocess.run([*_pip("config"), "list"], capture_output=True, text=True, check=True)
+    listed = subprocess.run([str(PYTHON), "-m", "pip", "config", "list"], capture_output=True, text=True, check=True)
     return {**os.environ, **uv_settings(listed.stdout, dict(os.environ))}
 
 
@@ -130,8 +130,8 @@ def _uv_requirement() -> str:
     return str(file)
 
 
-def _pip(verb: str) -> list[str]:
-    return [str(PYTHON), "-m", "pip", "--quiet", "--disable-pip-version-check", verb]
+def _pip_install() -> list[str]:
+    return [str(PYTHON), "-m", "pip", "--quiet", "--disable-pip-version-check", "install"]
 
 
 def _run(command: list[str], environment: dict[str, str] | None = None) -> None:

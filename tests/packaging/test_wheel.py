@@ -1,0 +1,63 @@
+"""The wheel carries the three packages, the data they find by name, and nothing else."""
+
+from __future__ import annotations
+
+import configparser
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PACKAGES = ("bestman_bt", "behaviours", "hal")
+DATA_FOLDERS = ("assets", "configs", "trees")
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(CHECKOUT)]
+    subprocess.run(build, check=True, capture_output=True)
+    (file,) = folder.glob("*.whl")
+    return zipfile.ZipFile(file)
+
+
+def files_below(folder: str) -> set[str]:
+    paths = (CHECKOUT / folder).rglob("*")
+    return {str(path.relative_to(CHECKOUT)) for path in paths if path.is_file() and "__pycache__" not in path.parts}
+
+
+def test_every_module_is_in_the_wheel(wheel: zipfile.ZipFile) -> None:
+    modules = {name for package in PACKAGES for name in files_below(package) if name.endswith(".py")}
+    assert modules
+    assert modules <= set(wheel.namelist())
+
+
+@pytest.mark.parametrize("folder", DATA_FOLDERS)
+def test_every_data_file_travels_below_the_package(wheel: zipfile.ZipFile, folder: str) -> None:
+    expected = {f"bestman_bt/_data/{name}" for name in files_below(folder)}
+    assert expected, f"{folder}/ is empty"
+    assert expected <= set(wheel.namelist())
+
+
+def test_nothing_but_packages_and_metadata_is_installed(wheel: zipfile.ZipFile) -> None:
+    tops = {name.split("/")[0] for name in wheel.namelist()}
+    assert {top for top in tops if not top.endswith(".dist-info")} == set(PACKAGES)
+
+
+def test_the_command_points_at_a_function_in_the_wheel(wheel: zipfile.ZipFile) -> None:
+    (entry_points,) = (name for name in wheel.namelist() if name.endswith(".dist-info/entry_points.txt"))
+    parser = configparser.ConfigParser()
+    parser.read_string(wheel.read(entry_points).decode())
+    module, _, function = parser["console_scripts"]["bestman-bt"].partition(":")
+    source = wheel.read(f"{module.replace('.', '/')}.py").decode()
+    assert f"def {function}(" in source or f"{function} =" in source
+
+
+def test_no_machine_learning_framework_is_required(wheel: zipfile.ZipFile) -> None:
+    (metadata,) = (name for name in wheel.namelist() if name.endswith(".dist-info/METADATA"))
+    required = [line for line in wheel.read(metadata).decode().splitlines() if line.startswith("Requires-Dist:")]
+    assert required
+    assert not [line for line in required if any(name in line for name in ("torch", "tensorflow", "jax", "nvidia"))]
