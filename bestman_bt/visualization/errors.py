@@ -1,0 +1,15 @@
+"""What goes wrong when a run is shown or recorded."""
+
+from __future__ import annotations
+
+
+class VisualizationError(Exception):
+    """Base of the errors of this package."""
+
+
+class RecordingError(VisualizationError):
+    """A recording cannot be written, or was given something that it cannot show."""
+
+
+class ScreenshotError(VisualizationError):
+    """No picture of a recording could be taken."""

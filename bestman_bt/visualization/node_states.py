@@ -1,0 +1,83 @@
+"""What a node looks like now: its state, or the result that it had before it was reset, with a colour and an icon."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.visualization.errors import VisualizationError
+from bestman_bt.visualization.tree_description import NodeTransition, TreeDescription
+
+
+@dataclass(frozen=True)
+class NodeLook:
+    """How a state is shown; ``color``: rgb, each 0 to 255; ``icon``: one character; ``word``: for plain text."""
+
+    word: str
+    icon: str
+    color: tuple[int, int, int]
+
+
+NEVER_TICKED = NodeLook("idle", "·", (112, 118, 130))
+WAS_SUCCESS = NodeLook("succeeded", "✓", (70, 125, 90))
+WAS_FAILURE = NodeLook("failed", "✗", (155, 85, 80))
+WAS_RUNNING = NodeLook("halted", "◌", (150, 125, 75))
+LOOKS: dict[int, NodeLook] = {
+    IDLE: NEVER_TICKED,
+    RUNNING: NodeLook("running", "▶", (245, 170, 45)),
+    SUCCESS: NodeLook("success", "✓", (65, 190, 105)),
+    FAILURE: NodeLook("failure", "✗", (235, 85, 75)),
+    SKIPPED: NodeLook("skipped", "↷", (120, 140, 200)),
+}
+"""The look of each engine state."""
+
+_LOOKS_OF_PAST = {RUNNING: WAS_RUNNING, SUCCESS: WAS_SUCCESS, FAILURE: WAS_FAILURE}
+
+
+class NodeStates:
+    """The present state, last result and last message of every node of a tree.
+
+    An idle node keeps the look of its last result, dimmed, as Groot2 shows it: a tree that has finished, and is
+    therefore idle, still tells what happened.
+    """
+
+    def __init__(self, tree: TreeDescription) -> None:
+        self._tree = tree
+        self._state = {node.uid: IDLE for node in tree.nodes}
+        self._before_idle = dict(self._state)
+        self._message = {node.uid: "" for node in tree.nodes}
+
+    def apply(self, transitions: Iterable[NodeTransition]) -> None:
+        """Take over state changes, in their order; VisualizationError for an unknown node or state."""
+        for transition in transitions:
+            uid, state = self._tree.node(transition.uid).uid, transition.state
+            if state not in LOOKS:
+                raise VisualizationError(
+                    f"transition of {self._tree.node(uid).name!r}: state {state} is none of {sorted(LOOKS)}"
+                )
+            if state == IDLE:
+                if self._state[uid] != IDLE:
+                    self._before_idle[uid] = self._state[uid]
+            else:
+                self._message[uid] = transition.message
+            self._state[uid] = state
+
+    def tell(self, uid: int, message: str) -> None:
+        """Replace the message of a node, as when a running leaf reports progress."""
+        self._message[self._tree.node(uid).uid] = message
+
+    def state(self, uid: int) -> int:
+        """The engine's state of a node."""
+        return self._state[uid]
+
+    def message(self, uid: int) -> str:
+        """The last message of a node; empty if it had nothing to say."""
+        return self._message[uid]
+
+    def look(self, uid: int) -> NodeLook:
+        """How to show a node now."""
+        state = self._state[uid]
+        if state == IDLE:
+            return _LOOKS_OF_PAST.get(self._before_idle[uid], NEVER_TICKED)
+        return LOOKS[state]
