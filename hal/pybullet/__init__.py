@@ -1,6 +1,19 @@
 """The Robotics API over PyBullet: honest physics, no resets, no glue."""
 
+from hal.pybullet.client import SimulationError
+from hal.pybullet.ground_truth import GroundTruth
 from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.render import ScenePhotographer, Viewpoint
 from hal.pybullet.robot import PyBulletRobot
+from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
 
-__all__ = ["PhysicsParameters", "PyBulletRobot"]
+__all__ = [
+    "GroundTruth",
+    "PhysicsParameters",
+    "PyBulletRobot",
+    "ScenePhotographer",
+    "SceneRecorder",
+    "SceneSnapshot",
+    "SimulationError",
+    "Viewpoint",
+]

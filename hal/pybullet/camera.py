@@ -41,9 +41,8 @@ class SimulatedCamera(Camera):
         if self._simulation is None or self._reader is None:
             raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
         simulation, model = self._simulation, self._model
-        link = simulation.built.links[model.optical_frame]
-        state = self._reader.getLinkState(simulation.built.robot, link, computeForwardKinematics=1)
-        rgb, depth = render(self._reader, Pose(np.array(state[4]), np.array(state[5])), model)
+        map_from_optical = simulation.link_pose(self._reader, model.optical_frame)
+        rgb, depth = render(self._reader, map_from_optical, model)
         noisy = spoil_depth(depth, model, self._rng)
         return RGBDImage(rgb, noisy, model.intrinsics, simulation.steps * simulation.parameters.time_step)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.messages import LaserScan, Pose
+from bestman_bt.messages import LaserScan
 from bestman_bt.robot_model import LidarModel
 from hal.api import Lidar, NotConnectedError
 from hal.pybullet.client import Reader, ReadPurpose
@@ -32,9 +32,7 @@ class SimulatedLidar(Lidar):
         if self._simulation is None or self._reader is None:
             raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
         simulation, model = self._simulation, self._model
-        robot = simulation.built.robot
-        state = self._reader.getLinkState(robot, simulation.built.links[model.frame], computeForwardKinematics=1)
-        pose = Pose(np.array(state[4]), np.array(state[5]))
+        pose = simulation.link_pose(self._reader, model.frame)
         directions = self._directions @ pose.rotation.T
         starts = pose.position + directions * model.range_min
         ends = pose.position + directions * model.range_max
@@ -43,7 +41,12 @@ class SimulatedLidar(Lidar):
         shares = np.array([hit[2] for hit in hits])
         ranges = model.range_min + shares * (model.range_max - model.range_min)
         ranges = ranges + self._rng.standard_normal(model.beams) * model.noise
-        seen = (bodies >= 0) & (bodies != robot) & (ranges >= model.range_min) & (ranges <= model.range_max)
+        seen = (
+            (bodies >= 0)
+            & (bodies != simulation.built.robot)
+            & (ranges >= model.range_min)
+            & (ranges <= model.range_max)
+        )
         return LaserScan(
             ranges=np.where(seen, ranges, np.inf),
             angle_min=model.angle_min,

@@ -97,6 +97,7 @@ class PyBulletRobot(Robot):
         self._simulation = simulation
         self._clock.step = self._step
         self._clock.sleep(self._parameters.settle_time)
+        self._clock.step = self._first_step
 
     def disconnect(self) -> None:
         """End motions and periodic calls and close the physics server; idempotent."""
@@ -144,6 +145,12 @@ class PyBulletRobot(Robot):
     def _step(self) -> None:
         with self._lock:
             self.simulation.step()
+
+    def _first_step(self) -> None:
+        """Time begins to run under somebody's control: from now on, whoever opens a view of the truth is counted."""
+        self.simulation.client.start_running()
+        self._clock.step = self._step
+        self._step()
 
     def _is_stopped(self) -> bool:
         return self._stopped

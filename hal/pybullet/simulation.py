@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages import Pose
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.pybullet.client import PhysicsClient, SimulationError
+from hal.pybullet.client import PhysicsClient, Reader, SimulationError
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.world_builder import BuiltWorld, build_world
 
@@ -70,3 +72,20 @@ class Simulation:
             self._states = np.array([(state[0], state[1], state[3]) for state in states]).T.reshape(3, -1)
             self._read_at = self.steps
         return self._states
+
+    def link_pose(self, reader: Reader, link: str) -> Pose:
+        """True pose of a link of the robot in the map frame; SimulationError names the links there are."""
+        links, robot = self.built.links, self.built.robot
+        if link not in links:
+            raise SimulationError(f"robot {self.model.name!r} has no link {link!r}; it has {', '.join(links)}")
+        if links[link] >= 0:
+            state = reader.getLinkState(robot, links[link], computeForwardKinematics=1)
+            return Pose(np.array(state[4]), np.array(state[5]))
+        position, quaternion = reader.getBasePositionAndOrientation(robot)
+        return Pose(np.array(position), np.array(quaternion)) @ self._inertial_from_root
+
+    @functools.cached_property
+    def _inertial_from_root(self) -> Pose:
+        """Pybullet gives the pose of the root link's centre of mass."""
+        position, quaternion = self.client.getDynamicsInfo(self.built.robot, -1)[3:5]
+        return Pose(np.array(position), np.array(quaternion)).inverse()

@@ -1,0 +1,50 @@
+"""Snapshots of a whole scene for recordings and pictures; nothing that skills could use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import Pose
+from hal.pybullet.client import ReadPurpose
+from hal.pybullet.robot import PyBulletRobot
+
+
+@dataclass(frozen=True, eq=False)
+class SceneSnapshot:
+    """Where everything is at ``stamp``: poses in the map frame, joint positions by name."""
+
+    stamp: float
+    base_pose: Pose
+    joint_positions: Mapping[str, float]
+    object_poses: Mapping[str, Pose]
+
+
+class SceneRecorder:
+    """Takes snapshots for the runtime's recorder. As GroundTruth, it has to be made before time runs to be trusted."""
+
+    def __init__(self, robot: PyBulletRobot) -> None:
+        self._robot = robot
+        self._simulation = robot.simulation
+        self._reader = robot.simulation.client.reader(ReadPurpose.RECORDING)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether snapshots are free: it was made before time ran."""
+        return self._reader.trusted
+
+    def scene_snapshot(self) -> SceneSnapshot:
+        """The scene as it is now."""
+        simulation = self._simulation
+        poses = {}
+        for name, body in simulation.built.objects.items():
+            position, quaternion = self._reader.getBasePositionAndOrientation(body)
+            poses[name] = Pose(np.array(position), np.array(quaternion))
+        return SceneSnapshot(
+            stamp=self._robot.clock.now(),
+            base_pose=simulation.link_pose(self._reader, simulation.model.base_frame),
+            joint_positions=dict(zip(simulation.joint_names, map(float, simulation.joint_states()[0]), strict=True)),
+            object_poses=poses,
+        )
