@@ -4,6 +4,12 @@ from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares, DampedLeastSquaresParameters
 from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
+from bestman_bt.manipulation.kinematics.stand_pose import (
+    StandPose,
+    StandPoseParameters,
+    rank_stand_poses,
+    stands_along,
+)
 
 __all__ = [
     "CartesianPath",
@@ -12,5 +18,9 @@ __all__ = [
     "ForwardKinematics",
     "IKResult",
     "InverseKinematics",
+    "StandPose",
+    "StandPoseParameters",
     "cartesian_path",
+    "rank_stand_poses",
+    "stands_along",
 ]

@@ -48,6 +48,11 @@ class InverseKinematics(ABC):
     def joint_names(self) -> tuple[str, ...]:
         """Names of the n joints, in the order of every (n,) array."""
 
+    @property
+    @abstractmethod
+    def reach(self) -> tuple[NDArray[np.float64], float]:
+        """The shoulder (3,) in the base frame, and the distance from it in metres beyond which no tool pose lies."""
+
     @abstractmethod
     def tool_pose(self, positions: ArrayLike) -> Pose:
         """Forward kinematics: base_from_tool at ``positions`` (n,)."""

@@ -216,13 +216,19 @@ class DampedLeastSquares(InverseKinematics):
             q = np.clip(q + step * min(1.0, parameters.max_step / max(largest, 1e-12)), lower, upper)
         return q, False
 
+    @property
+    def reach(self) -> tuple[NDArray[np.float64], float]:
+        """The shoulder (3,) in the base frame, and the distance from it in metres beyond which no tool pose lies."""
+        shoulder, length = self._reach
+        return self._root_from_base.actInv(shoulder), length
+
     def _in_reach(self, target: pinocchio.SE3) -> bool:
-        shoulder, reach = self._reach
-        return bool(np.linalg.norm(target.translation - shoulder) <= reach)
+        shoulder, length = self._reach
+        return bool(np.linalg.norm(target.translation - shoulder) <= length)
 
     @cached_property
     def _reach(self) -> tuple[NDArray[np.float64], float]:
-        """The first joint's origin (3,), and the sum of the lengths between it and the tool: no pose lies beyond."""
+        """``reach``, with the shoulder in the root frame: the first joint, and the lengths from there to the tool."""
         model, data = self._model, self._data
         pinocchio.forwardKinematics(model, data, pinocchio.neutral(model))
         chain = [model.frames[self._tool].parentJoint]
