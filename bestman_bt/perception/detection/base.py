@@ -10,7 +10,7 @@ import numpy as np
 
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
-from bestman_bt.perception.segmentation.base import Cluster, Region, SupportPlane
+from bestman_bt.perception.segmentation.base import Cluster, Region, SegmentedScene, SupportPlane
 from bestman_bt.perception.view import View
 
 
@@ -40,11 +40,19 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class DetectedScene:
-    """``detections``: most confident first. ``unknown``: clusters that no model explains: obstacles."""
+    """``detections``: most confident first. ``unknown``: clusters that no model explains: obstacles.
 
-    plane: SupportPlane
+    ``scene``: what was segmented, for surface_coverage.
+    """
+
+    scene: SegmentedScene
     detections: tuple[Detection, ...]
     unknown: tuple[Cluster, ...]
+
+    @property
+    def plane(self) -> SupportPlane:
+        """The measured surface."""
+        return self.scene.planes[0]
 
     def find(self, name: str) -> Detection | None:
         """The most confident detection of the object called ``name``; None where it is not in view."""

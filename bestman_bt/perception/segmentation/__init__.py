@@ -1,12 +1,14 @@
 """Segmentation of views into support surfaces and the things on them."""
 
 from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation, SegmentedScene, SupportPlane
+from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan, PlaneDbscanParameters
 from bestman_bt.perception.segmentation.surface_coverage import (
     ABSENT,
     FREE,
     OCCUPIED,
     UNSEEN,
     SurfaceCoverage,
+    surface_coverage,
 )
 
 __all__ = [
@@ -15,9 +17,12 @@ __all__ = [
     "OCCUPIED",
     "UNSEEN",
     "Cluster",
+    "PlaneDbscan",
+    "PlaneDbscanParameters",
     "Region",
     "Segmentation",
     "SegmentedScene",
     "SupportPlane",
     "SurfaceCoverage",
+    "surface_coverage",
 ]

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.perception.segmentation.base import Region, SegmentedScene, SupportPlane
+from bestman_bt.perception.view import View
 
 UNSEEN, FREE, OCCUPIED, ABSENT = 0, 1, 2, 3
 
@@ -23,8 +25,8 @@ UNSEEN, FREE, OCCUPIED, ABSENT = 0, 1, 2, 3
 class SurfaceCoverage:
     """A grid on a surface: ``cells`` (rows, columns) uint8 of UNSEEN, FREE, OCCUPIED, ABSENT.
 
-    Row r and column c cover x from ``origin[0] + c * resolution`` and y from ``origin[1] + r * resolution`` in the plane's
-    frame. ``frame_from_plane``: as in SupportPlane.
+    Cell (r, c) has its lower corner at x = ``origin[0] + c * resolution``, y = ``origin[1] + r * resolution`` in the
+    plane's frame. ``frame_from_plane``: as in SupportPlane.
     """
 
     frame_from_plane: Pose
@@ -41,6 +43,13 @@ class SurfaceCoverage:
         there = self.cells != ABSENT
         seen = (self.cells == FREE) | (self.cells == OCCUPIED)
         return float(seen.sum() / max(1, there.sum()))
+
+    def front_edge_seen(self, plane: SupportPlane) -> float:
+        """Share of the rectangle's front side (-x) beyond which the surface was seen to end, 0 to 1."""
+        front = math.floor((-plane.size[0] / 2 - self.origin[0]) / self.resolution)
+        first, last = ((side * plane.size[1] / 2 - self.origin[1]) / self.resolution for side in (-1, 1))
+        strip = self.cells[max(0, math.ceil(first)) : max(0, math.floor(last)), max(0, front - 3) : max(0, front)]
+        return float((strip == ABSENT).any(axis=1).mean()) if strip.size else 0.0
 
     def free_area(self) -> float:
         """Square metres."""
@@ -82,3 +91,44 @@ class SurfaceCoverage:
         x, y = float(point[0]), float(point[1])
         offset = float(normal @ self.frame_from_plane.position)
         return np.array([x, y, (offset - normal[0] * x - normal[1] * y) / normal[2]])
+
+
+def surface_coverage(
+    view: View, region: Region, scene: SegmentedScene, resolution: float = 0.01, tolerance: float = 0.008
+) -> SurfaceCoverage:
+    """Sort the cells of the first plane, over the whole region.
+
+    ``scene``: segmented from ``view`` and ``region``. ``resolution``: of the cells, metres. ``tolerance``: a point this
+    close to the plane is on it, metres (three times the plane's rms where that is more).
+    """
+    plane = scene.planes[0]
+    plane_from_frame = plane.frame_from_plane.inverse()
+    corners = plane_from_frame.apply(region.corners())[:, :2]
+    origin = corners.min(axis=0)
+    columns, rows = np.ceil((corners.max(axis=0) - origin) / resolution).astype(int)
+    points = plane_from_frame.apply(view.cloud(region.corners()).points)
+    eye = plane_from_frame.apply(view.viewpoint)
+    height = points[:, 2]
+    on_plane = np.abs(height) < max(tolerance, 3 * plane.rms)
+    below = points[height < -0.02]
+    through = eye + (below - eye) * (eye[2] / (eye[2] - below[:, 2:]))
+    above = (height > 2 * max(tolerance, 3 * plane.rms)) & (height < region.height)
+
+    def counts(xy: NDArray[np.float64]) -> NDArray[np.int64]:
+        cells = np.floor((xy - origin) / resolution).astype(np.int64)
+        cells = cells[((cells >= 0) & (cells < (columns, rows))).all(axis=1)]
+        return np.bincount(cells[:, 1] * columns + cells[:, 0], minlength=rows * columns).reshape(rows, columns)
+
+    on, absent, taken = counts(points[on_plane, :2]), counts(through[:, :2]), counts(points[above, :2])
+    free = on > absent
+    # A lone cell without a point between free ones is a drop-out of the camera, not a hole.
+    neighbours = cv2.filter2D(free.astype(np.float32), -1, np.ones((3, 3), dtype=np.float32))
+    free |= (neighbours >= 6) & (absent == 0)
+    cells = np.full((rows, columns), UNSEEN, dtype=np.uint8)
+    cells[free] = FREE
+    cells[(absent > 0) & ~free] = ABSENT
+    cells[taken > 0] = OCCUPIED
+    for cluster in scene.clusters:
+        outline = cv2.convexHull(plane_from_frame.apply(cluster.points)[:, :2].astype(np.float32))[:, 0]
+        cv2.fillConvexPoly(cells, np.floor((outline - origin) / resolution).astype(np.int32), OCCUPIED)
+    return SurfaceCoverage(plane.frame_from_plane, cells, origin, resolution)

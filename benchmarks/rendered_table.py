@@ -1,0 +1,283 @@
+"""Rendered table scenes with known truth: what the perception benchmark and the perception tests look at.
+
+PyBullet's TinyRenderer draws a table top with objects (and, as a counter, with a wall behind it); the depth gets the
+noise of a structured-light camera: Gaussian, growing with the square of the distance, with drop-outs at edges.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from bestman_bt.messages import (
+    Box,
+    CameraIntrinsics,
+    Cylinder,
+    Mesh,
+    ObjectModel,
+    PlacedShape,
+    Pose,
+    RGBDImage,
+    Sphere,
+)
+from bestman_bt.perception import View
+from bestman_bt.perception.segmentation import Region
+
+WIDTH, HEIGHT, VERTICAL_FOV = 640, 480, math.radians(58.0)
+NEAR, FAR = 0.05, 6.0
+
+
+@dataclass(frozen=True)
+class DepthNoise:
+    """See bestman_bt.robot_model.CameraModel; ``quantum``: metres between two depth values."""
+
+    base: float = 0.0012
+    quadratic: float = 0.0019
+    edge_dropout: float = 0.7
+    dropout: float = 0.005
+    quantum: float = 0.001
+
+    def apply(self, depth: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float32]:
+        """Return a measured depth image for a true one."""
+        noisy = depth + rng.normal(size=depth.shape) * (self.base + self.quadratic * np.clip(depth - 0.4, 0, None) ** 2)
+        edges = cv2.dilate((np.abs(cv2.Laplacian(depth, cv2.CV_64F)) > 0.03).astype(np.uint8), np.ones((3, 3)))
+        noisy[(edges > 0) & (rng.random(depth.shape) < self.edge_dropout)] = 0.0
+        noisy[rng.random(depth.shape) < self.dropout] = 0.0
+        noisy[depth > 5.0] = 0.0
+        return (np.round(noisy / self.quantum) * self.quantum).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class TrueObject:
+    """An object of the scene; ``known``: whether the detector is given its model. ``yaw``: radians."""
+
+    model: ObjectModel
+    pose: Pose
+    known: bool
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedTable:
+    """A view, the region a map would give (off by up to 3 cm and 2°), and the truth, all in one z-up frame.
+
+    ``table``: pose of the centre of the top; its front edge is at x = -``size[0]`` / 2.
+    """
+
+    view: View
+    region: Region
+    objects: tuple[TrueObject, ...]
+    table: Pose
+    size: tuple[float, float]
+
+
+def tumbler(radius: float = 0.033, height: float = 0.10, wall: float = 0.003, sides: int = 40) -> Mesh:
+    """An open cup without a handle: outer and inner wall, rim, bottom; metres, centred."""
+    angles = np.arange(sides) * (2 * math.pi / sides)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    half = height / 2
+    rings = [(radius, -half), (radius, half), (radius - wall, half), (radius - wall, -half + wall)]
+    vertices = [np.column_stack([circle * r, np.full(sides, z)]) for r, z in rings]
+    vertices += [np.array([[0.0, 0.0, -half], [0.0, 0.0, -half + wall]])]
+    bottom, floor = 4 * sides, 4 * sides + 1
+    faces = []
+    for i in range(sides):
+        j = (i + 1) % sides
+        for lower in (0, 1, 2):
+            a, b, c, d = (lower * sides + i, lower * sides + j, (lower + 1) * sides + j, (lower + 1) * sides + i)
+            faces += [[a, b, c], [a, c, d]]
+        faces += [[bottom, j, i], [floor, 3 * sides + i, 3 * sides + j]]
+    return Mesh(np.concatenate(vertices), np.array(faces))
+
+
+def solid(name: str, shape: Box | Cylinder | Sphere, color: tuple[float, float, float], symmetry: int) -> ObjectModel:
+    """A model of one shape."""
+    return ObjectModel(name, color, 0.2, 0.8, (PlacedShape(shape, Pose()),), symmetry_order=symmetry)
+
+
+def known_models(palette: int = 0) -> tuple[ObjectModel, ...]:
+    """Cup, can, box, tin and cube; palettes change the colours, in the last one all look alike."""
+    colors = [
+        [(0.9, 0.88, 0.82), (0.2, 0.4, 0.8), (0.8, 0.2, 0.2), (0.3, 0.7, 0.4), (0.9, 0.8, 0.2)],
+        [(0.85, 0.45, 0.15), (0.75, 0.15, 0.15), (0.9, 0.75, 0.2), (0.5, 0.3, 0.6), (0.2, 0.6, 0.7)],
+        [(0.15, 0.55, 0.35), (0.7, 0.7, 0.72), (0.25, 0.35, 0.65), (0.8, 0.5, 0.5), (0.4, 0.3, 0.2)],
+        [(0.6, 0.6, 0.6)] * 5,
+    ][palette % 4]
+    cup = ObjectModel(
+        "cup",
+        colors[0],
+        0.15,
+        0.8,
+        (PlacedShape(Cylinder(0.033, 0.10), Pose()),),
+        (PlacedShape(tumbler(), Pose()),),
+        symmetry_order=0,
+    )
+    return (
+        cup,
+        solid("can", Cylinder(0.033, 0.10), colors[1], 0),
+        solid("box", Box((0.04, 0.06, 0.10)), colors[2], 2),
+        solid("tin", Box((0.055, 0.10, 0.08)), colors[3], 2),
+        solid("cube", Box((0.05, 0.05, 0.05)), colors[4], 4),
+    )
+
+
+def unknown_model(rng: np.random.Generator, known: Sequence[ObjectModel]) -> ObjectModel:
+    """A box or cylinder whose size or colour differs clearly (12 mm or 0.15 of a colour) from every known model."""
+    while True:
+        color = tuple(float(c) for c in rng.uniform(0.1, 0.95, 3))
+        x, y, z = (float(v) for v in rng.uniform([0.03, 0.03, 0.04], [0.09, 0.12, 0.16]))
+        model = (
+            solid("unknown", Box((x, y, z)), color, 2)
+            if rng.random() < 0.7
+            else solid("unknown", Cylinder(x * 0.6, z), color, 0)
+        )
+        if all(_distinct(model, other) for other in known):
+            return model
+
+
+def _distinct(a: ObjectModel, b: ObjectModel) -> bool:
+    size_a, size_b = a.size, b.size
+    sides = np.abs(np.sort(size_a[:2]) - np.sort(size_b[:2])).max()
+    return bool(max(sides, abs(size_a[2] - size_b[2])) > 0.012)
+
+
+def random_table(
+    seed: int,
+    known: int = 3,
+    unknown: int = 2,
+    palette: int | None = None,
+    counter: bool | None = None,
+    noise: DepthNoise | None = None,
+) -> RenderedTable:
+    """A table or counter with up to ``known`` known and ``unknown`` unknown objects, at least 2 cm apart."""
+    rng = np.random.default_rng(seed)
+    models = known_models(int(rng.integers(4)) if palette is None else palette)
+    counter = bool(rng.random() < 0.5) if counter is None else counter
+    size = (0.6, 1.2) if counter else (0.8, 1.2)
+    top = 0.9 if counter else 0.75
+    table = Pose.from_xyz_rpy(
+        (0.30 + rng.uniform(0.0, 0.12) + size[0] / 2, rng.uniform(-0.1, 0.1), top), (0, 0, rng.uniform(-0.06, 0.06))
+    )
+    chosen = list(rng.permutation(len(models))[:known])
+    wanted = [(models[i], True) for i in chosen] + [(unknown_model(rng, models), False) for _ in range(unknown)]
+    placed: list[TrueObject] = []
+    for model, is_known in wanted:
+        reach = float(np.hypot(*model.size[:2])) / 2
+        for _ in range(100):
+            x, y = rng.uniform([-size[0] / 2 + 0.08, -0.35], [min(size[0] / 2 - 0.08, 0.15), 0.35])
+            if all(
+                math.dist((x, y), table.inverse().apply(other.pose.position)[:2])
+                > reach + 0.02 + float(np.hypot(*other.model.size[:2])) / 2
+                for other in placed
+            ):
+                pose = table @ Pose.from_xyz_rpy((x, y, model.size[2] / 2), (0, 0, rng.uniform(-math.pi, math.pi)))
+                placed.append(TrueObject(model, pose, is_known))
+                break
+    return render_table(placed, table, size, rng, counter, noise)
+
+
+def render_table(
+    objects: Sequence[TrueObject],
+    table: Pose,
+    size: tuple[float, float],
+    rng: np.random.Generator,
+    wall_behind: bool = False,
+    noise: DepthNoise | None = None,
+) -> RenderedTable:
+    """Render ``objects`` on the table; the camera hangs on a mast above the robot's base and looks 40 to 50° down."""
+    frame_from_camera = _mast_camera(math.radians(rng.uniform(40.0, 50.0)), rng.uniform(-0.15, 0.15))
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        _draw(client, Box((6.0, 6.0, 0.02)), Pose.from_xyz_rpy((2.0, 0.0, -0.01)), (0.55, 0.52, 0.5))
+        depth_of_body = float(table.position[2]) if wall_behind else 0.03
+        slab = Pose.from_xyz_rpy((0.0, 0.0, -depth_of_body / 2))
+        _draw(client, Box((*size, depth_of_body)), table @ slab, (0.75, 0.6, 0.42))
+        if wall_behind:
+            wall = table @ Pose.from_xyz_rpy((size[0] / 2 + 0.06, 0.0, 0.3))
+            _draw(client, Box((0.1, 4.0, 1.8)), wall, (0.85, 0.85, 0.8))
+        for item in objects:
+            for part in item.model.visual or item.model.collision:
+                _draw(client, part.shape, item.pose @ part.pose, item.model.color)
+        rgb, depth = _picture(client, frame_from_camera)
+    finally:
+        pybullet.disconnect(client)
+    image = RGBDImage(rgb, (noise or DepthNoise()).apply(depth, rng), intrinsics(), 0.0)
+    believed = table @ Pose.from_xyz_rpy(
+        rng.uniform([-0.03, -0.03, 0], [0.03, 0.03, 0]), (0, 0, rng.uniform(-1, 1) * 0.035)
+    )
+    region = Region(believed, (size[0] + 0.1, size[1] + 0.1))
+    return RenderedTable(View(image, frame_from_camera), region, tuple(objects), table, size)
+
+
+def recolored(model: ObjectModel, color: tuple[float, float, float]) -> ObjectModel:
+    """The same model in another colour."""
+    return replace(model, color=color)
+
+
+def intrinsics() -> CameraIntrinsics:
+    """640 × 480 pixels, 58° vertical field of view.
+
+    TinyRenderer samples at the corners of pixels, bottom row first: measured on a slanted plane, its principal point
+    is (W/2, H/2 - 1) exactly; (W-1)/2, (H-1)/2 would shift all points by half a pixel, 1.7 mm at 1.5 m.
+    """
+    focal = HEIGHT / 2 / math.tan(VERTICAL_FOV / 2)
+    return CameraIntrinsics(WIDTH, HEIGHT, focal, focal, WIDTH / 2, HEIGHT / 2 - 1)
+
+
+def _mast_camera(pitch: float, yaw: float) -> Pose:
+    mast_from_camera = Pose.from_matrix(
+        np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    )
+    return Pose.from_xyz_rpy((-0.2, 0.0, 1.65), (0.0, pitch, yaw)) @ mast_from_camera
+
+
+def _draw(client: int, shape: Box | Cylinder | Sphere | Mesh, pose: Pose, color: tuple[float, float, float]) -> None:
+    rgba = [*color, 1.0]
+    match shape:
+        case Box():
+            half = [extent / 2 for extent in shape.size]
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_BOX, halfExtents=half, rgbaColor=rgba, physicsClientId=client
+            )
+        case Cylinder():
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_CYLINDER,
+                radius=shape.radius,
+                length=shape.length,
+                rgbaColor=rgba,
+                physicsClientId=client,
+            )
+        case Sphere():
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_SPHERE, radius=shape.radius, rgbaColor=rgba, physicsClientId=client
+            )
+        case Mesh():
+            corners = shape.vertices[shape.faces]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_MESH,
+                vertices=corners.reshape(-1, 3).tolist(),
+                indices=list(range(3 * len(corners))),
+                normals=np.repeat(normals, 3, axis=0).tolist(),
+                rgbaColor=rgba,
+                physicsClientId=client,
+            )
+    pybullet.createMultiBody(0.0, -1, visual, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=client)
+
+
+def _picture(client: int, frame_from_camera: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    rotation, eye = frame_from_camera.rotation, frame_from_camera.position
+    view = pybullet.computeViewMatrix(eye.tolist(), (eye + rotation[:, 2]).tolist(), (-rotation[:, 1]).tolist())
+    projection = pybullet.computeProjectionMatrixFOV(math.degrees(VERTICAL_FOV), WIDTH / HEIGHT, NEAR, FAR)
+    _, _, rgba, buffer, _ = pybullet.getCameraImage(
+        WIDTH, HEIGHT, view, projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client
+    )
+    rgb = np.reshape(np.asarray(rgba, dtype=np.uint8), (HEIGHT, WIDTH, 4))[..., :3]
+    depth_buffer = np.reshape(np.asarray(buffer, dtype=np.float64), (HEIGHT, WIDTH))
+    return np.ascontiguousarray(rgb), FAR * NEAR / (FAR - (FAR - NEAR) * depth_buffer)

@@ -1,0 +1,50 @@
+"""Detection by registration: every cluster on the surface is compared with every known model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import ObjectModel
+from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector
+from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
+from bestman_bt.perception.segmentation import PlaneDbscan, Region, Segmentation
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True)
+class ModelRegistrationParameters:
+    """``min_confidence``: below it a cluster is unknown."""
+
+    min_confidence: float = 0.5
+
+
+class ModelRegistration(Detector):
+    """Segments, then names each cluster by the model that explains it best, if one does."""
+
+    def __init__(
+        self,
+        parameters: ModelRegistrationParameters | None = None,
+        segmentation: Segmentation | None = None,
+        pose_estimator: PoseEstimator | None = None,
+    ) -> None:
+        self.parameters = parameters or ModelRegistrationParameters()
+        self.segmentation = segmentation or PlaneDbscan()
+        self.pose_estimator = pose_estimator or MultiStart()
+
+    def detect(
+        self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
+    ) -> DetectedScene:
+        """See Detector."""
+        scene = self.segmentation.segment(view, region, rng)
+        detections, unknown = [], []
+        for cluster in scene.clusters:
+            hypotheses = self.pose_estimator.estimate(cluster, models, view)
+            if hypotheses and hypotheses[0].confidence >= self.parameters.min_confidence:
+                detections.append(Detection(cluster, hypotheses[0], hypotheses[1:]))
+            else:
+                unknown.append(cluster)
+        detections.sort(key=lambda detection: -detection.confidence)
+        return DetectedScene(scene, tuple(detections), tuple(unknown))

@@ -1,0 +1,110 @@
+"""What speaks for a pose hypothesis, and the confidence that follows from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose
+from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
+from bestman_bt.perception.segmentation.base import Cluster
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Metres and shares as in PoseHypothesis; ``rmse`` counts the points on the model only.
+
+    ``noise``: the depth noise expected at that distance, metres.
+    """
+
+    rmse: float
+    explained: float
+    visible_fraction: float
+    floating: float
+    noise: float
+
+
+@dataclass(frozen=True)
+class ConfidenceModel:
+    """Logistic regression on the evidence, fitted on rendered scenes (see docs/perception.md)."""
+
+    bias: float = 6.0
+    unexplained: float = -20.0
+    floating: float = -20.0
+    hidden: float = -3.0
+    rmse_ratio: float = -2.0
+    color: float = -30.0
+
+    def logit(self, evidence: Evidence, color: float) -> float:
+        """log(p / (1 - p)) that model and pose are right."""
+        ratio = max(0.0, evidence.rmse / evidence.noise - 1.0)
+        return (
+            self.bias
+            + self.unexplained * (1.0 - evidence.explained)
+            + self.floating * evidence.floating
+            + self.hidden * (1.0 - evidence.visible_fraction)
+            + self.rmse_ratio * ratio
+            + self.color * color
+        )
+
+
+def judge(
+    surface: ModelSurface,
+    frame_from_object: Pose,
+    residuals: NDArray[np.float64],
+    cluster: Cluster,
+    view: View,
+    noise: float,
+) -> Evidence:
+    """Compare a placed model with the cluster (``residuals``: distance of each point) and with the depth image."""
+    on_model = np.abs(residuals) < max(0.006, 3 * noise)
+    rmse = float(np.sqrt(np.mean(residuals[on_model] ** 2))) if on_model.any() else 1.0
+    frame_from_rest = frame_from_object @ surface.rest_from_object.inverse()
+    points = frame_from_rest.apply(surface.points)
+    normals = surface.normals @ frame_from_rest.rotation.T
+    towards = view.viewpoint - points
+    facing = (towards * normals).sum(axis=1) > 0.15 * np.linalg.norm(towards, axis=1)
+    above = cluster.plane.heights(points) > 0.01
+    points = points[facing & above]
+    pixels, depth = view.project(points)
+    seen = _unobstructed(pixels, depth)
+    pixels, depth = pixels[seen], depth[seen]
+    measured = view.measured_depth(pixels)
+    known = np.isfinite(measured)
+    tolerance = max(0.008, 4 * noise)
+    difference = measured[known] - depth[known]
+    count = max(1, int(known.sum()))
+    return Evidence(
+        rmse=rmse,
+        explained=float(on_model.mean()),
+        visible_fraction=float((np.abs(difference) <= tolerance).sum() / count),
+        floating=float((difference > tolerance).sum() / count),
+        noise=noise,
+    )
+
+
+def color_distance(colors: NDArray[np.uint8], model_color: tuple[float, float, float]) -> float:
+    """Distance of chromaticities (rgb divided by its sum), which shading does not change, 0 to about 1.
+
+    ``colors``: (N, 3). Added is 0.1 for each factor e by which the brightness is off beyond the first factor 2.
+    """
+    seen = np.median(colors.astype(np.float64), axis=0) / 255.0 + 0.02
+    wanted = np.array(model_color) + 0.02
+    chromaticity = float(np.linalg.norm(seen / seen.sum() - wanted / wanted.sum()))
+    brightness = abs(math.log(seen.sum() / wanted.sum()))
+    return chromaticity + 0.1 * max(0.0, brightness - math.log(2.0))
+
+
+def _unobstructed(pixels: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which samples no other sample of the same model hides: a depth buffer with cells of 3 pixels."""
+    if len(pixels) == 0:
+        return np.zeros(0, dtype=bool)
+    cells = np.floor((pixels - pixels.min(axis=0)) / 3.0).astype(np.intp)
+    nearest = np.full(cells.max(axis=0) + 1, np.inf)
+    np.minimum.at(nearest, (cells[:, 0], cells[:, 1]), depth)
+    visible: NDArray[np.bool_] = depth < nearest[cells[:, 0], cells[:, 1]] + 0.010
+    return visible
