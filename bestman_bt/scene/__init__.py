@@ -1,5 +1,9 @@
 """Scenes from YAML and the worlds that a seed draws from them."""
 
+from bestman_bt.scene.bodies import read_furniture, read_object
+from bestman_bt.scene.draw import SceneError, draw_world, planar_radius
+from bestman_bt.scene.load import SceneConfig, load_scene
+from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.scene import (
     FurnitureModel,
     PlacedFurniture,
@@ -14,8 +18,16 @@ __all__ = [
     "FurnitureModel",
     "PlacedFurniture",
     "PlacedObject",
+    "SceneConfig",
+    "SceneError",
     "Surface",
     "Wall",
     "World",
+    "draw_world",
+    "load_scene",
+    "planar_radius",
+    "read_furniture",
+    "read_object",
+    "semantic_map",
     "wall_box",
 ]

@@ -1,0 +1,181 @@
+"""Worlds from scenes: a seed decides which objects are there, where they and the furniture stand, start and goals."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import ObjectModel, Pose, Pose2D
+from bestman_bt.scene.load import SceneConfig
+from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
+from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement, RegionConfig
+
+_ATTEMPTS = 100  # whole draws
+_TRIES = 100  # places tried for one thing in one draw
+
+
+class SceneError(RuntimeError):
+    """No world could be drawn: the scene's regions leave too little room."""
+
+
+def draw_world(scene: SceneConfig, seed: int) -> World:
+    """Draw the world of a seed; the same seed gives the same world. Raises SceneError where nothing fits.
+
+    Each thing has its own stream of random numbers: to leave one object out moves no other, unless they competed for
+    room.
+    """
+    walls = tuple(
+        Wall(start, end, scene.file.walls.height, scene.file.walls.thickness) for start, end in scene.file.walls.lines
+    )
+    furniture = tuple(_furniture(scene, seed))
+    complaint = ""
+    for attempt in range(_ATTEMPTS):
+        try:
+            objects = _objects(scene, seed, attempt, furniture)
+            goals = {name: _goal(scene, seed, attempt, name, furniture, objects) for name in scene.file.goals}
+            start = _start(scene, seed, attempt, walls, furniture)
+        except _NoRoomError as error:
+            complaint = str(error)
+            continue
+        return World(
+            scene=scene.name,
+            seed=seed,
+            walls=walls,
+            furniture=furniture,
+            objects=objects,
+            robot_start=start,
+            goals=goals,
+            finger_friction=scene.file.finger_friction,
+        )
+    raise SceneError(f"scene {scene.name!r}, seed {seed}: no world in {_ATTEMPTS} draws; {complaint}")
+
+
+class _NoRoomError(Exception):
+    pass
+
+
+def _generator(seed: int, attempt: int, *names: str) -> np.random.Generator:
+    return np.random.default_rng([seed, attempt, zlib.crc32("/".join(names).encode())])
+
+
+def _furniture(scene: SceneConfig, seed: int) -> Iterable[PlacedFurniture]:
+    for name, placement in scene.file.furniture.items():
+        nominal = Pose2D(*placement.at)
+        dx, dy, turn = _generator(seed, 0, "furniture", name).uniform(-1.0, 1.0, 3)
+        actual = Pose2D(
+            nominal.x + placement.offset * float(dx),
+            nominal.y + placement.offset * float(dy),
+            nominal.theta + placement.turn * float(turn),
+        )
+        yield PlacedFurniture(name, scene.furniture[name], nominal, actual)
+
+
+def _sample(generator: np.random.Generator, region: RegionConfig) -> Pose2D:
+    x, y, yaw = (float(generator.uniform(*limits)) for limits in (region.x, region.y, region.yaw))
+    return Pose2D(x, y, yaw)
+
+
+def _objects(
+    scene: SceneConfig, seed: int, attempt: int, furniture: tuple[PlacedFurniture, ...]
+) -> tuple[PlacedObject, ...]:
+    placed: list[PlacedObject] = []
+    for name, placement in scene.file.objects.items():
+        if float(_generator(seed, 0, "presence", name).random()) >= placement.presence:
+            continue
+        generator = _generator(seed, attempt, "objects", name)
+        placed.append(_object(scene, name, placement, generator, furniture, placed))
+    return tuple(placed)
+
+
+def _object(
+    scene: SceneConfig,
+    name: str,
+    placement: ObjectPlacement,
+    generator: np.random.Generator,
+    furniture: tuple[PlacedFurniture, ...],
+    others: list[PlacedObject],
+) -> PlacedObject:
+    model = scene.models[name]
+    piece, surface = _standing(scene, placement.surface, furniture)
+    if placement.at is not None:
+        return PlacedObject(name, model, _on_surface(piece, surface, Pose2D(*placement.at), model))
+    assert placement.region is not None
+    for _ in range(_TRIES):
+        on_surface = _sample(generator, placement.region)
+        pose = _on_surface(piece, surface, on_surface, model)
+        inside = depth_inside(rectangle(Pose2D(), surface.size), on_surface.xy) >= planar_radius(model)
+        if inside and _gap(pose, model, others) >= scene.file.clearance:
+            return PlacedObject(name, model, pose)
+    raise _NoRoomError(f"no room for {name!r} on {placement.surface}")
+
+
+def _goal(
+    scene: SceneConfig,
+    seed: int,
+    attempt: int,
+    name: str,
+    furniture: tuple[PlacedFurniture, ...],
+    objects: tuple[PlacedObject, ...],
+) -> Pose:
+    """The goal keeps its margin from the edges of the surface where it really is and where the map has it."""
+    goal: GoalPlacement = scene.file.goals[name]
+    model = scene.goal_models[name]
+    generator = _generator(seed, attempt, "goals", name)
+    piece, surface = _standing(scene, goal.surface, furniture)
+    in_furniture = surface.pose.to_pose2d()
+    outlines = [rectangle(pose @ in_furniture, surface.size) for pose in (piece.nominal, piece.actual)]
+    for _ in range(_TRIES):
+        planar = piece.nominal @ in_furniture @ _sample(generator, goal.region)
+        pose = planar.to_pose(float(surface.pose.position[2]) + float(model.size[2]) / 2)
+        if min(depth_inside(outline, planar.xy) for outline in outlines) < goal.margin:
+            continue
+        if goal.clearance is None or _gap(pose, model, objects) >= goal.clearance:
+            return pose
+    raise _NoRoomError(f"no room for the goal {name!r} on {goal.surface}")
+
+
+def _start(
+    scene: SceneConfig, seed: int, attempt: int, walls: tuple[Wall, ...], furniture: tuple[PlacedFurniture, ...]
+) -> Pose2D:
+    generator = _generator(seed, attempt, "robot_start")
+    obstacles = [wall_rectangle(wall) for wall in walls]
+    obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in furniture]
+    for _ in range(_TRIES):
+        pose = _sample(generator, scene.file.robot_start)
+        if min(distance_to_polygon(obstacle, pose.xy) for obstacle in obstacles) >= scene.file.start_clearance:
+            return pose
+    raise _NoRoomError("no room for the robot's start")
+
+
+def _standing(
+    scene: SceneConfig, surface_name: str, furniture: tuple[PlacedFurniture, ...]
+) -> tuple[PlacedFurniture, Surface]:
+    name, surface = scene.surface(surface_name)
+    return next(piece for piece in furniture if piece.name == name), surface
+
+
+def _on_surface(piece: PlacedFurniture, surface: Surface, on_surface: Pose2D, model: ObjectModel) -> Pose:
+    lower = float(model.bounds()[0, 2])
+    return piece.actual.to_pose() @ surface.pose @ on_surface.to_pose(-lower)
+
+
+def planar_radius(model: ObjectModel) -> float:
+    """Radius of the circle about the object's frame that holds its collision shapes, seen from above, metres."""
+    if model.symmetry_order == 0:
+        return float(model.size[:2].max()) / 2
+    return math.hypot(*model.size[:2]) / 2
+
+
+def _gap(pose: Pose, model: ObjectModel, others: Iterable[PlacedObject]) -> float:
+    """Smallest distance from one object's circle to the others'; infinite without others."""
+    here: NDArray[np.float64] = pose.position[:2]
+    gaps = [
+        float(np.linalg.norm(other.pose.position[:2] - here)) - planar_radius(model) - planar_radius(other.model)
+        for other in others
+    ]
+    return min(gaps, default=math.inf)

@@ -1,0 +1,128 @@
+"""Scenes from YAML: one file, or one that extends another."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, override, read_document
+from bestman_bt.messages import ObjectModel
+from bestman_bt.registry import suggestion
+from bestman_bt.scene.bodies import read_furniture, read_object
+from bestman_bt.scene.scene import FurnitureModel, Surface
+from bestman_bt.scene.scene_config import SceneFile
+
+_ABSENT = "absent"
+_REMOVABLE = ("furniture", "objects", "goals")
+
+
+@dataclass(frozen=True)
+class SceneConfig:
+    """A scene before chance has decided.
+
+    ``furniture``: model of each piece by its name in the scene. ``models``: what the robot may know of objects: the
+    model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
+    """
+
+    name: str
+    file: SceneFile
+    furniture: Mapping[str, FurnitureModel]
+    models: Mapping[str, ObjectModel]
+    goal_models: Mapping[str, ObjectModel]
+
+    def surface(self, name: str) -> tuple[str, Surface]:
+        """Furniture name and surface of ``furniture`` or ``furniture/surface``; KeyError names what there is."""
+        furniture, _, wanted = name.partition("/")
+        for surface in self.furniture[furniture].surfaces if furniture in self.furniture else ():
+            if wanted in ("", surface.name):
+                return furniture, surface
+        known = [f"{piece}/{surface.name}" for piece, model in self.furniture.items() for surface in model.surfaces]
+        raise KeyError(f"unknown surface {name!r}; {suggestion(name, known)}")
+
+
+def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> SceneConfig:
+    """Read a scene; a bare name means a shipped one. Raises ConfigurationError with file, line and field.
+
+    ``overrides``: dotted keys → values, for example ``{"objects.cup": "absent", "finger_friction": 0.05}``.
+    """
+    path = find_data("scene", name_or_path)
+    document = override(_extended(path, ()), SceneFile, overrides or {}, prefix="scene.")
+    document = _without_absent(document)
+    file = check(document, SceneFile)
+    return _resolved(path.stem, file, document)
+
+
+def _extended(path: Path, below: tuple[Path, ...]) -> Document:
+    document = read_document(path)
+    base_name = document.data.get("extends")
+    if not isinstance(base_name, str):
+        return document
+    base_path = find_data("scene", base_name, document.problem(("extends",), ""))
+    if base_path in (*below, path):
+        raise ConfigurationError([document.problem(("extends",), f"{base_name!r} extends itself")])
+    base = _extended(base_path, (*below, path))
+    problems = [
+        document.problem((kind, name), f"is not there to be absent; {suggestion(name, list(base.data.get(kind, {})))}")
+        for kind in _REMOVABLE
+        for name, value in (document.data.get(kind) or {}).items()
+        if value == _ABSENT and name not in base.data.get(kind, {})
+    ]
+    if problems:
+        raise ConfigurationError(problems)
+    return base.merged(document)
+
+
+def _without_absent(document: Document) -> Document:
+    data = copy.deepcopy(document.data)
+    for kind in _REMOVABLE:
+        if isinstance(data.get(kind), dict):
+            data[kind] = {name: value for name, value in data[kind].items() if value != _ABSENT}
+    return replace(document, data=data)
+
+
+def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
+    problems: list[Problem] = []
+    furniture: dict[str, FurnitureModel] = {}
+    models: dict[str, ObjectModel] = {}
+    goal_models: dict[str, ObjectModel] = {}
+    for piece, standing in file.furniture.items():
+        try:
+            furniture[piece] = read_furniture(standing.model, document.problem(("furniture", piece, "model"), ""))
+        except ConfigurationError as error:
+            problems += error.problems
+    # goals first: an object of the scene that bears the name of a goal's model decides what it means
+    for field, key, model in [
+        *(("goals", goal, placement.model) for goal, placement in file.goals.items()),
+        *(("objects", thing, placement.model) for thing, placement in file.objects.items()),
+    ]:
+        try:
+            found = read_object(model, document.problem((field, key, "model"), ""))
+            models[found.name if field == "goals" else key] = found
+            if field == "goals":
+                goal_models[key] = found
+        except ConfigurationError as error:
+            problems += error.problems
+    scene = SceneConfig(name, file, furniture, models, goal_models)
+    if not problems:
+        problems += _placement_problems(scene, document)
+    if problems:
+        raise ConfigurationError(problems)
+    return scene
+
+
+def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]:
+    problems = []
+    for thing, placement in scene.file.objects.items():
+        if (placement.region is None) == (placement.at is None):
+            problems.append(document.problem(("objects", thing), "one of 'region' and 'at' should be given"))
+    surfaces = [("objects", key, item.surface) for key, item in scene.file.objects.items()]
+    surfaces += [("goals", key, item.surface) for key, item in scene.file.goals.items()]
+    for field, key, surface in surfaces:
+        try:
+            scene.surface(surface)
+        except KeyError as error:
+            problems.append(document.problem((field, key, "surface"), str(error.args[0])))
+    return problems

@@ -1,0 +1,73 @@
+"""Distances and cuts of convex polygons and segments in the plane."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.scene.scene import Wall, wall_box
+
+Points = NDArray[np.float64]
+
+
+def rectangle(pose: Pose2D, size: tuple[float, float]) -> Points:
+    """Corners (4, 2) of a rectangle centred at ``pose``, counter-clockwise."""
+    x, y = size[0] / 2, size[1] / 2
+    return pose.apply(np.array([[-x, -y], [x, -y], [x, y], [-x, y]]))
+
+
+def wall_rectangle(wall: Wall) -> Points:
+    """Corners (4, 2) of a wall seen from above, counter-clockwise."""
+    box, pose = wall_box(wall)
+    return rectangle(pose.to_pose2d(), box.size[:2])
+
+
+def depth_inside(polygon: Points, point: Points) -> float:
+    """Distance of a point to the nearest edge line of a convex counter-clockwise polygon, negative outside."""
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    offsets = point - polygon
+    cross = edges[:, 0] * offsets[:, 1] - edges[:, 1] * offsets[:, 0]
+    return float(np.min(cross / np.linalg.norm(edges, axis=1)))
+
+
+def distance_to_polygon(polygon: Points, point: Points) -> float:
+    """Distance of a point to a convex counter-clockwise polygon, 0 inside."""
+    if depth_inside(polygon, point) >= 0.0:
+        return 0.0
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    along = np.einsum("ij,ij->i", point - polygon, edges) / np.einsum("ij,ij->i", edges, edges)
+    nearest = polygon + np.clip(along, 0.0, 1.0)[:, None] * edges
+    return float(np.min(np.linalg.norm(nearest - point, axis=1)))
+
+
+def polygons_overlap(a: Points, b: Points) -> bool:
+    """Whether two convex counter-clockwise polygons share an area (separating axes)."""
+    for polygon in (a, b):
+        edges = np.roll(polygon, -1, axis=0) - polygon
+        for normal in np.column_stack([edges[:, 1], -edges[:, 0]]):
+            if (a @ normal).max() <= (b @ normal).min() or (b @ normal).max() <= (a @ normal).min():
+                return False
+    return True
+
+
+def cut_away(segment: Points, polygon: Points, tolerance: float = 1e-6) -> list[Points]:
+    """The parts of a segment (2, 2) outside a convex counter-clockwise polygon; its boundary counts as outside."""
+    start, direction = segment[0], segment[1] - segment[0]
+    enter, leave = 0.0, 1.0
+    edges = np.roll(polygon, -1, axis=0) - polygon
+    for corner, edge in zip(polygon, edges, strict=True):
+        inward = np.array([-edge[1], edge[0]]) / np.linalg.norm(edge)
+        depth, slope = float((start - corner) @ inward) - tolerance, float(direction @ inward)
+        if abs(slope) < 1e-12:
+            if depth < 0.0:
+                return [segment]
+        elif slope > 0.0:
+            enter = max(enter, -depth / slope)
+        else:
+            leave = min(leave, -depth / slope)
+    if enter >= leave:
+        return [segment]
+    ends = [(0.0, enter), (leave, 1.0)]
+    length = float(np.linalg.norm(direction))
+    return [start + np.array([[a], [b]]) * direction for a, b in ends if (b - a) * length > 10 * tolerance]

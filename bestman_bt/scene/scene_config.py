@@ -1,0 +1,160 @@
+"""The YAML of scenes, furniture and objects."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from bestman_bt.configuration.quantity import (
+    Angle,
+    Angles3,
+    Color,
+    Friction,
+    Length,
+    Lengths3,
+    Mass,
+    PositiveLength,
+    Share,
+    Size2,
+    Size3,
+)
+
+_TWO_DEGREES = math.radians(2.0)
+Point2 = tuple[Length, Length]
+Range = tuple[Length, Length]
+
+
+@dataclass(frozen=True)
+class TubeConfig:
+    """A straight vessel, open at the top: outer radius, height, thickness of wall and bottom."""
+
+    radius: PositiveLength
+    length: PositiveLength
+    wall: PositiveLength
+    bottom: PositiveLength
+
+
+@dataclass(frozen=True)
+class ShapeConfig:
+    """One of ``box`` (extents), ``cylinder`` (radius, length, along z) and ``tube``, centred at ``xyz``."""
+
+    box: Size3 | None = None
+    cylinder: Size2 | None = None
+    tube: TubeConfig | None = None
+    xyz: Lengths3 = (0.0, 0.0, 0.0)
+    rpy: Angles3 = (0.0, 0.0, 0.0)
+    color: Color = (0.7, 0.7, 0.7)
+
+
+@dataclass(frozen=True)
+class SurfaceConfig:
+    """A horizontal rectangle centred at ``xyz`` in the furniture frame."""
+
+    xyz: Lengths3
+    size: Size2
+
+
+@dataclass(frozen=True)
+class FurnitureFile:
+    """A piece of furniture; its frame is on the floor in the middle of the footprint, the front faces -x."""
+
+    footprint: Size2
+    parts: tuple[ShapeConfig, ...]
+    surfaces: Mapping[str, SurfaceConfig] = field(default_factory=dict)
+    friction: Friction = 0.8
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class ObjectFile:
+    """A movable object; its frame is in the middle of its bounding box. ``symmetry``: turns about z that look alike."""
+
+    mass: Mass
+    color: Color
+    collision: tuple[ShapeConfig, ...]
+    visual: tuple[ShapeConfig, ...] = ()
+    friction: Friction = 0.8
+    symmetry: Literal["none", "half turns", "quarter turns", "any"] = "none"
+    description: str = ""
+
+
+@dataclass(frozen=True)
+class RegionConfig:
+    """A rectangle to sample in: x and y in metres, yaw in radians."""
+
+    x: Range
+    y: Range
+    yaw: tuple[Angle, Angle] = (-math.pi, math.pi)
+
+
+@dataclass(frozen=True)
+class WallsConfig:
+    """Straight walls by the ends of their centre lines, in the map frame."""
+
+    height: PositiveLength
+    thickness: PositiveLength
+    lines: tuple[tuple[Point2, Point2], ...]
+
+
+@dataclass(frozen=True)
+class FurniturePlacement:
+    """``model``: the furniture's file; ``at``: x, y, yaw in the map.
+
+    The furniture really stands within ``offset`` metres (each axis) and ``turn`` radians of that.
+    """
+
+    model: str
+    at: tuple[Length, Length, Angle]
+    offset: Length = 0.03
+    turn: Angle = _TWO_DEGREES
+
+
+@dataclass(frozen=True)
+class ObjectPlacement:
+    """An object on ``surface`` (``table/top``): somewhere in ``region`` or exactly ``at`` x, y, yaw (surface frame).
+
+    ``presence``: the chance that it is there.
+    """
+
+    model: str
+    surface: str
+    region: RegionConfig | None = None
+    at: tuple[Length, Length, Angle] | None = None
+    presence: Share = 1.0
+
+
+@dataclass(frozen=True)
+class GoalPlacement:
+    """A pose asked for: an object of ``model`` standing on ``surface`` within ``region`` (surface frame).
+
+    ``margin``: metres inside the surface's edges, as it really stands and as the map has it. ``clearance``: metres
+    free around the object when the world is drawn; None: objects may stand there.
+    """
+
+    model: str
+    surface: str
+    region: RegionConfig
+    margin: Length = 0.1
+    clearance: Length | None = 0.12
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """A scene.
+
+    ``clearance``: metres between objects, so that a hand fits. ``start_clearance``: metres from the robot's frame to
+    walls and furniture. ``finger_friction``: replaces the gripper's own, for control experiments.
+    """
+
+    walls: WallsConfig
+    furniture: Mapping[str, FurniturePlacement]
+    objects: Mapping[str, ObjectPlacement]
+    robot_start: RegionConfig
+    goals: Mapping[str, GoalPlacement] = field(default_factory=dict)
+    clearance: Length = 0.08
+    start_clearance: Length = 0.45
+    finger_friction: Friction | None = None
+    extends: str | None = None
+    description: str = ""
