@@ -31,6 +31,7 @@ class ControlErrorCode(Enum):
     LOST = "lost"  # the robot does not know well enough where it is
     TOLERANCE = "tolerance"  # it came to rest too far from the goal
     UNREACHABLE = "unreachable"  # the target is beyond the part's limits
+    GUARDED = "guarded"  # a guard objected: what was to hold during the action no longer does
     TIMEOUT = "timeout"
     COLLISION = "collision"
     DISCONNECTED = "disconnected"

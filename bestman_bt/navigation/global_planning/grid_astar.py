@@ -26,7 +26,8 @@ class GridAStarParameters:
 
     ``straight``: wanted, ``max_straight``: longest straight piece to leave a start or to enter a goal where the base
     cannot turn, metres. ``step``: spacing of collision checks along it, metres. ``turn_cost``: metres of detour worth
-    one corner. ``max_overlap``: metres by which the base may stand inside a margin at the start. ``vertex_limit``: how many points of the grid path the smoothing considers.
+    one corner. ``max_overlap``: metres by which the base may stand inside a margin at the start. ``vertex_limit``:
+    how many points of the grid path the smoothing considers.
     """
 
     turning_clearance: float = 0.02

@@ -92,10 +92,11 @@ class PurePursuit(PathFollower):
         if self._legs is None:
             raise RuntimeError("PurePursuit.compute was called before reset")
         if self._turning:
+            turn_rate = self._turn.turn_rate
             command = self._turn.compute(pose, velocity, dt)
             left = abs(wrap_angle(self._turn_heading - pose.theta))
             if self._legs and left < self._parameters.leg_heading_tolerance and abs(command.twist.wz) < 0.15:
-                self._turning, self._turn_rate = False, command.twist.wz
+                self._turning, self._turn_rate = False, turn_rate
             elif not self._legs and command.done:
                 return command
             else:

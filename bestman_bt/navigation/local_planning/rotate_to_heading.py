@@ -31,6 +31,11 @@ class RotateToHeading(PathFollower):
         self._heading: float | None = None
         self._speed = 0.0
 
+    @property
+    def turn_rate(self) -> float:
+        """The last command, rad/s."""
+        return self._speed
+
     def reset(self, path: Path2D) -> None:
         """Begin to turn to ``path.goal.theta``."""
         self.turn_to(path.goal.theta)

@@ -1,0 +1,5 @@
+"""Gripper control."""
+
+from bestman_bt.control.gripper.gripper_controller import GripperController, GripperOutcome, GripperParameters
+
+__all__ = ["GripperController", "GripperOutcome", "GripperParameters"]

@@ -1,0 +1,84 @@
+"""Parallel grippers: opening, closing on objects, letting go of them gently."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bestman_bt.control.handle import ControlHandle
+from bestman_bt.control.motion_handle import start_motion
+from hal.api import Gripper, GripperDescription
+
+
+@dataclass(frozen=True)
+class GripperParameters:
+    """How to let go, and what counts as held.
+
+    ``release_speed``: m/s of the width, faster fingers drag the object along. ``release_clearance``: metres that a
+    release opens beyond the present width. ``width_tolerance``: metres by which a held object's width may differ.
+    """
+
+    release_speed: float = 0.02
+    release_clearance: float = 0.016
+    width_tolerance: float = 0.006
+
+
+@dataclass(frozen=True)
+class GripperOutcome:
+    """Where the fingers came to rest: ``width`` in metres; ``object_held``: whether they press on something there."""
+
+    width: float
+    object_held: bool
+
+
+class GripperController:
+    """Commands one gripper and tells, from its encoder and motor alone, whether it holds something."""
+
+    def __init__(self, gripper: Gripper, parameters: GripperParameters | None = None) -> None:
+        self._gripper = gripper
+        self._parameters = parameters or GripperParameters()
+
+    @property
+    def name(self) -> str:
+        """The gripper's name in its robot."""
+        return self._gripper.name
+
+    @property
+    def description(self) -> GripperDescription:
+        """Ranges of width, speed and force."""
+        return self._gripper.description
+
+    def width(self) -> float:
+        """Measured opening between the fingers, metres."""
+        return self._gripper.width()
+
+    def pressing(self) -> bool:
+        """Whether a closing motion was blocked by something that the fingers still press on."""
+        return self._gripper.state().object_held
+
+    def holding(self, expected_width: float, tolerance: float | None = None) -> bool:
+        """Whether the fingers press on something as wide as expected (metres, within the tolerance)."""
+        tolerance = self._parameters.width_tolerance if tolerance is None else tolerance
+        return self.pressing() and abs(self.width() - expected_width) <= tolerance
+
+    def open(self, width: float | None = None, speed: float | None = None) -> ControlHandle[GripperOutcome]:
+        """Open to ``width`` (fully by default) at ``speed`` m/s of the width (the gripper's own by default)."""
+        target = self.description.max_width if width is None else width
+        return start_motion(lambda: self._gripper.move(target, speed=speed), self._outcome)
+
+    def close(self, force: float | None = None, speed: float | None = None) -> ControlHandle[GripperOutcome]:
+        """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was."""
+        return start_motion(
+            lambda: self._gripper.move(self.description.min_width, force=force, speed=speed), self._outcome
+        )
+
+    def release(self) -> ControlHandle[GripperOutcome]:
+        """Let go: open a little and slowly, so that the object stays where it stands."""
+        width = min(self.width() + self._parameters.release_clearance, self.description.max_width)
+        return self.open(width, self._parameters.release_speed)
+
+    def stop(self) -> None:
+        """Stop the fingers at once; a grasp goes on pressing."""
+        self._gripper.stop()
+
+    def _outcome(self) -> GripperOutcome:
+        return GripperOutcome(self.width(), self.pressing())

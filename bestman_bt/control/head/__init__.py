@@ -1,0 +1,5 @@
+"""Head control."""
+
+from bestman_bt.control.head.head_controller import HeadController
+
+__all__ = ["HeadController"]

@@ -1,0 +1,88 @@
+"""Pan-tilt heads: turn a camera so that it looks at a point."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares
+
+from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.control.motion_handle import start_motion
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.sensing.joint_state import JointStateSensor
+from hal.api import JointGroup
+
+
+class HeadController:
+    """Points the camera in ``optical_frame`` by the joints of one group, whatever their kinematics."""
+
+    def __init__(
+        self,
+        group: JointGroup,
+        kinematics: ForwardKinematics,
+        joints: JointStateSensor,
+        optical_frame: str,
+        tolerance: float = math.radians(3.0),
+    ) -> None:
+        self._group = group
+        self._kinematics = kinematics
+        self._joints = joints
+        self._optical_frame = optical_frame
+        self._tolerance = tolerance
+
+    @property
+    def name(self) -> str:
+        """The joint group's name in its robot."""
+        return self._group.name
+
+    def look_at(self, point: ArrayLike, speed_scale: float = 1.0) -> ControlHandle[None]:
+        """Bring ``point`` (3,), metres in the base frame, to the middle of the image; succeeds when the head rests.
+
+        Fails as UNREACHABLE, without moving, when the camera cannot come within the tolerance of looking at it.
+        """
+        target = np.asarray(point, dtype=float)
+        positions, miss = self._solve(target)
+        if miss > self._tolerance:
+            handle: ControlHandle[None] = ControlHandle()
+            place = ", ".join(f"{value:.2f}" for value in target)
+            handle.fail(
+                ControlErrorCode.UNREACHABLE,
+                f"{self.name} cannot look at ({place}) m in the base frame: {math.degrees(miss):.0f}° are missing",
+            )
+            return handle
+        return self.move_to(positions, speed_scale)
+
+    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> ControlHandle[None]:
+        """Move the joints to ``positions`` (n,), radians; succeeds when they rest there."""
+        return start_motion(lambda: self._group.move_to(positions, speed_scale))
+
+    def stop(self) -> None:
+        """Bring the head to rest at once."""
+        self._group.stop()
+
+    def _solve(self, point: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+        """Joint positions (n,) that look at the point as well as the limits allow, and by what angle they miss it."""
+        others = dict(self._joints.positions())
+        names, limits = self._group.joint_names, self._group.limits
+        lower, upper = np.array([limit.lower for limit in limits]), np.array([limit.upper for limit in limits])
+
+        def miss(positions: NDArray[np.float64]) -> NDArray[np.float64]:
+            joints = {**others, **dict(zip(names, positions.tolist(), strict=True))}
+            direction = self._kinematics.pose(self._optical_frame, joints).inverse().apply(point)
+            unit: NDArray[np.float64] = direction / np.linalg.norm(direction) - (0.0, 0.0, 1.0)
+            return unit
+
+        inside = 1e-6 * (upper - lower)
+        starts = (np.array([others[name] for name in names]), np.zeros(len(names)), (lower + upper) / 2)
+        best: tuple[float, NDArray[np.float64]] | None = None
+        for start in starts:
+            found = least_squares(miss, np.clip(start, lower + inside, upper - inside), bounds=(lower, upper))
+            if best is None or found.cost < best[0] - 1e-9:
+                best = float(found.cost), found.x
+            if best[0] < 1e-6:
+                break
+        assert best is not None
+        chord = math.sqrt(2.0 * best[0])
+        return best[1], 2.0 * math.asin(min(1.0, chord / 2.0))

@@ -1,0 +1,31 @@
+"""The positions of all joints of a robot, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import Gripper, JointGroup, Part
+
+
+class JointStateSensor:
+    """Reads the encoders of arms, other joint groups and grippers; wheels are left out, nothing depends on them.
+
+    A gripper tells its width only; its joints share it equally.
+    """
+
+    def __init__(self, parts: Mapping[str, Part], model: RobotModel) -> None:
+        self._parts = parts
+        self._model = model
+
+    def positions(self) -> Mapping[str, float]:
+        """Joint name → measured position, radians or metres."""
+        positions: dict[str, float] = {}
+        for name, part in self._parts.items():
+            if isinstance(part, JointGroup):
+                positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
+            elif isinstance(part, Gripper) and name in self._model.grippers:
+                joints = self._model.grippers[name].joint_names
+                positions.update(dict.fromkeys(joints, part.width() / len(joints)))
+        return MappingProxyType(positions)

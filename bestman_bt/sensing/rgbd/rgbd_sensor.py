@@ -1,0 +1,78 @@
+"""RGB-D cameras: images together with where they were taken from, by encoders and forward kinematics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.messages import CameraIntrinsics, PointCloud, Pose, RGBDImage
+from bestman_bt.perception import View
+from bestman_bt.sensing.joint_state import JointStateSensor
+from bestman_bt.world_model import WorldModel
+from hal.api import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class RGBDView:
+    """An image, the camera's pose in the base frame, and the base's believed pose in the map when it was taken."""
+
+    image: RGBDImage
+    base_from_camera: Pose
+    map_from_base: Pose
+
+    @property
+    def stamp(self) -> float:
+        """When the image was taken, seconds on the robot's clock."""
+        return self.image.stamp
+
+    @property
+    def in_base(self) -> View:
+        """The view in the base frame."""
+        return View(self.image, self.base_from_camera)
+
+    @property
+    def in_map(self) -> View:
+        """The view in the map frame, as good as the localisation."""
+        return View(self.image, self.map_from_base @ self.base_from_camera)
+
+    @cached_property
+    def cloud(self) -> PointCloud:
+        """The measured points in the base frame."""
+        return self.in_base.cloud()
+
+
+class RGBDSensor:
+    """Captures views through one camera."""
+
+    def __init__(
+        self, camera: Camera, kinematics: ForwardKinematics, joints: JointStateSensor, world: WorldModel
+    ) -> None:
+        self._camera = camera
+        self._kinematics = kinematics
+        self._joints = joints
+        self._world = world
+
+    @property
+    def name(self) -> str:
+        """The camera's name in its robot."""
+        return self._camera.name
+
+    @property
+    def intrinsics(self) -> CameraIntrinsics:
+        """The pinhole model."""
+        return self._camera.intrinsics
+
+    @property
+    def optical_frame(self) -> str:
+        """The frame of the images in the robot model."""
+        return self._camera.optical_frame
+
+    def base_from_camera(self) -> Pose:
+        """Where the camera is now."""
+        return self._kinematics.pose(self._camera.optical_frame, self._joints.positions())
+
+    def capture(self) -> RGBDView:
+        """Take one image now."""
+        image = self._camera.capture()
+        return RGBDView(image, self.base_from_camera(), self._world.base.pose.to_pose())
