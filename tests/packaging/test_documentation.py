@@ -1,0 +1,60 @@
+"""What the documentation shows is true: its trees and its Python load, its pages are all reachable."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import load_tree
+from bestman_bt.runtime.plugins import node_registry
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+DOCS = CHECKOUT / "docs"
+
+
+def fences(page: str, language: str) -> list[str]:
+    """The fenced blocks of a page in one language."""
+    text = (CHECKOUT / page).read_text()
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", ["docs/writing_a_tree.md", "README.md"])
+def test_the_trees_in_xml_load(page: str) -> None:
+    trees = fences(page, "xml")
+    assert trees
+    for text in trees:
+        assert load_tree(text, node_registry()).nodes
+
+
+@pytest.mark.parametrize("page", ["docs/writing_a_tree.md", "README.md"])
+def test_the_trees_in_python_load(page: str, tmp_path: Path) -> None:
+    programs = [text for text in fences(page, "python") if "def build" in text]
+    assert programs
+    for text in programs:
+        file = tmp_path / "tree.py"
+        file.write_text(text)
+        assert load_tree(file, node_registry()).nodes
+
+
+@pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])
+def test_the_skills_are_leaves_that_a_plugin_adds(page: str, tmp_path: Path) -> None:
+    (text,) = (text for text in fences(page, "python") if "(Skill)" in text)
+    plugin = tmp_path / "nod.py"
+    plugin.write_text(text)
+    leaf = node_registry([str(plugin)]).info("Nod")
+    assert leaf.kind == "Action"
+    assert [port.name for port in leaf.inputs] == ["times"]
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    settings = (CHECKOUT / "mkdocs.yml").read_text()
+    named = set(re.findall(r"\S+\.md$", settings, re.MULTILINE))
+    assert {str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md")} == named
+
+
+def test_links_of_the_top_pages_lead_somewhere() -> None:
+    for page in ("README.md", "CONTRIBUTING.md"):
+        for target in re.findall(r"\]\(([^)#]+)\)", (CHECKOUT / page).read_text()):
+            assert target.startswith("https://") or (CHECKOUT / target).exists(), f"{page}: {target}"
