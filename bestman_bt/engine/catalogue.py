@@ -5,12 +5,30 @@ from __future__ import annotations
 from typing import Final
 
 from bestman_bt.engine import controls, decorators
+from bestman_bt.engine.leaves.blackboard import (
+    PopFromQueue,
+    QueueSize,
+    SetBlackboard,
+    UnsetBlackboard,
+    WasEntryUpdated,
+)
 from bestman_bt.engine.leaves.constants import AlwaysFailure, AlwaysSuccess
 from bestman_bt.engine.leaves.script import Script, ScriptCondition
 from bestman_bt.engine.leaves.sleep import Sleep
 from bestman_bt.engine.node import Node
 
-_LEAVES: Final = (AlwaysFailure, AlwaysSuccess, Script, ScriptCondition, Sleep)
+_LEAVES: Final = (
+    AlwaysFailure,
+    AlwaysSuccess,
+    PopFromQueue,
+    QueueSize,
+    Script,
+    ScriptCondition,
+    SetBlackboard,
+    Sleep,
+    UnsetBlackboard,
+    WasEntryUpdated,
+)
 
 _FAMILIES: Final = [
     getattr(family, name)

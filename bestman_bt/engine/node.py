@@ -147,7 +147,7 @@ class Node(_Base):
 
     # ---- what a node offers to the code inside it
 
-    def on_load(self) -> None:  # noqa: B027
+    def on_load(self) -> None:
         """Do once what must precede the first tick; ports, blackboard, context and clock are there."""
 
     def on_tick(self) -> int:

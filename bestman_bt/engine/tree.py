@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
-from py_trees.common import Status as PyTreesStatus
 from py_trees.composites import Selector
+from py_trees.visitors import VisitorBase
 
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
@@ -75,6 +75,7 @@ class Tree:
         self._listeners: list[Listener] = []
         self._log: list[Any] | None = None
         self._visited: list[Node] | None = None
+        self._visitors: list[VisitorBase] = []
 
     # ---- what the loader does
 
@@ -174,9 +175,14 @@ class Tree:
         return False
 
     def _tick(self) -> int:
+        if self._visitors:
+            return self._tick_visited()
         if self._visited is not None:
             self._visited = None
             self.rebind()
+        return self._tick_bound()
+
+    def _tick_bound(self) -> int:
         root = self.root
         self._begin()
         try:
@@ -211,26 +217,50 @@ class Tree:
                 self._publish()
         self.status = IDLE
 
+    # ---- py_trees' side
+
     def tick_as_behaviour(self, node: Node) -> Iterator[Behaviour]:
         """Tick ``node`` for py_trees: yields the nodes that were visited, children before parents."""
-        if self._visited is None:
-            self._visited = []
-            self.rebind()
-        visited = self._visited
-        visited.clear()
-        node.reset_status() if node._s > RUNNING else None
+        visited = self._visit()
         self._begin()
         try:
             status = node.execute_tick()
+            if status == SUCCESS or status == FAILURE:
+                node.reset_status()
         finally:
             if self._log:
                 self._publish()
         if status == SKIPPED:
-            skipped_as = FAILURE if isinstance(node.parent, Selector) else SUCCESS
-            node.status = PyTreesStatus.FAILURE if skipped_as == FAILURE else PyTreesStatus.SUCCESS
+            node._s = -FAILURE if isinstance(node.parent, Selector) else -SUCCESS
         if node is self._root:
             self.status = status
         yield from list(visited)
+
+    def add_visitor(self, visitor: VisitorBase) -> None:
+        """Show every node that a tick visits to a py_trees visitor, after the tick."""
+        self._visitors.append(visitor)
+
+    def remove_visitor(self, visitor: VisitorBase) -> None:
+        """Detach a py_trees visitor; without any, ticks cost nothing more than before."""
+        self._visitors.remove(visitor)
+
+    def _visit(self) -> list[Node]:
+        if self._visited is None:
+            self._visited = []
+            self.rebind()
+        self._visited.clear()
+        return self._visited
+
+    def _tick_visited(self) -> int:
+        visited = self._visit()
+        for visitor in self._visitors:
+            visitor.initialise()
+        status = self._tick_bound()
+        for visitor in self._visitors:
+            for node in self.nodes if visitor.full else visited:
+                visitor.run(node)
+            visitor.finalise()
+        return status
 
     # ---- listening
 

@@ -61,6 +61,7 @@ class WhileDoElse(Control, composites.Selector):
         if condition == RUNNING:
             return RUNNING
         if condition == SKIPPED:
+            self.reset_children()
             raise self.error("its condition was SKIPPED; it must succeed or fail")
         if condition == SUCCESS:
             if len(children) == 3:

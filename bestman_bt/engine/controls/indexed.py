@@ -108,8 +108,11 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
             raise wrapped(error, child) from error
         all_skipped = self.skipped == count
         for _, child in pairs:
-            if child._s > 0:
-                child._s = -child._s
+            code = child._s
+            if code > 1:
+                child._s = -code
+            elif code == RUNNING:
+                self.halt_child(child)
         self.index = self.skipped = 0
         return SKIPPED if all_skipped else go
 
@@ -158,9 +161,12 @@ def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
             raise wrapped(error, child) from error
         all_skipped = self.skipped == count
         for _, child in pairs:
-            if child._s > 0:
+            code = child._s
+            if code > 1:
                 log.append(child.ev[0])
-                child._s = -child._s
+                child._s = -code
+            elif code == RUNNING:
+                self.halt_child(child)
         self.index = self.skipped = 0
         return SKIPPED if all_skipped else go
 

@@ -1,0 +1,131 @@
+"""PipelineSequence, RoundRobin and RecoveryNode of Nav2 (nav2_behavior_tree/plugins/control)."""
+
+from __future__ import annotations
+
+from py_trees import composites
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.controls.base import Control
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
+
+
+class PipelineSequence(Control, composites.Sequence):
+    """Ticks its children from the first on at every tick, as far as the furthest one that was reached.
+
+    An earlier child that runs does not hold up those behind it, once they have been started.
+    """
+
+    def on_load(self) -> None:
+        """Begin with the first child."""
+        self.furthest = 0
+
+    def halt(self) -> None:
+        """Forget how far it came."""
+        self.furthest = 0
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick the children that were reached, and the next."""
+        self.set_state(RUNNING)
+        children = self.nodes_below()
+        skipped = 0
+        for index, child in enumerate(children):
+            status = child.execute_tick()
+            if status == FAILURE:
+                self.reset_children()
+                self.furthest = 0
+                return FAILURE
+            if status == RUNNING and index >= self.furthest:
+                self.furthest = index
+                return RUNNING
+            skipped += status == SKIPPED
+        self.reset_children()
+        self.furthest = 0
+        return SKIPPED if skipped == len(children) else SUCCESS
+
+
+class RoundRobin(Control, composites.Selector):
+    """Ticks its children in turn until one succeeds, and goes on with the next one the next time."""
+
+    def on_load(self) -> None:
+        """Begin with the first child."""
+        self.index = 0
+        self.failed = 0
+
+    def halt(self) -> None:
+        """Begin with the first child again."""
+        self.index = 0
+        self.failed = 0
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick the current child, and those after it while they fail."""
+        children = self.nodes_below()
+        self.set_state(RUNNING)
+        skipped = 0
+        while self.failed + skipped < len(children):
+            status = children[self.index].execute_tick()
+            if status == RUNNING:
+                return RUNNING
+            self.index = (self.index + 1) % len(children)
+            if status == SUCCESS:
+                self.failed = 0
+                self.reset_children()
+                return SUCCESS
+            if status == FAILURE:
+                self.failed += 1
+            else:
+                skipped += 1
+        self.reset_children()
+        self.index = 0
+        self.failed = 0
+        return SKIPPED if skipped == len(children) else FAILURE
+
+
+class RecoveryNode(Control, composites.Selector):
+    """Ticks the first child; when it fails, ticks the second and tries the first again, ``number_of_retries`` times."""
+
+    MIN_CHILDREN = 2
+    MAX_CHILDREN = 2
+    INPUT_PORTS = {"number_of_retries": PortInformation(int, False, "Number of retries", 1)}
+
+    def on_load(self) -> None:
+        """Begin with the first child."""
+        self._clear()
+
+    def _clear(self) -> None:
+        self.recovering = False
+        self.retries = 0
+
+    def halt(self) -> None:
+        """Forget the retries."""
+        self._clear()
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Tick the action, or what recovers it."""
+        action, recovery = self.nodes_below()
+        allowed = self.get_input("number_of_retries")
+        self.set_state(RUNNING)
+        while True:
+            if not self.recovering:
+                status = action.execute_tick()
+                if status == RUNNING:
+                    return RUNNING
+                if status != FAILURE or self.retries >= allowed:
+                    return self._end(status)
+                self.halt_child(action)
+                self.recovering = True
+            status = recovery.execute_tick()
+            if status == RUNNING:
+                return RUNNING
+            if status != SUCCESS:
+                return self._end(FAILURE)
+            self.halt_child(recovery)
+            self.retries += 1
+            self.recovering = False
+
+    def _end(self, status: int) -> int:
+        self.reset_children()
+        self._clear()
+        return status

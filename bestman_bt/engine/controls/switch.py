@@ -1,0 +1,105 @@
+"""Switch2 to Switch6: a blackboard value chooses the child."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees import composites
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.controls.base import Control
+from bestman_bt.engine.conversion import number_from_text
+from bestman_bt.engine.scripting.operations import EPSILON
+from bestman_bt.engine.status import RUNNING, SKIPPED
+
+
+class Switch(Control, composites.Selector):
+    """Ticks the child whose ``case_N`` equals ``variable``, else the last; a change halts the one that runs.
+
+    Values are compared as text, then as numbers; the names of enum values stand for their numbers.
+    """
+
+    CASES: ClassVar[int] = 0
+
+    def on_load(self) -> None:
+        """Begin with no case running."""
+        self.current = -1
+
+    def halt(self) -> None:
+        """Forget the case."""
+        self.current = -1
+        super().halt()
+
+    def on_tick(self) -> int:
+        """Choose the case and tick it."""
+        children = self.nodes_below()
+        chosen = self._choose()
+        if self.current not in (-1, chosen):
+            self.halt_child(children[self.current])
+        status = children[chosen].execute_tick()
+        if status == SKIPPED:
+            self.current = -1
+        elif status == RUNNING:
+            self.current = chosen
+        else:
+            self.reset_children()
+            self.current = -1
+        return status
+
+    def _choose(self) -> int:
+        variable = self.get_input("variable")
+        if variable is not None:
+            for index in range(self.CASES):
+                case = self.get_input(f"case_{index + 1}")
+                if case is not None and self._same(variable, case):
+                    return index
+        return self.CASES
+
+    def _same(self, left: str, right: str) -> bool:
+        if left == right:
+            return True
+        a, b = self._number(left), self._number(right)
+        return a is not None and b is not None and abs(a - b) <= EPSILON
+
+    def _number(self, text: str) -> float | None:
+        enums = self.owner.registry.enums
+        if text in enums:
+            return float(enums[text])
+        number = number_from_text(text)
+        return None if isinstance(number, str) else float(number)
+
+
+def _ports(cases: int) -> dict[str, PortInformation]:
+    ports = {"variable": PortInformation(str, False, "the value that chooses")}
+    ports.update({f"case_{n}": PortInformation(str, False, f"the value of child {n}") for n in range(1, cases + 1)})
+    return ports
+
+
+class Switch2(Switch):
+    """A Switch with 2 cases and a default: 3 children."""
+
+    CASES, MIN_CHILDREN, MAX_CHILDREN, INPUT_PORTS = 2, 3, 3, _ports(2)
+
+
+class Switch3(Switch):
+    """A Switch with 3 cases and a default: 4 children."""
+
+    CASES, MIN_CHILDREN, MAX_CHILDREN, INPUT_PORTS = 3, 4, 4, _ports(3)
+
+
+class Switch4(Switch):
+    """A Switch with 4 cases and a default: 5 children."""
+
+    CASES, MIN_CHILDREN, MAX_CHILDREN, INPUT_PORTS = 4, 5, 5, _ports(4)
+
+
+class Switch5(Switch):
+    """A Switch with 5 cases and a default: 6 children."""
+
+    CASES, MIN_CHILDREN, MAX_CHILDREN, INPUT_PORTS = 5, 6, 6, _ports(5)
+
+
+class Switch6(Switch):
+    """A Switch with 6 cases and a default: 7 children."""
+
+    CASES, MIN_CHILDREN, MAX_CHILDREN, INPUT_PORTS = 6, 7, 7, _ports(6)

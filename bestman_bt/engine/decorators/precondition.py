@@ -1,0 +1,50 @@
+"""Precondition: a script decides whether the child is ticked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.decorators.base import Decorator
+from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.status import FAILURE, SUCCESS, NodeStatus
+
+
+class Precondition(Decorator):
+    """Ticks its child if the script ``if`` is true, else returns ``else``; not asked again while the child runs."""
+
+    INPUT_PORTS = {
+        "if": PortInformation(str, True, "the script that decides"),
+        "else": PortInformation(NodeStatus, False, "Return status if condition is false", NodeStatus.FAILURE),
+    }
+    RESETS_CHILD = True
+
+    def on_load(self) -> None:
+        """Compile the script, unless it comes from the blackboard."""
+        self.source: str | None = None
+        self.holds: Callable[[], bool] | None = None
+        self.entered = False
+        if key_of(self.attributes["if"], "if") is None:
+            self._compile()
+
+    def _compile(self) -> Callable[[], bool]:
+        source = self.get_input("if")
+        if source != self.source or self.holds is None:
+            self.holds = self.owner.compiler.compile_condition(source, self.board)
+            self.source = source
+        return self.holds
+
+    def on_tick(self) -> int:
+        """Ask, and tick the child."""
+        holds = self._compile()
+        otherwise = int(self.get_input("else"))
+        if not self.entered:
+            self.entered = holds()
+        if not self.entered:
+            return otherwise
+        status = self.child.execute_tick()
+        if status in (SUCCESS, FAILURE):
+            self.reset_child()
+            self.entered = False
+        return status

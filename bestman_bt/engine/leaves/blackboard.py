@@ -1,0 +1,106 @@
+"""SetBlackboard, UnsetBlackboard, WasEntryUpdated, PopFromQueue and QueueSize."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.errors import BlackboardError
+from bestman_bt.engine.leaves.base import SyncAction
+from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.status import FAILURE, SUCCESS
+
+
+class SetBlackboard(SyncAction):
+    """Writes ``value``, a literal or a copy of an entry, to the entry named by ``output_key``."""
+
+    INPUT_PORTS = {
+        "value": PortInformation(Any, True, "Value to be written into the output_key"),
+        "output_key": PortInformation(Any, True, "Name of the blackboard entry where the value should be written"),
+    }
+    OUTPUT_PORTS = {"output_key": PortInformation(Any)}
+
+    def on_tick(self) -> int:
+        """Copy the value; FAILURE if it is empty."""
+        value = self.attributes["value"]
+        target = self.board.slot(str(self.get_input("output_key")))
+        source_key = key_of(value, "value")
+        if source_key is not None:
+            source = self.board.slot(source_key)
+            if not source.exists:
+                raise self.error(f"port 'value': there is no entry '{source_key}'")
+            value = source.value
+            if not target.exists:
+                target.kind = source.kind
+        if value is None:
+            return FAILURE
+        try:
+            if target.kind is None:
+                target.write(value, self)
+            else:
+                target.assign(value, self)
+        except BlackboardError as error:
+            raise self.error(f"port 'output_key': {error}") from error
+        return SUCCESS
+
+
+class UnsetBlackboard(SyncAction):
+    """Removes the entry named by ``key`` from the tree's own blackboard."""
+
+    INPUT_PORTS = {"key": PortInformation(str, True, "Key of the entry to remove")}
+
+    def on_tick(self) -> int:
+        """Remove it; nothing if there is none."""
+        self.board.unset(self.get_input("key"))
+        return SUCCESS
+
+
+class WasEntryUpdated(SyncAction):
+    """SUCCESS if ``entry`` was written since the last tick, else FAILURE."""
+
+    INPUT_PORTS = {"entry": PortInformation(Any, True, "Entry to check")}
+
+    def on_load(self) -> None:
+        """Find the entry."""
+        entry = self.attributes["entry"]
+        self.slot = self.board.slot(key_of(entry, "entry") or entry)
+        self.seen = 0
+
+    def on_tick(self) -> int:
+        """Compare the sequence number with the last one seen."""
+        if not self.slot.exists:
+            return FAILURE
+        seen, self.seen = self.seen, self.slot.sequence
+        return SUCCESS if seen != self.seen else FAILURE
+
+
+class PopFromQueue(SyncAction):
+    """Takes the first item of the ``deque`` at ``queue``; FAILURE if there is none."""
+
+    INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque, emptied in place")}
+    OUTPUT_PORTS = {"popped_item": PortInformation(Any, False, "the item")}
+
+    def on_tick(self) -> int:
+        """Take an item."""
+        queue = self.get_input("queue")
+        if not queue:
+            return FAILURE
+        self.set_output("popped_item", queue.popleft())
+        return SUCCESS
+
+
+class QueueSize(SyncAction):
+    """Writes how many items the ``deque`` at ``queue`` holds; FAILURE if there are none."""
+
+    INPUT_PORTS = {"queue": PortInformation(deque, False, "a collections.deque")}
+    OUTPUT_PORTS = {"size": PortInformation(int, False, "the number of items")}
+
+    def on_tick(self) -> int:
+        """Count the items."""
+        queue = self.get_input("queue")
+        if not queue:
+            return FAILURE
+        self.set_output("size", len(queue))
+        return SUCCESS

@@ -1,0 +1,88 @@
+"""TestNode: a leaf with a scripted result and delay, put in the place of a real one by a substitution rule."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from bestman_bt.engine.leaves.base import StatefulAction
+from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
+
+
+@dataclass(frozen=True)
+class TestNodeConfig:
+    """What a TestNode does.
+
+    Attributes:
+        return_status: its result, unless ``return_status_script`` or ``complete`` decide.
+        return_status_script: a script whose value is the result; it knows the names of the statuses.
+        success_script: run when the result is SUCCESS.
+        failure_script: run when the result is FAILURE.
+        post_script: run whatever the result is.
+        async_delay: seconds of the tree's clock for which it is RUNNING first.
+        complete: a function that returns the result.
+    """
+
+    __test__ = False
+
+    return_status: int = SUCCESS
+    return_status_script: str = ""
+    success_script: str = ""
+    failure_script: str = ""
+    post_script: str = ""
+    async_delay: float = 0.0
+    complete: Callable[[], int] | None = None
+
+
+class TestNode(StatefulAction):
+    """A leaf that returns what its ``TestNodeConfig`` says."""
+
+    __test__ = False
+    config: TestNodeConfig = TestNodeConfig()
+
+    def on_load(self) -> None:
+        """Compile the scripts."""
+        compiler = self.owner.compiler
+        names = {name: value for value, name in enumerate(STATUS_NAMES)}
+        statuses = ScriptCompiler({**compiler.enums, **names})
+        config = self.config
+        self._result = self._compiled(statuses, config.return_status_script)
+        self._on_success = self._compiled(compiler, config.success_script)
+        self._on_failure = self._compiled(compiler, config.failure_script)
+        self._post = self._compiled(compiler, config.post_script)
+        self._end = 0.0
+
+    def _compiled(self, compiler: ScriptCompiler, source: str) -> Callable[[], Any] | None:
+        return compiler.compile(source, self.board) if source else None
+
+    def on_start(self) -> int:
+        """Begin the delay, or be done at once."""
+        if self.config.async_delay <= 0:
+            return self._complete()
+        self._end = self.clock.now() + self.config.async_delay
+        return RUNNING
+
+    def on_running(self) -> int:
+        """Be done when the delay is over."""
+        return self._complete() if self.clock.now() >= self._end else RUNNING
+
+    def _complete(self) -> int:
+        config = self.config
+        status: Any = config.return_status
+        if config.complete is not None:
+            status = config.complete()
+        elif self._result is not None:
+            status = self._result()
+            status = STATUS_NAMES.index(status) if status in STATUS_NAMES else status
+        if status not in (RUNNING, SUCCESS, FAILURE, SKIPPED):
+            raise self.error(f"its result is {status!r}; RUNNING, SUCCESS, FAILURE or SKIPPED are accepted")
+        status = int(status)
+        assert status != IDLE
+        script = {SUCCESS: self._on_success, FAILURE: self._on_failure}.get(status)
+        if script is not None:
+            script()
+        if self._post is not None:
+            self._post()
+        return status

@@ -1,0 +1,111 @@
+"""Substitution rules: swap nodes of a loaded tree for others, to test the tree without its robot.
+
+A rule's filter is a node's name, its type, or a wildcard over its path (``arm/*``); the first that fits wins.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from bestman_bt.engine.errors import EngineError
+from bestman_bt.engine.leaves.test_node import TestNode, TestNodeConfig
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.status import STATUS_NAMES
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.registry import NodeInfo
+    from bestman_bt.engine.tree import Tree
+
+
+class SubstitutionError(EngineError):
+    """A set of rules is not well formed, or names a node that is not registered."""
+
+
+@dataclass
+class SubstitutionRules:
+    """Filters and what takes the place of the nodes that they match: a registered name, or a TestNode."""
+
+    rules: dict[str, str | TestNodeConfig] = field(default_factory=dict)
+
+    def add(self, pattern: str, replacement: str | TestNodeConfig) -> SubstitutionRules:
+        """Replace the nodes that ``pattern`` matches; returns the rules, to add more."""
+        self.rules[pattern] = replacement
+        return self
+
+    @classmethod
+    def from_json(cls, text: str | Mapping[str, Any]) -> SubstitutionRules:
+        """Read BehaviorTree.CPP's form: ``{"TestNodeConfigs": {...}, "SubstitutionRules": {...}}``.
+
+        Raises:
+            SubstitutionError: a field is missing, unknown or of the wrong type.
+        """
+        try:
+            data = json.loads(text) if isinstance(text, str) else text
+        except ValueError as error:
+            raise SubstitutionError(f"the rules are not JSON: {error}") from error
+        if not isinstance(data, Mapping) or not isinstance(data.get("SubstitutionRules"), Mapping):
+            raise SubstitutionError("the rules must be an object with the field 'SubstitutionRules'")
+        configs = {name: _config(name, value) for name, value in data.get("TestNodeConfigs", {}).items()}
+        return cls({str(k): configs.get(v, str(v)) for k, v in data["SubstitutionRules"].items()})
+
+    def replace(self, node: Node, tree: Tree) -> Node:
+        """Return what takes the place of ``node``: itself where no rule fits.
+
+        Raises:
+            SubstitutionError: the rule names a node that is not registered.
+        """
+        rule = self._rule(node)
+        if rule is None:
+            return node
+        info: NodeInfo
+        if isinstance(rule, TestNodeConfig):
+            info = tree.registry.info_of_class(TestNode)
+        else:
+            found = tree.registry.find(rule)
+            if found is None:
+                raise SubstitutionError(f"the node '{rule}' that is to replace '{node.path}' is not registered")
+            info = found
+        other = info.cls.__new__(info.cls)
+        Node.prepare(other, node.name, node.attributes, [])
+        other.info, other.uid, other.tree = info, node.uid, node.tree
+        other.board, other.prefix = node.board, node.prefix
+        other.line, other.file = node.line, node.file
+        if isinstance(rule, TestNodeConfig) and isinstance(other, TestNode):
+            other.config = rule
+        return other
+
+    def _rule(self, node: Node) -> str | TestNodeConfig | None:
+        names = (node.name, node.type_id)
+        for pattern, rule in self.rules.items():
+            if pattern in names or re.fullmatch(fnmatch.translate(_literal_brackets(pattern)), node.path):
+                return rule
+        return None
+
+
+def _literal_brackets(pattern: str) -> str:
+    return pattern.replace("[", "[[]")
+
+
+def _config(name: str, value: Any) -> TestNodeConfig:
+    if not isinstance(value, Mapping):
+        raise SubstitutionError(f"TestNodeConfig '{name}' must be an object but is {value!r}")
+    known = {"return_status", "return_status_script", "async_delay", "post_script", "success_script", "failure_script"}
+    unknown = set(value) - known
+    if unknown:
+        raise SubstitutionError(f"TestNodeConfig '{name}' has unknown fields {sorted(unknown)}; known: {sorted(known)}")
+    if "return_status" not in value and not value.get("return_status_script"):
+        raise SubstitutionError(f"TestNodeConfig '{name}' must contain return_status or return_status_script")
+    status = value.get("return_status", "SUCCESS")
+    if status not in STATUS_NAMES[1:]:
+        accepted = ", ".join(STATUS_NAMES[1:])
+        raise SubstitutionError(f"TestNodeConfig '{name}': return_status is {status!r}; accepted are {accepted}")
+    delay = value.get("async_delay", 0)
+    if not isinstance(delay, (int, float)):
+        raise SubstitutionError(f"TestNodeConfig '{name}': async_delay must be milliseconds but is {delay!r}")
+    scripts = {key: str(value.get(key, "")) for key in known if key.endswith("_script")}
+    return TestNodeConfig(return_status=STATUS_NAMES.index(status), async_delay=delay * 1e-3, **scripts)
