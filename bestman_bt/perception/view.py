@@ -55,8 +55,7 @@ class View:
         inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
         depth = np.full(len(pixels), np.nan)
         depth[inside] = self.image.depth[v[inside], u[inside]]
-        depth[~(depth > 0)] = np.nan
-        return depth
+        return np.where(depth > 0, depth, np.nan)
 
     def _window(self, around: NDArray[np.float64] | None) -> tuple[slice, slice]:
         k = self.image.intrinsics

@@ -1,5 +1,17 @@
 """Grasps for parallel grippers."""
 
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
+from bestman_bt.perception.grasp_pose.bounding_box import BoundingBox, BoundingBoxParameters
+from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
+from bestman_bt.perception.grasp_pose.model_based import ModelBased, ModelBasedParameters
 
-__all__ = ["GraspCandidate", "GraspPlanner", "GraspTarget"]
+__all__ = [
+    "BoundingBox",
+    "BoundingBoxParameters",
+    "GraspCandidate",
+    "GraspPlanner",
+    "GraspTarget",
+    "HandPlacementParameters",
+    "ModelBased",
+    "ModelBasedParameters",
+]

@@ -200,13 +200,13 @@ class MultiStart(PoseEstimator):
         for _ in range(p.fine_iterations):
             moved = _into(some, pose)
             offsets, normals_at = _offsets(tree, samples, normals, moved[0])
-            rows = _rows(offsets, normals_at, moved[0], p.spacing)
-            step, _ = _gauss_newton(*(row[None] for row in rows), pose, p.fine_scale, bool(turns))
+            residuals, directions, places = _rows(offsets, normals_at, moved[0], p.spacing)
+            step, _ = _gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
             pose = pose + step
         moved = _into(points, pose)
         offsets, normals_at = _offsets(tree, samples, normals, moved[0])
-        rows = _rows(offsets, normals_at, moved[0], p.spacing)
-        _, information = _gauss_newton(*(row[None] for row in rows), pose, p.fine_scale, bool(turns))
+        residuals, directions, places = _rows(offsets, normals_at, moved[0], p.spacing)
+        _, information = _gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
         along = (offsets * normals_at).sum(axis=1)
         distances = np.linalg.norm(offsets, axis=1)
         beside = distances**2 - along**2 > (2 * p.spacing) ** 2
