@@ -43,7 +43,7 @@ class PlanningScene:
     attached: AttachedObject | None = None
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
     padding: float = 0.002
-    self_padding: float = 0.0005
+    self_padding: float = 0.002
 
     def allowing(self, *pairs: tuple[str, str]) -> PlanningScene:
         """The scene in which these pairs of names may touch as well."""

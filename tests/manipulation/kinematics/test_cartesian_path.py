@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bestman_bt.manipulation.kinematics import cartesian_path
+from bestman_bt.messages import Pose
+
+
+def test_the_tool_moves_on_a_straight_line_and_turns_evenly(kinematics, ready):
+    start = kinematics.tool_pose(ready)
+    goal = Pose(np.add(start.position, [0.05, 0.1, -0.15]), start.quaternion) @ Pose.from_xyz_rpy(
+        (0, 0, 0), (0, 0, 0.4)
+    )
+    path = cartesian_path(kinematics, ready, goal)
+    assert path.complete
+    assert path.fraction == 1.0
+    direction = (goal.position - start.position) / np.linalg.norm(goal.position - start.position)
+    for i, q in enumerate(path.path):
+        tool = kinematics.tool_pose(q)
+        along = tool.position - start.position
+        share = i / (len(path.path) - 1)
+        turned = 2 * math.acos(min(1.0, abs(float(tool.quaternion @ start.quaternion))))
+        assert np.linalg.norm(along - direction * (along @ direction)) < 1e-4
+        assert abs(turned - 0.4 * share) < 1e-3
+    assert np.abs(np.diff(path.path, axis=0)).max() < 0.2
+    assert np.allclose(kinematics.tool_pose(path.path[-1]).position, goal.position, atol=1e-4)
+
+
+def test_a_line_that_leaves_the_workspace_ends_early_and_says_so(kinematics, ready):
+    start = kinematics.tool_pose(ready)
+    path = cartesian_path(kinematics, ready, Pose(np.add(start.position, [1.0, 0.0, 0.0]), start.quaternion))
+    assert not path.complete
+    assert 0.0 < path.fraction < 1.0
+    assert "inverse kinematics" in path.failure
+    assert len(path.path) > 1
+
+
+def test_a_blocked_line_ends_before_the_obstacle(kinematics, ready):
+    start = kinematics.tool_pose(ready)
+    floor = start.position[2] - 0.1
+    path = cartesian_path(
+        kinematics,
+        ready,
+        Pose(start.position - [0, 0, 0.2], start.quaternion),
+        is_valid=lambda q: kinematics.tool_pose(q).position[2] > floor,
+    )
+    assert not path.complete
+    assert "validity" in path.failure
+    assert abs(path.fraction - 0.5) < 0.1
+    assert kinematics.tool_pose(path.path[-1]).position[2] > floor
