@@ -60,3 +60,47 @@ def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, str]) -> 
 
 
 DRIVERS = Registry("bestman_bt.drivers", "robot driver", {"pybullet": "hal.pybullet:PyBulletRobot"})
+
+ALGORITHMS = Registry(
+    "bestman_bt.algorithms",
+    "algorithm",
+    {
+        "segmentation/plane_dbscan": "bestman_bt.perception.segmentation:PlaneDbscan",
+        "pose_estimation/multi_start": "bestman_bt.perception.pose_estimation:MultiStart",
+        "grasp_pose/model_based": "bestman_bt.perception.grasp_pose:ModelBased",
+        "grasp_pose/bounding_box": "bestman_bt.perception.grasp_pose:BoundingBox",
+        "kinematics/damped_least_squares": "bestman_bt.manipulation.kinematics:DampedLeastSquares",
+        "collision/coal_world": "bestman_bt.manipulation.collision:CoalCollisionModel",
+        "motion_planning/rrt_connect": "bestman_bt.manipulation.motion_planning:RRTConnect",
+        "trajectory/toppra": "bestman_bt.manipulation.trajectory:Toppra",
+        "global_planning/grid_astar": "bestman_bt.navigation.global_planning:GridAStar",
+        "local_planning/pure_pursuit": "bestman_bt.navigation.local_planning:PurePursuit",
+        "localization/scan_to_map": "bestman_bt.navigation.localization:ScanToMap",
+    },
+)
+"""``slot/name`` → class; its parameters are the dataclass ``<Class>Parameters`` beside it."""
+
+BEHAVIOURS = Registry(
+    "bestman_bt.behaviours",
+    "behaviour",
+    {
+        "At": "behaviours.navigate:At",
+        "DetectObject": "behaviours.perceive:DetectObject",
+        "EstimatePose": "behaviours.perceive:EstimatePose",
+        "FindPlacePose": "behaviours.place:FindPlacePose",
+        "FindStandPose": "behaviours.stand:FindStandPose",
+        "Grasp": "behaviours.grasp:Grasp",
+        "Holding": "behaviours.grasp:Holding",
+        "LookAt": "behaviours.look:LookAt",
+        "MoveArm": "behaviours.move_arm:MoveArm",
+        "NavigateTo": "behaviours.navigate:NavigateTo",
+        "ObjectAt": "behaviours.perceive:ObjectAt",
+        "ObjectVisible": "behaviours.perceive:ObjectVisible",
+        "PlaceOn": "behaviours.place:PlaceOn",
+        "PlanGrasp": "behaviours.grasp:PlanGrasp",
+        "Reachable": "behaviours.grasp:Reachable",
+        "Release": "behaviours.place:Release",
+        "Retreat": "behaviours.move_arm:Retreat",
+    },
+)
+"""Skill leaves by the name that trees use."""

@@ -20,10 +20,14 @@ _TEN_DEGREES = math.radians(10.0)
 
 @dataclass(frozen=True)
 class GoalConfig:
-    """``object`` shall stand at the world's goal ``name`` on ``surface`` (``counter`` or ``counter/top``)."""
+    """``object``, to be sought on ``source``, shall stand at the world's goal ``name`` on ``surface``.
+
+    Surfaces are named as in the map: ``counter`` or ``counter/top``.
+    """
 
     name: str
     object: str
+    source: str
     surface: str
 
 

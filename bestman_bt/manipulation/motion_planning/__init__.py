@@ -1,5 +1,6 @@
 """Motion planning for arms."""
 
+from bestman_bt.manipulation.motion_planning.approach import Approach, approaches
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
     MotionPlanner,
@@ -12,6 +13,7 @@ from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPla
 from bestman_bt.manipulation.motion_planning.upright import Upright
 
 __all__ = [
+    "Approach",
     "MotionPlan",
     "MotionPlanner",
     "PathConstraint",
@@ -22,4 +24,5 @@ __all__ = [
     "TimedMotionPlanner",
     "TimedPlan",
     "Upright",
+    "approaches",
 ]

@@ -1,0 +1,67 @@
+"""Steps that several arm skills share: moving freely, following a straight path, opening the hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.context import SkillContext
+from behaviours.skill import Skill, Steps
+from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene, hand_links
+from bestman_bt.manipulation.motion_planning import Upright
+from bestman_bt.manipulation.trajectory import SpeedScale
+
+MAX_HELD_TILT = math.radians(25.0)
+FREE_SPEED = SpeedScale(0.5, 0.35)
+CARRYING_SPEED = SpeedScale(0.4, 0.21)
+
+
+def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
+    """Pairs of hand and finger links with other bodies, to be allowed where the hand works."""
+    return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
+
+
+def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], scene: PlanningScene | None = None) -> Steps:
+    """Plan around everything that is believed to one of ``goals``, each (n,) radians, and go there.
+
+    What is held stays upright within 25°, if it is now.
+    """
+    skills = skill.skills
+    start = skills.arm_positions()
+    constraint, speed = None, FREE_SPEED
+    if skills.world.held is not None:
+        upright = Upright(skills.algorithms.kinematics, skills.world.held.tool_from_object, MAX_HELD_TILT)
+        constraint = upright if upright.satisfied(start) else None
+        speed = CARRYING_SPEED
+    world = skills.arm_world(scene or skills.planning_scene())
+    timed = yield skill.compute(
+        "motion_planning",
+        skills.algorithms.motion_planning.plan,
+        start,
+        goals,
+        world,
+        skills.arm_model,
+        skills.rng,
+        speed,
+        constraint,
+    )
+    yield skills.arm.follow(timed.trajectory)
+
+
+def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0) -> Steps:
+    """Follow joint waypoints (N, n), radians, that begin where the arm is, at a share ``speed`` of the usual speed."""
+    skills = skill.skills
+    waypoints = np.vstack([skills.arm_positions(), path[1:]])
+    scale = SpeedScale(FREE_SPEED.velocity * speed, FREE_SPEED.acceleration * speed)
+    trajectory = yield skill.compute(
+        "trajectory", skills.algorithms.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
+    )
+    yield skills.arm.follow(trajectory)
+
+
+def open_hand(skills: SkillContext, width: float | None = None, speed: float | None = None) -> Steps:
+    """Open the hand to ``width`` metres (fully by default) at ``speed`` m/s."""
+    yield skills.gripper.open(width, speed)

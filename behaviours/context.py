@@ -1,0 +1,107 @@
+"""What skills work with: controllers, sensors, algorithms and beliefs of one robot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.computation import Computation, TimeSource
+from bestman_bt.control.arm import ArmController
+from bestman_bt.control.gripper import GripperController
+from bestman_bt.control.head import HeadController
+from bestman_bt.control.wheeled import BaseController
+from bestman_bt.manipulation.collision import (
+    CollisionModel,
+    CollisionWorld,
+    PlanningScene,
+    planning_scene_from_world_model,
+)
+from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
+from bestman_bt.messages import Pose
+from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.perception.detection import Detector
+from bestman_bt.perception.grasp_pose import GraspPlanner
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+from bestman_bt.sensing.joint_state import JointStateSensor
+from bestman_bt.sensing.rgbd import RGBDSensor
+from bestman_bt.world_model import WorldModel
+
+if TYPE_CHECKING:
+    from behaviours.skill import Failure
+
+
+@dataclass(frozen=True)
+class Algorithms:
+    """The algorithms that the configuration chose, one per slot."""
+
+    detection: Detector
+    grasp_pose: GraspPlanner
+    kinematics: InverseKinematics
+    collision: CollisionModel
+    motion_planning: TimedMotionPlanner
+    global_planning: GlobalPlanner
+
+
+@dataclass
+class SkillContext:
+    """Everything that a skill may use; the runtime puts it together.
+
+    ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
+    oldest first.
+    """
+
+    clock: TimeSource
+    robot: RobotModel
+    world: WorldModel
+    base: BaseController
+    arm: ArmController
+    gripper: GripperController
+    head: HeadController
+    camera: RGBDSensor
+    joints: JointStateSensor
+    algorithms: Algorithms
+    computation: Computation
+    costs: Mapping[str, float]
+    rng: np.random.Generator
+    failures: list[Failure] = field(default_factory=list)
+
+    @property
+    def arm_model(self) -> ArmModel:
+        """The arm that skills move."""
+        return self.robot.arms[self.arm.name]
+
+    @property
+    def gripper_model(self) -> GripperModel:
+        """The gripper that skills use."""
+        return self.robot.grippers[self.gripper.name]
+
+    @property
+    def map_from_base(self) -> Pose:
+        """The believed pose of the base."""
+        return self.world.base.pose.to_pose()
+
+    def arm_positions(self) -> NDArray[np.float64]:
+        """Measured joint positions of the arm, (n,) radians."""
+        positions = self.joints.positions()
+        return np.array([positions[name] for name in self.arm_model.joint_names])
+
+    def base_from_tool(self) -> Pose:
+        """Where the tool is, by encoders."""
+        return self.algorithms.kinematics.tool_pose(self.arm_positions())
+
+    def planning_scene(
+        self, ignore: Iterable[str] = (), allowed_pairs: Iterable[tuple[str, str]] = ()
+    ) -> PlanningScene:
+        """The scene around the arm, from beliefs and encoders."""
+        return planning_scene_from_world_model(
+            self.world, self.robot, self.joints.positions(), self.arm.name, ignore, allowed_pairs
+        )
+
+    def arm_world(self, scene: PlanningScene) -> CollisionWorld:
+        """The collision world of the arm in ``scene``."""
+        return self.algorithms.collision.world(scene, self.arm.name)

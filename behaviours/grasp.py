@@ -1,0 +1,197 @@
+"""Grasping: which grasps the arm can reach, and taking the object with one of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from py_trees.ports import PortInformation
+
+from behaviours.arm_motion import follow_path, hand_contacts, move_free, open_hand
+from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from bestman_bt.manipulation.motion_planning import Approach, approaches
+from bestman_bt.messages import Pose
+from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget
+from bestman_bt.world_model import HeldObject, ObjectBelief
+
+WIDTH_TOLERANCE = 0.008
+"""Metres by which the hand may close further than the grasp foresees and still be said to hold the object."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedGrasp:
+    """A grasp that the arm reaches from where the base stands; ``map_from_object`` is what it was planned for."""
+
+    candidate: GraspCandidate
+    approach: Approach
+    map_from_object: Pose
+
+
+class PlanGrasp(Skill):
+    """Choose grasps of a located object that the arm reaches without touching anything else, best first."""
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="a located object"),
+        "count": PortInformation(int, required=False, default_value=4, description="how many to keep"),
+    }
+    OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, description="planned grasps, best first")}
+    DECLARATION = Declaration(pre=("located({object})",), effects=("grasps_known({object})",))
+
+    def execute(self) -> Steps:
+        """Propose, check, rank."""
+        name: str = self.get_input("object")
+        belief = self.skills.world.objects.get(name)
+        if belief is None:
+            raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
+        grasps = yield self.compute("grasp_planning", self._plan, belief, self.get_input("count"))
+        if not grasps:
+            raise SkillFailure("no_grasp", f"no grasp of the {name} is free and within reach from here")
+        self.set_output("grasps", grasps)
+        self.feedback_message = f"{len(grasps)} grasps"
+
+    def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
+        skills = self.skills
+        scene = skills.planning_scene()
+        free = skills.arm_world(scene)
+        contact = skills.arm_world(scene.allowing(*hand_contacts(skills, belief.name)))
+        reference = skills.arm_positions()
+        planned: list[tuple[float, PlannedGrasp]] = []
+        for candidate in grasp_candidates(self, belief):
+            for approach in approaches(
+                skills.algorithms.kinematics,
+                candidate.pre_grasp,
+                candidate.grasp,
+                candidate.lift,
+                reference,
+                free,
+                contact,
+                skills.rng,
+            ):
+                grasp = PlannedGrasp(candidate, approach, belief.pose)
+                planned.append((approach.cost + 4.0 * (1.0 - candidate.quality), grasp))
+            if len(planned) >= 3 * count:
+                break
+        planned.sort(key=lambda ranked: ranked[0])
+        return [grasp for _, grasp in planned[:count]]
+
+
+class Grasp(Skill):
+    """Take an object with the first of the planned grasps, and lift it; the grasps that are left go back to the port.
+
+    If the hand closes on nothing it opens and leaves as it came, and all grasps are dropped: the object may have moved.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the object"),
+        "grasps": PortInformation(list, description="planned grasps, best first; used up one by one"),
+        "force": PortInformation(float, required=False, default_value=40.0, description="closing force, newtons"),
+    }
+    OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, required=False, description="the grasps that are left")}
+    DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))
+
+    def execute(self) -> Steps:
+        """Open, approach, close, lift."""
+        skills = self.skills
+        name: str = self.get_input("object")
+        grasps: list[PlannedGrasp] = self.get_input("grasps")
+        if not grasps:
+            raise SkillFailure("no_grasp", f"no planned grasp of the {name} is left")
+        grasp, rest = grasps[0], grasps[1:]
+        self.set_output("grasps", rest)
+        skills.world.held = None
+        yield from open_hand(skills, grasp.candidate.opening)
+        yield from move_free(self, [grasp.approach.pre])
+        contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
+        yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
+        self.set_output("grasps", [])
+        yield skills.gripper.close(self.get_input("force"))
+        try:
+            self._check_held(grasp.candidate.width)
+        except SkillFailure:
+            yield from open_hand(skills, grasp.candidate.opening)
+            yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
+            raise
+        tool_from_object = self._tool_from_object(grasp)
+        yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
+        self._check_held(grasp.candidate.width)
+        belief = skills.world.objects.pop(name)
+        skills.world.held = HeldObject(name, belief.model, tool_from_object, skills.gripper.width())
+        self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
+
+    def _check_held(self, width: float) -> None:
+        problem = grip_problem(self.skills.gripper.width(), self.skills.gripper.pressing(), width)
+        if problem:
+            raise SkillFailure(
+                "grasp_failed", f"the hand closed but does not hold the {self.get_input('object')}: {problem}"
+            )
+
+    def _tool_from_object(self, grasp: PlannedGrasp) -> Pose:
+        """As it was seen, but centred between the fingers, which have pushed it there."""
+        skills = self.skills
+        base_from_object = skills.map_from_base.inverse() @ grasp.map_from_object
+        tool_from_object = skills.base_from_tool().inverse() @ base_from_object
+        position: NDArray[np.float64] = tool_from_object.position * [1.0, 0.0, 1.0]
+        return Pose(position, tool_from_object.quaternion)
+
+
+class Holding(SkillCondition):
+    """Whether the hand holds an object, by its encoders; forgets an object that has been lost."""
+
+    INPUT_PORTS: ClassVar = {"object": PortInformation(str, description="the object")}
+
+    def check(self) -> tuple[str, str] | None:
+        """Compares the fingers with the grasp."""
+        skills = self.skills
+        name: str = self.get_input("object")
+        held = skills.world.held
+        if held is None or held.name != name:
+            return "not_holding", f"the hand does not hold the {name}"
+        problem = grip_problem(skills.gripper.width(), skills.gripper.pressing(), held.width)
+        if problem:
+            skills.world.held = None
+            return "object_lost", f"the {name} is no longer in the hand: {problem}"
+        return None
+
+
+class Reachable(SkillCondition):
+    """Whether the arm can reach a grasp of a seen object from where the base stands; collisions are not checked."""
+
+    INPUT_PORTS: ClassVar = {"object": PortInformation(str, description="a seen object")}
+
+    def check(self) -> tuple[str, str] | None:
+        """Inverse kinematics for some of the candidates."""
+        skills = self.skills
+        name: str = self.get_input("object")
+        belief = skills.world.objects.get(name)
+        if belief is None:
+            return "object_not_found", f"the {name} has not been seen"
+        reference = skills.arm_positions()
+        candidates = grasp_candidates(self, belief)
+        for candidate in candidates[:12]:
+            if skills.algorithms.kinematics.solve(candidate.grasp, reference, skills.rng, attempts=5).found:
+                return None
+        distance = float(np.linalg.norm((skills.map_from_base.inverse() @ belief.pose).position[:2]))
+        return "out_of_reach", f"the {name} is out of reach, {distance:.2f} m from the base"
+
+
+def grasp_candidates(leaf: Any, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
+    """Grasps of a believed object in the base frame, best first."""
+    skills = leaf.skills
+    base_from_object = skills.map_from_base.inverse() @ belief.pose
+    support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
+    target = GraspTarget.of_model(belief.model, base_from_object)
+    candidates: tuple[GraspCandidate, ...] = skills.algorithms.grasp_pose.plan(
+        target, skills.gripper_model, support_height
+    )
+    return candidates
+
+
+def grip_problem(width: float, pressing: bool, expected: float) -> str:
+    """Why a closed hand does not hold something ``expected`` metres wide; empty if it does."""
+    if width < expected - WIDTH_TOLERANCE:
+        return f"it closed to {1e3 * width:.0f} mm instead of {1e3 * expected:.0f} mm"
+    if width > expected + WIDTH_TOLERANCE:
+        return f"it stopped at {1e3 * width:.0f} mm instead of {1e3 * expected:.0f} mm"
+    return "" if pressing else "the fingers do not press"

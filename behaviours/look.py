@@ -1,0 +1,44 @@
+"""Looking: where the head camera points."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.messages import Pose
+
+
+class LookAt(Skill):
+    """Turn the head camera to a point, to an object where it was last seen, or else to a surface of the map."""
+
+    INPUT_PORTS: ClassVar = {
+        "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
+        "object": PortInformation(str, required=False, description="an object; used where it has been seen"),
+        "surface": PortInformation(str, required=False, description="a surface of the map, such as table"),
+    }
+    DECLARATION = Declaration(effects=("looking_at({object})",))
+
+    def execute(self) -> Steps:
+        """Turn and settle."""
+        point = self._target()
+        base_from_point = self.skills.map_from_base.inverse().apply(point.position)
+        yield self.skills.head.look_at(base_from_point)
+
+    def _target(self) -> Pose:
+        world = self.skills.world
+        point: Pose | None = self.get_input("point")
+        if point is not None:
+            return point
+        belief = world.objects.get(self.get_input("object") or "")
+        if belief is not None:
+            return belief.pose
+        name = self.get_input("surface")
+        if not name:
+            raise SkillFailure("no_target", "nothing to look at: no point, no surface, and the object was never seen")
+        try:
+            furniture, surface = world.map.surface(name)
+        except KeyError as error:
+            raise SkillFailure("unknown_surface", str(error.args[0])) from error
+        return furniture.pose.to_pose() @ surface.pose

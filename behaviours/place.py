@@ -1,0 +1,152 @@
+"""Placing: where there is room, setting the object down, letting it go."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from py_trees.ports import PortInformation
+
+from behaviours.arm_motion import follow_path, move_free
+from behaviours.perceive import believe_surface
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.surfaces import surface_region
+from bestman_bt.manipulation.collision import CollisionWorld
+from bestman_bt.manipulation.motion_planning import Approach, approaches
+from bestman_bt.messages import Pose
+from bestman_bt.perception.detection import DetectedScene
+from bestman_bt.perception.segmentation import FREE, OCCUPIED, SurfaceCoverage, surface_coverage
+from bestman_bt.world_model import HeldObject, ObjectBelief
+
+DROP = 0.002
+"""Metres above the measured surface at which an object is let go."""
+PRE_PLACE = 0.12
+"""Metres above the goal where the straight descent begins."""
+MAX_TAKEN = 0.03
+"""Share of the disc at the goal that may look taken: noise at the edges of things nearby."""
+MIN_FREE = 0.4
+"""Share of the disc at the goal that must have been seen free; the rest may be hidden behind what is carried."""
+TURNS_OF_A_ROUND_OBJECT = 12
+
+
+class FindPlacePose(Skill):
+    """Look at a surface and check that there is room at the goal; the height comes from the measured surface."""
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the object to place"),
+        "surface": PortInformation(str, description="the surface, such as counter"),
+        "goal": PortInformation(Pose, description="x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured"),
+        "radius": PortInformation(float, required=False, default_value=0.06, description="of the free disc, metres"),
+    }
+    OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="of the placed object, in the map frame")}
+    DECLARATION = Declaration(effects=("free({goal})",))
+
+    def execute(self) -> Steps:
+        """Capture, measure the surface, look for room."""
+        skills = self.skills
+        name: str = self.get_input("object")
+        surface: str = self.get_input("surface")
+        goal: Pose = self.get_input("goal")
+        model = skills.world.models.get(name)
+        if model is None:
+            raise SkillFailure("unknown_object", f"no model of {name!r}")
+        view = skills.camera.capture()
+        region = surface_region(skills, surface)
+        models = list(skills.world.models.values())
+        scene: DetectedScene = yield self.compute(
+            "detection", skills.algorithms.detection.detect, view.in_base, region, models, skills.rng
+        )
+        believe_surface(skills, surface, view, scene)
+        base_from_goal = view.map_from_base.inverse() @ goal
+        x, y = (float(value) for value in base_from_goal.position[:2])
+        self._check_room(surface_coverage(view.in_base, region, scene.scene), np.array([x, y]), surface)
+        height = scene.plane.height_at(x, y) - float(model.bounds()[0, 2])
+        upright = Pose.from_xyz_rpy((x, y, height), (0.0, 0.0, base_from_goal.yaw))
+        self.set_output("pose", view.map_from_base @ upright)
+
+    def _check_room(self, coverage: SurfaceCoverage, point: NDArray[np.float64], surface: str) -> None:
+        radius: float = self.get_input("radius")
+        shares = coverage.disc(point, radius)
+        if shares[OCCUPIED] <= MAX_TAKEN and shares[FREE] >= MIN_FREE:
+            return
+        across = f"{200 * radius:.0f} cm disc"
+        if len(coverage.free_discs(radius, point)) == 0:
+            raise SkillFailure("surface_full", f"no free {across} is left on the {surface}")
+        if shares[OCCUPIED] > MAX_TAKEN:
+            raise SkillFailure("goal_taken", f"{shares[OCCUPIED]:.0%} of the {across} at the goal is taken")
+        raise SkillFailure("goal_not_seen", f"only {shares[FREE]:.0%} of the {across} at the goal was seen to be free")
+
+
+class PlaceOn(Skill):
+    """Bring the held object above its place and lower it straight until it all but stands there."""
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the held object"),
+        "pose": PortInformation(Pose, description="where it shall stand, in the map frame"),
+    }
+    DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
+
+    def execute(self) -> Steps:
+        """Plan above and down, then move."""
+        skills = self.skills
+        name: str = self.get_input("object")
+        held = skills.world.held
+        if held is None or held.name != name:
+            raise SkillFailure("not_holding", f"the hand does not hold the {name}")
+        base_from_object = skills.map_from_base.inverse() @ self.get_input("pose")
+        approach: Approach | None = yield self.compute("grasp_planning", self._plan, held, base_from_object)
+        if approach is None:
+            raise SkillFailure("no_approach", f"no free way of the arm to put the {name} down there from here")
+        yield from move_free(self, [approach.pre])
+        yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
+
+    def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
+        skills = self.skills
+        free = skills.arm_world(skills.planning_scene())
+        lowering = self._lowering_world(held)
+        reference = skills.arm_positions()
+        found: list[Approach] = []
+        for above, down in place_tool_poses(held, base_from_object):
+            found += approaches(skills.algorithms.kinematics, above, down, down, reference, free, lowering, skills.rng)
+        return min(found, key=lambda approach: approach.cost) if found else None
+
+    def _lowering_world(self, held: HeldObject) -> CollisionWorld:
+        skills = self.skills
+        supports = [name for name in skills.world.obstacles if name.endswith("/surface")]
+        return skills.arm_world(skills.planning_scene(allowed_pairs=[(held.name, support) for support in supports]))
+
+
+class Release(Skill):
+    """Open the hand slowly, and believe that the object stands where the hand has left it."""
+
+    INPUT_PORTS: ClassVar = {"object": PortInformation(str, description="the held object")}
+    DECLARATION = Declaration(
+        pre=("lowered({object}, {pose})",), effects=("not holding({object})", "at({object}, {pose})")
+    )
+
+    def execute(self) -> Steps:
+        """Open a little, so that neighbours stay where they are."""
+        skills = self.skills
+        held = skills.world.held
+        if held is None:
+            raise SkillFailure("not_holding", f"the hand does not hold the {self.get_input('object')}")
+        map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
+        skills.world.held = None
+        skills.world.objects[held.name] = ObjectBelief(
+            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now()
+        )
+        yield skills.gripper.release()
+
+
+def place_tool_poses(held: HeldObject, frame_from_object: Pose) -> list[tuple[Pose, Pose]]:
+    """Tool poses (above, down) that put the held object to ``frame_from_object`` but for turns that look the same."""
+    count = held.model.symmetry_order or TURNS_OF_A_ROUND_OBJECT
+    poses = []
+    for i in range(count):
+        turned = frame_from_object @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2 * math.pi * i / count))
+        lifted = Pose(turned.position + np.array([0.0, 0.0, DROP]), turned.quaternion)
+        down = lifted @ held.tool_from_object.inverse()
+        poses.append((Pose(down.position + np.array([0.0, 0.0, PRE_PLACE]), down.quaternion), down))
+    return poses

@@ -1,0 +1,190 @@
+"""The base of all skill leaves: steps that take time, outcomes that are told, nothing left moving."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, TypeAlias
+
+from py_trees.ports import PortInformation
+
+from behaviours.computation import Job
+from behaviours.context import SkillContext
+from bestman_bt.control import ControlHandle, ControlStatus
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, StatefulAction
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.perception.errors import PerceptionError
+
+
+class Awaitable(Protocol):
+    """What a skill can wait for: a control handle or a computation."""
+
+    @property
+    def done(self) -> bool: ...  # noqa: D102
+    def cancel(self) -> None: ...  # noqa: D102
+
+
+Steps: TypeAlias = Generator[Awaitable, Any, None]
+"""What ``execute`` returns: it yields what to wait for and receives its result."""
+
+ALGORITHM_ERRORS = (ManipulationError, PerceptionError)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a leaf failed: ``node`` is its path in the tree, ``stamp`` seconds on the robot's clock."""
+
+    node: str
+    error_code: str
+    why: str
+    stamp: float
+
+
+class SkillFailure(Exception):
+    """Ends a skill with FAILURE: ``code`` for programs, the text for people."""
+
+    def __init__(self, code: str, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What a skill needs and brings about, in terms of its ports: ``holding({object})``, ``at({goal})``.
+
+    ``pre``: must hold at the start. ``hold``: must hold all the way. ``effects``: hold after success; ``not`` negates.
+    """
+
+    pre: tuple[str, ...] = ()
+    hold: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()
+
+
+class Explained:
+    """Shared by skills and conditions: the context, and failures that are told with a code and in words."""
+
+    OUTPUT_PORTS: ClassVar = {
+        "error_code": PortInformation(str, required=False, description="why it failed, for programs; empty if not"),
+        "error_message": PortInformation(str, required=False, description="why it failed, in words"),
+    }
+
+    @property
+    def skills(self) -> SkillContext:
+        """The robot's controllers, algorithms and beliefs."""
+        context = self.context  # type: ignore[attr-defined]
+        if not isinstance(context, SkillContext):
+            raise TypeError(f"skills need a SkillContext as the tree's context, not {type(context).__name__}")
+        return context
+
+    def explain(self, code: str, why: str) -> int:
+        """Record why the leaf fails; returns FAILURE."""
+        node: Any = self
+        node.feedback_message = why
+        node.set_output("error_code", code)
+        node.set_output("error_message", why)
+        self.skills.failures.append(Failure(node.path, code, why, self.skills.clock.now()))
+        return FAILURE
+
+    def succeed(self, why: str = "") -> int:
+        """Clear the error outputs; returns SUCCESS."""
+        node: Any = self
+        node.feedback_message = why
+        node.set_output("error_code", "")
+        node.set_output("error_message", "")
+        return SUCCESS
+
+
+class Skill(Explained, StatefulAction):
+    """A leaf whose ``execute`` yields what it waits for; a halt cancels that and runs the ``finally`` clauses."""
+
+    DECLARATION: ClassVar[Declaration] = Declaration()
+
+    _steps: Steps | None = None
+    _pending: Awaitable | None = None
+
+    def execute(self) -> Steps:
+        """Do the work: ``result = yield handle`` waits; raise SkillFailure to fail."""
+        raise NotImplementedError(f"{type(self).__name__} does not define execute()")
+
+    def compute(self, what: str, work: Any, *arguments: Any, **options: Any) -> Job[Any]:
+        """Submit ``work(*arguments, **options)``; ``what`` names its configured cost."""
+        skills = self.skills
+        return skills.computation.submit(lambda: work(*arguments, **options), skills.costs[what])
+
+    def on_start(self) -> int:
+        """Begin ``execute``."""
+        self.feedback_message = ""
+        self._steps = self.execute()
+        self._pending = None
+        return self._advance(None, None)
+
+    def on_running(self) -> int:
+        """Go on once the awaited action has ended."""
+        pending = self._pending
+        if pending is None or not pending.done:
+            return RUNNING
+        try:
+            return self._advance(_outcome(pending), None)
+        except (SkillFailure, *ALGORITHM_ERRORS) as error:
+            return self._advance(None, error)
+
+    def on_halted(self) -> None:
+        """Stop whatever moves on behalf of this skill."""
+        if self._pending is not None:
+            self._pending.cancel()
+            self._pending = None
+        if self._steps is not None:
+            self._steps.close()
+            self._steps = None
+
+    def _advance(self, value: Any, error: Exception | None) -> int:
+        steps = self._steps
+        assert steps is not None
+        while True:
+            try:
+                pending = steps.send(value) if error is None else steps.throw(error)
+            except StopIteration:
+                self._steps = self._pending = None
+                return self.succeed(self.feedback_message)
+            except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+                self._steps = self._pending = None
+                return self.explain(_code_of(failure), str(failure))
+            self._pending = pending
+            if not pending.done:
+                return RUNNING
+            value, error = None, None
+            try:
+                value = _outcome(pending)
+            except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+                error = failure
+
+
+class SkillCondition(Explained, Condition):
+    """A condition leaf: ``check`` returns None if it holds, else ``(code, why)``."""
+
+    def check(self) -> tuple[str, str] | None:
+        """Decide; looks at beliefs and encoders only, never moves anything."""
+        raise NotImplementedError(f"{type(self).__name__} does not define check()")
+
+    def on_tick(self) -> int:
+        """SUCCESS if the condition holds."""
+        refusal = self.check()
+        return self.succeed() if refusal is None else self.explain(*refusal)
+
+
+def _outcome(pending: Awaitable) -> Any:
+    if isinstance(pending, Job):
+        return pending.result()
+    if isinstance(pending, ControlHandle):
+        if pending.status is not ControlStatus.SUCCEEDED:
+            error = pending.error
+            if error is None:
+                raise SkillFailure("fault", "the controller gave up without a reason")
+            raise SkillFailure(error.code.value, error.text)
+        return pending.result
+    return None
+
+
+def _code_of(failure: Exception) -> str:
+    code = getattr(failure, "code", None)
+    return str(getattr(code, "value", code or "failed"))

@@ -1,0 +1,133 @@
+"""Standing: base poses from which the arm reaches an object or a place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+from py_trees.ports import PortInformation
+
+from behaviours.grasp import grasp_candidates
+from behaviours.place import place_tool_poses
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.surfaces import find_surface
+from bestman_bt.manipulation.collision import CollisionWorld, planning_scene_from_world_model
+from bestman_bt.manipulation.kinematics import StandPose, rank_stand_poses, stands_along
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.navigation.global_planning import Costmap, Footprint
+from bestman_bt.world_model import BasePose, MapFurniture
+
+SAME_STAND = 0.05
+"""Metres: a stand nearer than this to one that was tried is the same one."""
+SAME_TARGET = 0.05
+HAND_ABOVE = 0.08
+"""Metres above a surface at which the hand should be able to work where the object has not been seen yet."""
+
+
+class FindStandPose(Skill):
+    """Choose where to stand to reach an object (where it was seen), a goal on a surface, or else the surface itself.
+
+    Each time it is asked again for the same target it gives another stand, until all have been tried.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "surface": PortInformation(str, description="the surface to stand at, such as table"),
+        "object": PortInformation(str, required=False, description="the object to reach, where it has been seen"),
+        "goal": PortInformation(Pose, required=False, description="the place to reach, in the map frame"),
+    }
+    OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
+    DECLARATION = Declaration(effects=("stand_known({surface})",))
+
+    def on_load(self) -> None:
+        """Nothing has been tried yet."""
+        self._target = np.full(2, np.inf)
+        self._tried: list[Pose2D] = []
+
+    def execute(self) -> Steps:
+        """Rank the stands along the furniture by what the arm reaches from them."""
+        furniture, _ = find_surface(self.skills, self.get_input("surface"))
+        alternatives, target = self._alternatives()
+        if np.linalg.norm(target - self._target) > SAME_TARGET:
+            self._target, self._tried = target, []
+        stands: tuple[StandPose, ...] = yield self.compute(
+            "stand_planning", self._rank, furniture, alternatives, target
+        )
+        if not stands and self._tried:
+            self._tried = []
+            stands = yield self.compute("stand_planning", self._rank, furniture, alternatives, target)
+        if not stands:
+            raise SkillFailure(
+                "no_stand", f"the arm cannot reach its target from anywhere free at the {furniture.name}"
+            )
+        best = stands[0].pose
+        self._tried.append(best)
+        self.set_output("stand", best)
+        self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
+
+    def _alternatives(self) -> tuple[list[tuple[Pose, ...]], np.ndarray]:
+        """Tool poses in the map frame, and the target (x, y) that they serve."""
+        skills = self.skills
+        goal: Pose | None = self.get_input("goal")
+        name: str = self.get_input("object") or ""
+        belief = skills.world.objects.get(name)
+        if goal is not None and skills.world.held is not None:
+            on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
+            return place_tool_poses(skills.world.held, on_surface), goal.position[:2]
+        if belief is not None:
+            candidates = grasp_candidates(self, belief)[:8]
+            map_from_base = skills.map_from_base
+            return [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates], belief.pose.position[
+                :2
+            ]
+        target = goal.position[:2] if goal is not None else self._middle()[:2]
+        height = self._middle()[2] + HAND_ABOVE
+        return _top_down(np.array([*target, height])), target
+
+    def _middle(self) -> np.ndarray:
+        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        return (furniture.pose.to_pose() @ surface.pose).position
+
+    def _object_height(self) -> float:
+        held = self.skills.world.held
+        assert held is not None
+        return float(self._middle()[2] - held.model.bounds()[0, 2])
+
+    def _rank(
+        self, furniture: MapFurniture, alternatives: Sequence[Sequence[Pose]], target: np.ndarray
+    ) -> tuple[StandPose, ...]:
+        skills = self.skills
+        corners = np.array(skills.base.description.footprint)
+        costmap = Costmap.from_map(skills.world.map, Footprint(corners))
+        candidates = [
+            stand
+            for stand in stands_along(furniture, target, float(corners[:, 0].max()))
+            if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
+        ]
+        return rank_stand_poses(
+            candidates,
+            alternatives,
+            skills.algorithms.kinematics,
+            skills.arm_model,
+            skills.arm_positions(),
+            skills.rng,
+            is_base_free=lambda pose: costmap.clearance_at(pose) > 0.0,
+            world_at=self._world_at,
+            current=skills.world.base.pose,
+        )
+
+    def _world_at(self, stand: Pose2D) -> CollisionWorld:
+        """What the arm will have around it there; the target itself does not count."""
+        skills = self.skills
+        there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), held=None)
+        ignore = [self.get_input("object") or ""]
+        scene = planning_scene_from_world_model(
+            there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=ignore
+        )
+        return skills.arm_world(scene)
+
+
+def _top_down(position: np.ndarray) -> list[tuple[Pose, ...]]:
+    """Tool poses that point straight down, at six turns of the hand."""
+    return [(Pose.from_xyz_rpy(position, (np.pi, 0.0, turn)),) for turn in np.arange(6) * np.pi / 3]

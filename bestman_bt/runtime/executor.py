@@ -1,0 +1,151 @@
+"""The executor: ticks a tree until it ends, is cancelled or runs out of time; pauses and steps on request."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
+from types import FrameType
+
+from bestman_bt.engine import IDLE, RUNNING, EngineError, Tree, status_name
+from bestman_bt.engine.clock import Clock
+
+
+class Ending(StrEnum):
+    """Why an execution ended."""
+
+    FINISHED = "finished"  # the root returned SUCCESS or FAILURE
+    CANCELLED = "cancelled"  # somebody asked: Ctrl-C, the control channel, ``cancel()``
+    TIMEOUT = "timeout"  # the time limit was reached
+    ERROR = "error"  # a node raised
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How a tree ran. ``tree_status``: SUCCESS, FAILURE or IDLE (halted). ``why``: in words where it did not finish."""
+
+    ending: Ending
+    tree_status: str
+    ticks: int
+    sim_time_s: float
+    wall_time_s: float
+    why: str = ""
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the tree ended with SUCCESS."""
+        return self.tree_status == "SUCCESS"
+
+
+class Executor:
+    """Runs one tree on one clock.
+
+    ``period``: seconds between ticks. ``time_limit``: seconds of the clock. ``after_tick``: called after each tick.
+    ``cancel``, ``pause``, ``resume`` and ``step`` may be called from any thread.
+    """
+
+    def __init__(
+        self,
+        tree: Tree,
+        clock: Clock,
+        *,
+        period: float = 0.05,
+        time_limit: float | None = None,
+        after_tick: Callable[[], None] | None = None,
+    ) -> None:
+        self.tree = tree
+        self.clock = clock
+        self.period = period
+        self.time_limit = time_limit
+        self.after_tick = after_tick
+        self.ticks = 0
+        self._cancel_reason = ""
+        self._go = threading.Event()
+        self._go.set()
+        self._step = False
+        self._tasks: list[Callable[[], None]] = []
+
+    def cancel(self, reason: str = "cancelled on request") -> None:
+        """End the execution before its next tick; the first reason is kept."""
+        self._cancel_reason = self._cancel_reason or reason
+        self._go.set()
+        self.tree.wake_up()
+
+    def pause(self) -> None:
+        """Do not tick until ``resume`` or ``step``; the clock stands still in simulation."""
+        self._go.clear()
+
+    def resume(self) -> None:
+        """Tick on."""
+        self._go.set()
+
+    def step(self) -> None:
+        """Tick once and pause again."""
+        self._step = True
+        self._go.set()
+
+    @property
+    def paused(self) -> bool:
+        """Whether the execution waits."""
+        return not self._go.is_set()
+
+    def between_ticks(self, task: Callable[[], None]) -> None:
+        """Run ``task`` in the executor's thread before the next tick."""
+        self._tasks.append(task)
+
+    def run(self) -> Execution:
+        """Tick until the end; whatever the end, nothing is left running in the tree."""
+        start, wall_start = self.clock.now(), time.perf_counter()
+        ending, status, why = Ending.FINISHED, IDLE, ""
+        with self._interrupts():
+            try:
+                ending, status, why = self._loop(start)
+            except EngineError as error:
+                ending, why = Ending.ERROR, str(error)
+            finally:
+                if status == IDLE:
+                    self.tree.halt()
+        elapsed = self.clock.now() - start
+        return Execution(ending, status_name(status), self.ticks, elapsed, time.perf_counter() - wall_start, why)
+
+    def _loop(self, start: float) -> tuple[Ending, int, str]:
+        while True:
+            self._go.wait()
+            if self._cancel_reason:
+                return Ending.CANCELLED, IDLE, self._cancel_reason
+            while self._tasks:
+                self._tasks.pop(0)()
+            status = self.tree.tick_once()
+            self.ticks += 1
+            if self.after_tick is not None:
+                self.after_tick()
+            if status != RUNNING:
+                return Ending.FINISHED, status, ""
+            if self.time_limit is not None and self.clock.now() - start >= self.time_limit:
+                return Ending.TIMEOUT, IDLE, f"not done within {self.time_limit:g} s"
+            if self._step:
+                self._step = False
+                self._go.clear()
+            self.tree.sleep(self.period)
+
+    @contextmanager
+    def _interrupts(self) -> Iterator[None]:
+        """Let the first Ctrl-C cancel between ticks; a second one interrupts at once."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def interrupted(number: int, frame: FrameType | None) -> None:
+            if self._cancel_reason:
+                raise KeyboardInterrupt
+            self.cancel("interrupted from the keyboard")
+
+        before = signal.signal(signal.SIGINT, interrupted)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, before)
