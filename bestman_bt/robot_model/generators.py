@@ -156,7 +156,7 @@ def post(name: str, d: Post) -> list[ET.Element]:
     ]
     if d.plate:
         plate = Box((d.plate, d.plate, 0.012))
-        children.append(shape("visual", plate, (0, 0, d.size[2] - 0.006), rgba=(*_DARK, 1), material=f"{name}_plate"))
+        children.append(shape("visual", plate, (0, 0, d.size[2] - 0.008), rgba=(*_DARK, 1), material=f"{name}_plate"))
     return [link(body, *children), link(top), fixed_joint(f"{top}_joint", body, top, (0, 0, d.size[2]))]
 
 
