@@ -2,13 +2,18 @@
 
 from hal.pybullet.client import SimulationError
 from hal.pybullet.ground_truth import GroundTruth
+from hal.pybullet.honesty_record import ContactIncident, Finding, HonestyRecord, Penetration
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.render import ScenePhotographer, Viewpoint
 from hal.pybullet.robot import PyBulletRobot
 from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
 
 __all__ = [
+    "ContactIncident",
+    "Finding",
     "GroundTruth",
+    "HonestyRecord",
+    "Penetration",
     "PhysicsParameters",
     "PyBulletRobot",
     "ScenePhotographer",

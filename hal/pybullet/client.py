@@ -157,6 +157,12 @@ class PhysicsClient:
         self.counts[kind] += 1
         self.calls[name] += 1
 
+    def note_tampering(self, name: str) -> None:
+        """Count a call past this client that commands motors or steps physics."""
+        if self._sealed:
+            self.counts["tampering"] += 1
+            self.calls[name] += 1
+
     def function(self, name: str) -> Callable[..., Any]:
         """Pybullet's function ``name``, bound to this server."""
         if not self.connected:

@@ -18,9 +18,12 @@ from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.clock import SimulatedClock
 from hal.pybullet.gripper import SimulatedGripper
+from hal.pybullet.honesty_record import HonestyRecord
 from hal.pybullet.joint_group import SimulatedJointGroup
 from hal.pybullet.lidar import SimulatedLidar
+from hal.pybullet.monitor import HonestyMonitor
 from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.raw_call_guard import RawCallGuard
 from hal.pybullet.simulation import Simulation
 
 SimulatedPart = SimulatedArm | SimulatedBase | SimulatedCamera | SimulatedGripper | SimulatedJointGroup | SimulatedLidar
@@ -46,6 +49,8 @@ class PyBulletRobot(Robot):
         self._parameters = parameters or PhysicsParameters()
         self._clock = SimulatedClock(self._parameters.time_step)
         self._simulation: Simulation | None = None
+        self._monitor: HonestyMonitor | None = None
+        self._guard: RawCallGuard | None = None
         self._stopped = False
         self._lock = threading.RLock()
         self._parts = MappingProxyType(self._make_parts())
@@ -79,6 +84,12 @@ class PyBulletRobot(Robot):
             raise NotConnectedError("the robot is not connected; call connect()")
         return self._simulation
 
+    def honesty_record(self) -> HonestyRecord:
+        """What the monitor has seen since the scene was built; NotConnectedError without a connection."""
+        if self._simulation is None or self._monitor is None:
+            raise NotConnectedError("the robot is not connected: ask for its record before disconnect()")
+        return self._monitor.record()
+
     # Life
 
     def connect(self) -> None:
@@ -89,12 +100,15 @@ class PyBulletRobot(Robot):
         client.connect(self._gui)
         try:
             simulation = Simulation(client, self._model, self._world, self._parameters)
+            self._monitor = HonestyMonitor(simulation)
             for part in self._parts.values():
                 part.attach(simulation)
         except BaseException:
             client.disconnect()
             raise
         self._simulation = simulation
+        self._guard = RawCallGuard(client)
+        self._guard.install()
         self._clock.step = self._step
         self._clock.sleep(self._parameters.settle_time)
         self._clock.step = self._first_step
@@ -107,6 +121,8 @@ class PyBulletRobot(Robot):
             part.detach()
         self._clock.step = None
         self._clock.cancel_timers()
+        if self._guard is not None:
+            self._guard.remove()
         self._simulation.client.disconnect()
         self._simulation = None
 

@@ -19,7 +19,8 @@ from hal.pybullet.world_builder import BuiltWorld, build_world
 class Simulation:
     """Physics, world and robot body; parts hang their control in it, the monitor its observation.
 
-    ``controls`` run every control period before the step, ``effort_controls`` before every step, ``observers`` after.
+    ``controls`` run every control period before the step, ``effort_controls`` before every step;
+    ``step_observers`` run after every step, ``observers`` after every ``monitor_every``-th.
     """
 
     def __init__(self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> None:
@@ -28,6 +29,7 @@ class Simulation:
         self.steps = 0
         self.controls: list[Callable[[], None]] = []
         self.effort_controls: list[Callable[[], None]] = []
+        self.step_observers: list[Callable[[], None]] = []
         self.observers: list[Callable[[], None]] = []
         movable = [
             joint
@@ -54,8 +56,11 @@ class Simulation:
             control()
         self.client.stepSimulation()
         self.steps += 1
-        for observe in self.observers:
+        for observe in self.step_observers:
             observe()
+        if self.steps % self.parameters.monitor_every == 0:
+            for observe in self.observers:
+                observe()
 
     def slots(self, joint_names: Sequence[str]) -> NDArray[np.intp]:
         """Where joints are in ``joint_states``."""

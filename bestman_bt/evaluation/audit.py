@@ -1,0 +1,136 @@
+"""The honesty audit: what the simulator's monitor has seen, judged by what a task allows to touch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from hal.pybullet import ContactIncident, Finding, HonestyRecord
+
+LISTED = 20
+"""How many details of a kind are listed; the counters count them all."""
+
+
+@dataclass(frozen=True)
+class Collision:
+    """The robot, or an object in its hand, pressed on something that the task does not allow it to touch.
+
+    Times in simulated seconds, ``peak_force`` in newtons.
+    """
+
+    first: str
+    second: str
+    start: float
+    end: float
+    peak_force: float
+
+
+@dataclass(frozen=True)
+class Audit:
+    """The counters of ``result.json``. The first five kinds are cheats; the others are faults of a run.
+
+    ``teleports``: resets of poses, joints or states, called or seen. ``grasp_constraints``: constraints made after the
+    scene was built, called or seen. ``ground_truth_reads``: reads of poses that no robot could know. ``tampering``:
+    forces from nowhere, changed masses or frictions, motors driven past the Robotics API.
+    ``object_follows_open_hand``: objects that moved with fingers that did not press on them.
+    """
+
+    teleports: int
+    grasp_constraints: int
+    ground_truth_reads: int
+    tampering: int
+    object_follows_open_hand: int
+    collisions: tuple[Collision, ...]
+    max_penetration_mm: float
+    max_penetration_pair: tuple[str, str] | None
+    joint_limit_violations: int
+    velocity_limit_violations: int
+    findings: tuple[str, ...]
+
+    @property
+    def honest(self) -> bool:
+        """Whether nothing was faked."""
+        return not (
+            self.teleports
+            or self.grasp_constraints
+            or self.ground_truth_reads
+            or self.tampering
+            or self.object_follows_open_hand
+        )
+
+    def faults(self, max_penetration: float) -> tuple[str, ...]:
+        """Why an episode fails whatever its tree says: collisions, overlaps deeper than ``max_penetration`` m."""
+        faults = [f"collision of {c.first} with {c.second} ({c.peak_force:.1f} N)" for c in self.collisions]
+        if self.max_penetration_mm > 1e3 * max_penetration and self.max_penetration_pair is not None:
+            pair = " and ".join(self.max_penetration_pair)
+            faults.append(
+                f"{pair} overlap by {self.max_penetration_mm:.2f} mm, {1e3 * max_penetration:.2f} are allowed"
+            )
+        return tuple(faults)
+
+    def to_document(self) -> dict[str, Any]:
+        """The ``audit`` of ``result.json``: counters first, then their details."""
+        document = asdict(self)
+        document["collisions"] = len(self.collisions)
+        document["collision_details"] = [
+            {
+                "pair": [collision.first, collision.second],
+                "start_s": round(collision.start, 3),
+                "end_s": round(collision.end, 3),
+                "peak_force_n": round(collision.peak_force, 2),
+            }
+            for collision in self.collisions[:LISTED]
+        ]
+        document["max_penetration_mm"] = round(self.max_penetration_mm, 3)
+        document["max_penetration_pair"] = list(self.max_penetration_pair) if self.max_penetration_pair else None
+        document["findings"] = list(self.findings)
+        return document
+
+
+def audit(record: HonestyRecord, allowed_contacts: Iterable[tuple[str, str]] = ()) -> Audit:
+    """Judge a record.
+
+    ``allowed_contacts``: pairs of names, in any order, that the task needs to touch: an object, a piece of furniture,
+    ``fingers``, a link of the robot, or ``robot`` for all its links.
+    """
+    allowed = {frozenset(pair) for pair in allowed_contacts}
+    deepest = record.penetrations[0] if record.penetrations else None
+    details: list[Finding] = [
+        *record.jumps,
+        *record.hidden_constraints,
+        *record.changes,
+        *record.unexplained_forces,
+        *record.open_hand,
+        *record.joint_limits,
+        *record.velocity_limits,
+    ]
+    calls = [f"{name} was called {count} times after the scene was built" for name, count in record.calls.items()]
+    seen = [f"{detail.stamp:.2f} s: {detail.text}" for detail in sorted(details, key=lambda detail: detail.stamp)]
+    return Audit(
+        teleports=max(record.resets, len(record.jumps)),
+        grasp_constraints=max(record.constraints, len(record.hidden_constraints)),
+        ground_truth_reads=record.truth_reads,
+        tampering=record.tampering + len(record.changes) + len(record.unexplained_forces),
+        object_follows_open_hand=len(record.open_hand),
+        collisions=tuple(_collision(contact) for contact in record.contacts if not _is_allowed(contact, allowed)),
+        max_penetration_mm=1e3 * deepest.depth if deepest else 0.0,
+        max_penetration_pair=(deepest.first, deepest.second) if deepest else None,
+        joint_limit_violations=len(record.joint_limits),
+        velocity_limit_violations=len(record.velocity_limits),
+        findings=(*calls[:LISTED], *seen[:LISTED]),
+    )
+
+
+def _is_allowed(contact: ContactIncident, allowed: set[frozenset[str]]) -> bool:
+    pairs = {
+        frozenset(contact.roles),
+        frozenset((contact.first, contact.second)),
+    }
+    if contact.roles[0] == "fingers":
+        pairs.add(frozenset(("robot", contact.second)))
+    return not pairs.isdisjoint(allowed)
+
+
+def _collision(contact: ContactIncident) -> Collision:
+    return Collision(contact.first, contact.second, contact.start, contact.end, contact.peak_force)

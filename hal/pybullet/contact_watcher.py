@@ -1,0 +1,108 @@
+"""Watches what the robot and the objects that it holds press on, and how deep bodies overlap."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+from hal.pybullet.honesty_record import FINGERS, ContactIncident, Penetration
+from hal.pybullet.observation import Observation
+from hal.pybullet.simulation import Simulation
+
+FORCE_THRESHOLD = 1.0
+GAP = 0.25
+
+
+class ContactWatcher:
+    """Sums contact forces by pair of links or bodies; wheels and casters on the floor are what they are for."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        built, model = simulation.built, simulation.model
+        self._robot, self._floor = built.robot, built.floor
+        self._objects = frozenset(built.objects.values())
+        self._names = built.body_names
+        self._link_names = {index: name for name, index in built.links.items()}
+        self._fingers = frozenset(built.links[link] for hand in model.grippers.values() for link in hand.finger_links)
+        self._rolling = frozenset(
+            index
+            for base in model.bases.values()
+            for index in (
+                *(built.links[link] for link in base.caster_links),
+                *(built.joints[joint] for joint in base.wheel_joints),
+            )
+        )
+        self._running: dict[tuple[str, str], ContactIncident] = {}
+        self._ended: list[ContactIncident] = []
+        self._deepest: dict[tuple[str, str], Penetration] = {}
+        self.robot_forces: defaultdict[int, float] = defaultdict(float)
+        self.touched: set[int] = set()
+
+    def watch(self, observation: Observation) -> None:
+        """Take in one observation."""
+        forces: defaultdict[tuple[int, int, int, int], float] = defaultdict(float)
+        robot, floor, rolling = self._robot, self._floor, self._rolling
+        for contact in observation.contacts:
+            body_a, body_b, link_a, link_b, distance, force = *contact[1:5], contact[8], contact[9]
+            if body_b == robot:
+                body_a, body_b, link_a, link_b = body_b, body_a, link_b, link_a
+            if body_a == robot and body_b == floor and link_a in rolling:
+                continue
+            if force > 0.0:
+                forces[body_a, link_a, body_b, link_b] += force
+            if distance < 0.0:
+                self._note_depth(body_a, link_a, body_b, link_b, -distance, observation.stamp)
+        self._note_forces(forces, observation.stamp)
+
+    def incidents(self) -> tuple[ContactIncident, ...]:
+        """All incidents up to now, by start."""
+        return tuple(sorted([*self._ended, *self._running.values()], key=lambda incident: incident.start))
+
+    def penetrations(self) -> tuple[Penetration, ...]:
+        """The deepest overlap of each pair, deepest first."""
+        return tuple(sorted(self._deepest.values(), key=lambda overlap: -overlap.depth))
+
+    def _note_forces(self, forces: dict[tuple[int, int, int, int], float], stamp: float) -> None:
+        """First who holds what, then what the robot and the held objects press on."""
+        grips: defaultdict[int, set[int]] = defaultdict(set)
+        self.robot_forces = defaultdict(float)
+        self.touched = set()
+        for (body_a, link_a, body_b, _), force in forces.items():
+            self.touched.update((body_a, body_b))
+            if body_a == self._robot:
+                self.robot_forces[body_b] += force
+                if link_a in self._fingers and force > FORCE_THRESHOLD and body_b in self._objects:
+                    grips[body_b].add(link_a)
+        held = {body for body, links in grips.items() if len(links) > 1}
+        for (body_a, link_a, body_b, link_b), force in forces.items():
+            if body_a != self._robot and not (body_a in held or body_b in held):
+                continue
+            if body_a != self._robot and body_b in held and body_a not in held:
+                body_a, link_a, body_b, link_b = body_b, link_b, body_a, link_a
+            if force > FORCE_THRESHOLD:
+                self._note_incident(
+                    self._name(body_a, link_a), self._name(body_b, link_b), link_a, body_a, stamp, force
+                )
+        for pair in [pair for pair, incident in self._running.items() if stamp - incident.end > GAP]:
+            self._ended.append(self._running.pop(pair))
+
+    def _note_incident(self, first: str, second: str, link: int, body: int, stamp: float, force: float) -> None:
+        pair = (first, second)
+        running = self._running.get(pair)
+        if running is None:
+            role = first
+            if body == self._robot:
+                role = FINGERS if link in self._fingers else "robot"
+            self._running[pair] = ContactIncident(first, second, (role, second), stamp, stamp, force)
+        else:
+            peak = max(running.peak_force, force)
+            self._running[pair] = ContactIncident(first, second, running.roles, running.start, stamp, peak)
+
+    def _note_depth(self, body_a: int, link_a: int, body_b: int, link_b: int, depth: float, stamp: float) -> None:
+        pair = (self._name(body_a, link_a), self._name(body_b, link_b))
+        deepest = self._deepest.get(pair)
+        if deepest is None or depth > deepest.depth:
+            self._deepest[pair] = Penetration(*pair, depth, stamp)
+
+    def _name(self, body: int, link: int) -> str:
+        if body == self._robot:
+            return self._link_names[link]
+        return self._names.get(body, f"body {body}")

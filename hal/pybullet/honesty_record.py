@@ -1,0 +1,68 @@
+"""What the monitor has seen of a run: facts, not judgements (those are bestman_bt.evaluation.audit's)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+FINGERS = "fingers"
+
+
+@dataclass(frozen=True)
+class ContactIncident:
+    """Two bodies pressed on each other with more than 1 N, with gaps of less than a quarter of a second.
+
+    ``first``: the robot's link, or the object that it held. ``second``: the other body. ``roles``: the same two by the
+    names that tasks use: ``fingers`` for a finger link, ``robot`` for any other link. Times in simulated seconds,
+    ``peak_force`` in newtons.
+    """
+
+    first: str
+    second: str
+    roles: tuple[str, str]
+    start: float
+    end: float
+    peak_force: float
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """The deepest overlap of two bodies, metres, and when."""
+
+    first: str
+    second: str
+    depth: float
+    stamp: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that an honest, healthy run does not show: what, and when (simulated seconds)."""
+
+    stamp: float
+    text: str
+
+
+@dataclass(frozen=True)
+class HonestyRecord:
+    """Everything seen since the scene was built.
+
+    ``calls``: calls of pybullet that are not allowed then, by function name; ``resets``, ``constraints``,
+    ``truth_reads`` and ``tampering`` are their sums by kind. The findings come from watching, whoever did it.
+    """
+
+    duration: float
+    resets: int
+    constraints: int
+    truth_reads: int
+    tampering: int
+    calls: Mapping[str, int]
+    jumps: tuple[Finding, ...]
+    hidden_constraints: tuple[Finding, ...]
+    changes: tuple[Finding, ...]
+    unexplained_forces: tuple[Finding, ...]
+    joint_limits: tuple[Finding, ...]
+    velocity_limits: tuple[Finding, ...]
+    open_hand: tuple[Finding, ...]
+    contacts: tuple[ContactIncident, ...]
+    penetrations: tuple[Penetration, ...]

@@ -1,0 +1,66 @@
+"""The honesty monitor: looks at the simulation 60 times a second and keeps a record of what should not be."""
+
+from __future__ import annotations
+
+from hal.pybullet.client import ReadPurpose
+from hal.pybullet.contact_watcher import ContactWatcher
+from hal.pybullet.honesty_record import HonestyRecord
+from hal.pybullet.motion_watcher import MotionWatcher
+from hal.pybullet.observation import Observer
+from hal.pybullet.open_hand_watcher import OpenHandWatcher
+from hal.pybullet.simulation import Simulation
+from hal.pybullet.tamper_watcher import TamperWatcher
+
+FULL_CHECK_EVERY = 60
+
+
+class HonestyMonitor:
+    """Watches one simulation from the moment its scene is built."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        client = simulation.client
+        reader = client.reader(ReadPurpose.MONITOR)
+        self._observer = Observer(simulation, reader)
+        self._contacts = ContactWatcher(simulation)
+        self._motions = MotionWatcher(simulation, reader)
+        self._open_hand = OpenHandWatcher(simulation, client)
+        self._tampering = TamperWatcher(simulation, client, reader)
+        self._looks = 0
+        simulation.step_observers.append(self._motions.integrate)
+        simulation.observers.append(self._look)
+
+    def record(self) -> HonestyRecord:
+        """What was seen up to now."""
+        simulation, motions, tampering = self._simulation, self._motions, self._tampering
+        stamp = simulation.steps * simulation.parameters.time_step
+        tampering.watch_everything(stamp)
+        counts = simulation.client.counts
+        return HonestyRecord(
+            duration=stamp,
+            resets=counts["resets"],
+            constraints=counts["constraints"],
+            truth_reads=counts["truth_reads"],
+            tampering=counts["tampering"],
+            calls=dict(simulation.client.calls),
+            jumps=tuple(sorted([*motions.jumps, *tampering.jumps], key=lambda finding: finding.stamp)),
+            hidden_constraints=tuple(tampering.hidden_constraints),
+            changes=tuple(tampering.changes),
+            unexplained_forces=tuple(motions.unexplained_forces),
+            joint_limits=tuple(motions.joint_limits),
+            velocity_limits=tuple(motions.velocity_limits),
+            open_hand=tuple(self._open_hand.findings),
+            contacts=self._contacts.incidents(),
+            penetrations=self._contacts.penetrations(),
+        )
+
+    def _look(self) -> None:
+        observation = self._observer.observe()
+        self._contacts.watch(observation)
+        touched = self._contacts.touched
+        self._motions.watch(observation, touched)
+        self._open_hand.watch(observation, self._contacts.robot_forces)
+        self._tampering.watch_constraints(observation.stamp)
+        self._looks += 1
+        if self._looks % FULL_CHECK_EVERY == 0:
+            self._tampering.watch_everything(observation.stamp)

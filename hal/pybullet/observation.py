@@ -1,0 +1,69 @@
+"""One look of the monitor at the simulation: taken once, shared by its watchers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hal.pybullet.client import Reader
+from hal.pybullet.simulation import Simulation
+
+Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """Pose of a body's centre of mass in the map frame and its velocity."""
+
+    position: Vector
+    quaternion: Quaternion
+    linear: Vector
+    angular: Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """``bodies``: objects and the robot's root link, by body id. ``contacts``: as pybullet gives them.
+
+    ``joints``: rows position, velocity, effort of the driven joints. ``fingers``: link index → position (3,).
+    """
+
+    stamp: float
+    bodies: dict[int, BodyState]
+    contacts: tuple[tuple[Any, ...], ...]
+    joints: NDArray[np.float64]
+    fingers: dict[int, Vector]
+
+
+class Observer:
+    """Takes observations."""
+
+    def __init__(self, simulation: Simulation, reader: Reader) -> None:
+        self._simulation = simulation
+        built = simulation.built
+        self._robot = built.robot
+        self._bodies = (*built.objects.values(), built.robot)
+        self._fingers = [
+            built.links[link] for gripper in simulation.model.grippers.values() for link in gripper.finger_links
+        ]
+        self._pose = reader.getBasePositionAndOrientation
+        self._velocity = reader.getBaseVelocity
+        self._contacts = reader.getContactPoints
+        self._links = reader.getLinkStates
+
+    def observe(self) -> Observation:
+        """Look now."""
+        simulation = self._simulation
+        bodies = {body: BodyState(*self._pose(body), *self._velocity(body)) for body in self._bodies}
+        links = self._links(self._robot, self._fingers) if self._fingers else ()
+        return Observation(
+            stamp=simulation.steps * simulation.parameters.time_step,
+            bodies=bodies,
+            contacts=self._contacts(),
+            joints=simulation.joint_states(),
+            fingers={index: state[0] for index, state in zip(self._fingers, links, strict=True)},
+        )

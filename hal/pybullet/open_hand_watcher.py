@@ -1,0 +1,74 @@
+"""Watches for objects that move with a hand that does not press on them: glue, whatever it is made of."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Mapping
+
+from hal.pybullet.client import PhysicsClient
+from hal.pybullet.honesty_record import Finding
+from hal.pybullet.observation import Observation, Vector
+from hal.pybullet.simulation import Simulation
+
+WINDOW = 0.5
+MOVED = 3e-3
+SAME = 0.25
+PRESSING_SHARE = 0.1
+ROLLING = 1.5
+GRAVITY = 9.81
+
+
+class OpenHandWatcher:
+    """Over half a second: an object moved as a finger did, while the robot pressed on it with less than a tenth of
+    its weight. To carry takes normal forces of its weight over the friction; to push takes its friction on the table.
+    """
+
+    def __init__(self, simulation: Simulation, client: PhysicsClient) -> None:
+        built, parameters = simulation.built, simulation.parameters
+        self._names = {body: name for name, body in built.objects.items()}
+        self._link_names = {index: name for name, index in built.links.items()}
+        self._weights = {body: GRAVITY * client.getDynamicsInfo(body, -1)[0] for body in self._names}
+        length = max(2, round(WINDOW * parameters.step_rate / parameters.monitor_every))
+        self._history: deque[tuple[Observation, dict[int, float]]] = deque(maxlen=length)
+        self._following: set[int] = set()
+        self._looks = 0
+        self.findings: list[Finding] = []
+
+    def watch(self, observation: Observation, robot_forces: Mapping[int, float]) -> None:
+        """Take in one observation and the normal forces of the robot on each body."""
+        self._history.append((observation, dict(robot_forces)))
+        self._looks += 1
+        if len(self._history) < (self._history.maxlen or 0) or self._looks % 5:
+            return
+        then = self._history[0][0]
+        for body in self._names:
+            moved = math.dist(then.bodies[body].position, observation.bodies[body].position)
+            finger = self._finger_that_moved_alike(body, then, observation) if moved > MOVED else None
+            if finger is None or self._is_pressed(body) or self._is_rolling(body, observation):
+                self._following.discard(body)
+            elif body not in self._following:
+                self._following.add(body)
+                text = f"{self._names[body]} moved {1e3 * moved:.1f} mm with {self._link_names[finger]}, unpressed"
+                self.findings.append(Finding(observation.stamp, text))
+
+    def _finger_that_moved_alike(self, body: int, then: Observation, now: Observation) -> int | None:
+        object_motion = _difference(now.bodies[body].position, then.bodies[body].position)
+        for finger, position in now.fingers.items():
+            finger_motion = _difference(position, then.fingers[finger])
+            length = math.hypot(*finger_motion)
+            if length > MOVED and math.dist(object_motion, finger_motion) < SAME * length:
+                return finger
+        return None
+
+    def _is_pressed(self, body: int) -> bool:
+        mean = sum(forces.get(body, 0.0) for _, forces in self._history) / len(self._history)
+        return bool(mean > PRESSING_SHARE * self._weights[body])
+
+    @staticmethod
+    def _is_rolling(body: int, now: Observation) -> bool:
+        return math.hypot(*now.bodies[body].angular) > ROLLING
+
+
+def _difference(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
