@@ -9,6 +9,7 @@ its own there, and nothing is ever read back from it.
 from __future__ import annotations
 
 import itertools
+import uuid
 import weakref
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -38,7 +39,7 @@ class Entry:
 class Store:
     """What the blackboards of one tree share: the time of the current tick, converters, the py_trees mirror."""
 
-    __slots__ = ("__weakref__", "converters", "mirror", "name", "now", "observed", "watchers")
+    __slots__ = ("__weakref__", "client", "converters", "mirror", "name", "now", "observed", "paths", "watchers")
 
     def __init__(self, name: str, converters: ConverterRegistry | None = None) -> None:
         self.name = name
@@ -47,38 +48,50 @@ class Store:
         self.mirror = PyTreesBlackboard.storage
         self.watchers: list[Watcher] = []
         self.observed = False
-        weakref.finalize(self, _forget, f"/{name}/")
+        self.client = uuid.uuid4()
+        self.paths: dict[str, KeyMetaData] = {}
+        PyTreesBlackboard.clients[self.client] = name
+        weakref.finalize(self, _forget, self.paths, self.client)
+
+    def show(self, path: str) -> None:
+        """Make a key known to py_trees' blackboard; all keys of a tree belong to one client, the tree."""
+        if not self.paths:
+            metadata = KeyMetaData()
+            metadata.read.add(self.client)
+            metadata.write.add(self.client)
+        else:
+            metadata = next(iter(self.paths.values()))
+        self.paths[path] = PyTreesBlackboard.metadata[path] = metadata
 
     def look_for_observers(self) -> None:
         """Notice whether anybody watches every write: a watcher of all keys, or py_trees' activity stream."""
         self.observed = bool(self.watchers) or PyTreesBlackboard.activity_stream is not None
 
     def stream(self, slot: Slot, previous: Any, writer: Any) -> None:
-        """Tell py_trees' activity stream of one write."""
+        """Tell py_trees' activity stream of one write; the writer is a node, or None for scripts and outside."""
         kind = ActivityType.INITIALISED if previous is None else ActivityType.WRITE
-        name, identity = ("", None) if writer is None else (writer.name, writer.id)
-        if writer is not None:
-            PyTreesBlackboard.metadata.setdefault(slot.path, KeyMetaData()).write.add(identity)
-            PyTreesBlackboard.clients.setdefault(identity, name)
-        item = ActivityItem(slot.path, name, identity, kind.value, previous, slot.value)
+        name, client = (self.name, self.client) if writer is None else (writer.name, writer.id)
         if PyTreesBlackboard.activity_stream is not None:
-            PyTreesBlackboard.activity_stream.push(item)
+            PyTreesBlackboard.activity_stream.push(
+                ActivityItem(slot.path, name, client, kind.value, previous, slot.value)
+            )
 
 
-def _forget(prefix: str) -> None:
+def _forget(paths: dict[str, KeyMetaData], client: uuid.UUID) -> None:
     """Remove a discarded tree's values from py_trees' blackboard."""
-    for table in (PyTreesBlackboard.storage, PyTreesBlackboard.metadata):
-        for key in [key for key in table if key.startswith(prefix)]:
-            del table[key]
+    for path, metadata in paths.items():
+        if PyTreesBlackboard.metadata.get(path) is metadata:
+            PyTreesBlackboard.metadata.pop(path)
+            PyTreesBlackboard.storage.pop(path, None)
+    PyTreesBlackboard.clients.pop(client, None)
 
 
-_names = itertools.count(1)
+_names = itertools.count(2)
 
 
 def _unique_name(name: str) -> str:
     """Return ``name``, or ``name#N`` where another living tree already mirrors its values under ``name``."""
-    prefix = f"/{name}/"
-    if any(key.startswith(prefix) for key in PyTreesBlackboard.storage):
+    if name in PyTreesBlackboard.clients.values():
         return f"{name}#{next(_names)}"
     return name
 
@@ -238,7 +251,9 @@ class Blackboard:
         slot = self._slots.get(key)
         if slot is None:
             middle = f"{self.path}/" if self.path else ""
-            slot = self._slots[key] = Slot(key, f"/{self.store.name}/{middle}{key}", self.store)
+            path = f"/{self.store.name}/{middle}{key}"
+            slot = self._slots[key] = Slot(key, path, self.store)
+            self.store.show(path)
         return slot
 
     def get(self, key: str, default: Any = None) -> Any:

@@ -107,5 +107,11 @@ def _config(name: str, value: Any) -> TestNodeConfig:
     delay = value.get("async_delay", 0)
     if not isinstance(delay, (int, float)):
         raise SubstitutionError(f"TestNodeConfig '{name}': async_delay must be milliseconds but is {delay!r}")
-    scripts = {key: str(value.get(key, "")) for key in known if key.endswith("_script")}
-    return TestNodeConfig(return_status=STATUS_NAMES.index(status), async_delay=delay * 1e-3, **scripts)
+    return TestNodeConfig(
+        return_status=STATUS_NAMES.index(status),
+        return_status_script=str(value.get("return_status_script", "")),
+        success_script=str(value.get("success_script", "")),
+        failure_script=str(value.get("failure_script", "")),
+        post_script=str(value.get("post_script", "")),
+        async_delay=delay * 1e-3,
+    )

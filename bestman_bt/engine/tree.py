@@ -187,7 +187,7 @@ class Tree:
         self._begin()
         try:
             status = root.execute_tick()
-            if status == SUCCESS or status == FAILURE:
+            if status in (SUCCESS, FAILURE):
                 root.reset_status()
         finally:
             if self._log:
@@ -225,7 +225,7 @@ class Tree:
         self._begin()
         try:
             status = node.execute_tick()
-            if status == SUCCESS or status == FAILURE:
+            if status in (SUCCESS, FAILURE):
                 node.reset_status()
         finally:
             if self._log:

@@ -239,11 +239,9 @@ class Run:
     def steps(self) -> Iterator[dict[str, Any]]:
         """Do the steps of the case and yield what each gave."""
         steps = self.case.get("steps")
-        count = 0
-        for step in steps if steps is not None else [{"op": "tick"}] * MAX_TICKS:
+        for count, step in enumerate(steps if steps is not None else [{"op": "tick"}] * MAX_TICKS):
             if count:
                 self.attach(count)
-            count += 1
             self.events.clear()
             result: dict[str, Any] = {"op": step["op"]}
             try:

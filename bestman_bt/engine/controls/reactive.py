@@ -82,12 +82,13 @@ def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
                         log.append(went)
                     child._s = -go
                     index += 1
-                elif status == RUNNING or status == stop:
+                elif status in (RUNNING, stop):
                     if status == RUNNING and child.NEVER_RUNS:
                         child.refuse_running()
                     if child._s != status:
                         log.append(child.ev[status])
-                    return self.settle(status, child, index, skipped)
+                    self.settle(status, child, index, skipped)
+                    return RUNNING if status == RUNNING else stop
                 elif status == SKIPPED:
                     if child._s > 0:
                         self.halt_child(child)
@@ -130,7 +131,7 @@ class _Reactive(Control):
         """Return the events of the first ``count`` children becoming idle, but for those skipped."""
         return [event for i, event in enumerate(self.idles[:count]) if i not in skipped]
 
-    def settle(self, status: int, child: Node, index: int, skipped: list[int]) -> int:
+    def settle(self, status: int, child: Node, index: int, skipped: list[int]) -> None:
         """End a traced tick at a child that runs or stops the node."""
         log = self.log
         assert log is not None
@@ -147,7 +148,6 @@ class _Reactive(Control):
             if runner is not None:
                 self.halt_child(runner)
             self.runner = running
-        return status
 
     def halt(self) -> None:
         """Forget the running child and halt it."""

@@ -55,7 +55,7 @@ def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int
             raise
         except Exception as error:
             raise wrapped(error, child) from error
-        if status == SUCCESS or status == FAILURE:
+        if status in (SUCCESS, FAILURE):
             events = child.ev
             if child._s != status:
                 log.append(events[status])

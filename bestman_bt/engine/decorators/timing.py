@@ -38,7 +38,7 @@ class Timeout(Decorator):
             self.feedback_message = f"timed out after {duration:g} s"
             return FAILURE
         status = child.execute_tick()
-        if status == SUCCESS or status == FAILURE:
+        if status in (SUCCESS, FAILURE):
             self.started = None
             self.reset_child()
         return status
@@ -67,7 +67,7 @@ class Delay(Decorator):
         if self.clock.now() - self.started < self.get_input("delay_msec") * 1e-3:
             return RUNNING
         status = self.child.execute_tick()
-        if status == SUCCESS or status == FAILURE:
+        if status in (SUCCESS, FAILURE):
             self.started = None
             self.reset_child()
         return status

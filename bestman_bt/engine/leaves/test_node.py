@@ -8,7 +8,7 @@ from typing import Any
 
 from bestman_bt.engine.leaves.base import StatefulAction
 from bestman_bt.engine.scripting import ScriptCompiler
-from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, STATUS_NAMES, SUCCESS
 
 
 @dataclass(frozen=True)
@@ -69,20 +69,22 @@ class TestNode(StatefulAction):
         return self._complete() if self.clock.now() >= self._end else RUNNING
 
     def _complete(self) -> int:
-        config = self.config
-        status: Any = config.return_status
-        if config.complete is not None:
-            status = config.complete()
-        elif self._result is not None:
-            status = self._result()
-            status = STATUS_NAMES.index(status) if status in STATUS_NAMES else status
-        if status not in (RUNNING, SUCCESS, FAILURE, SKIPPED):
-            raise self.error(f"its result is {status!r}; RUNNING, SUCCESS, FAILURE or SKIPPED are accepted")
-        status = int(status)
-        assert status != IDLE
+        status = self._decide()
         script = {SUCCESS: self._on_success, FAILURE: self._on_failure}.get(status)
         if script is not None:
             script()
         if self._post is not None:
             self._post()
         return status
+
+    def _decide(self) -> int:
+        found: Any = self.config.return_status
+        if self.config.complete is not None:
+            found = self.config.complete()
+        elif self._result is not None:
+            found = self._result()
+            found = STATUS_NAMES.index(found) if found in STATUS_NAMES else found
+        for status in (RUNNING, SUCCESS, FAILURE, SKIPPED):
+            if found == status:
+                return status
+        raise self.error(f"its result is {found!r}; RUNNING, SUCCESS, FAILURE or SKIPPED are accepted")
