@@ -43,8 +43,8 @@ class RRTConnectParameters:
     max_checks: int = 60_000
     max_iterations: int = 20_000
     attempts: int = 2
-    shortcut_attempts: int = 80
-    shortcut_patience: int = 20
+    shortcut_attempts: int = 100
+    shortcut_patience: int = 40
     limit_tolerance: float = 0.01
 
     def __post_init__(self) -> None:

@@ -74,7 +74,7 @@ def test_a_very_short_path_is_timed(arm, ready):
 def test_a_path_outside_the_position_limits_is_refused_by_joint(arm, ready):
     beyond = ready.copy()
     beyond[3] = 0.3
-    with pytest.raises(TrajectoryError, match="panda_joint4 to 0.3000, allowed"):
+    with pytest.raises(TrajectoryError, match=r"panda_joint4 to 0\.3000, allowed"):
         Toppra().parametrize([ready, beyond], arm)
 
 
@@ -83,7 +83,7 @@ def test_bad_requests_are_refused_by_name(arm, ready):
         Toppra().parametrize([ready[:6], ready[:6]], arm)
     with pytest.raises(ManipulationError, match="path should be finite"):
         Toppra().parametrize([ready, ready * np.nan], arm)
-    with pytest.raises(TrajectoryError, match="velocity should be above 0 and at most 1 but is 1.5"):
+    with pytest.raises(TrajectoryError, match=r"velocity should be above 0 and at most 1 but is 1\.5"):
         SpeedScale(velocity=1.5)
     with pytest.raises(ManipulationError, match="rate should be above 0 but is 0"):
         ToppraParameters(rate=0)
