@@ -77,7 +77,7 @@ class ControlHandle(Generic[Result]):
     @property
     def done(self) -> bool:
         """Whether the action has ended, well or not."""
-        return self._status is not ControlStatus.RUNNING
+        return self.status is not ControlStatus.RUNNING
 
     def cancel(self) -> None:
         """Bring the part to rest; without effect on an action that has ended."""
