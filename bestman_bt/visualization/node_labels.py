@@ -1,10 +1,10 @@
-"""Short labels of nodes: the symbol of the literature before the name of a control node."""
+"""Short labels of nodes: the name, and before it the symbol of the literature for what is no leaf."""
 
 from __future__ import annotations
 
 from bestman_bt.visualization.tree_description import DescribedNode
 
-CONTROL_SYMBOLS = {
+SYMBOLS = {
     "Sequence": "→",
     "AsyncSequence": "→",
     "SequenceWithMemory": "→*",
@@ -12,17 +12,23 @@ CONTROL_SYMBOLS = {
     "Fallback": "?",
     "AsyncFallback": "?",
     "ReactiveFallback": "⁇",
-    "Parallel": "⇉",
-    "ParallelAll": "⇉",
+    "Parallel": "||",
+    "ParallelAll": "||",
+    "Inverter": "¬",
+    "ForceSuccess": "✓",
+    "ForceFailure": "✗",
+    "Repeat": "↻",
+    "RetryUntilSuccessful": "↻",
+    "KeepRunningUntilFailure": "↻",
 }
-"""→ sequence and ? fallback as in Colledanchise and Ögren, "Behavior Trees in Robotics and AI" (2018)."""
+"""→ sequence and ? fallback as in Colledanchise and Ögren, "Behavior Trees in Robotics and AI" (2018).
+
+Only characters of Rerun's font (Inter): its headless viewer stops at any other.
+"""
 
 
 def node_label(node: DescribedNode) -> str:
-    """``"→ pick"`` for a named Sequence, ``"→ Sequence"`` for a nameless one, ``"Grasp"`` or ``"Grasp: cup"`` for leaves."""
-    symbol = CONTROL_SYMBOLS.get(node.type)
-    if symbol:
-        return f"{symbol} {node.name or node.type}"
-    if not node.name or node.name == node.type:
-        return node.type
-    return f"{node.type}: {node.name}"
+    """``"→ pick"`` for a named Sequence, ``"→ Sequence"`` for a nameless one; a leaf's name, else its type."""
+    symbol = SYMBOLS.get(node.type)
+    text = node.name or node.type
+    return f"{symbol} {text}" if symbol else text

@@ -34,9 +34,7 @@ def eye_on(bounds: NDArray[np.float64], azimuth: float = -2.2, elevation: float 
     centre, extent = bounds.mean(axis=0), bounds[1] - bounds[0]
     look_at = np.array([centre[0], centre[1], min(0.5, bounds[1][2] / 2)])
     distance = max(2.5, 0.72 * float(np.linalg.norm(extent[:2])))
-    direction = np.array(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-    )
+    direction = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     position = look_at + distance * direction
     return Eye(tuple(position.tolist()), tuple(look_at.tolist()))
 
@@ -45,11 +43,9 @@ def build_blueprint(tree: TreeDescription, eye: Eye, cameras: Sequence[str], plo
     """The layout for a run with these camera names and entities with time series."""
     import rerun.blueprint as rrb
 
-    left = rrb.Vertical(
-        _scene_view(eye, cameras),
-        rrb.Horizontal(*_camera_views(cameras), _plots(plots), name="robot"),
-        row_shares=[3, 2],
-    )
+    below_scene = [*_camera_views(cameras), *_plots(plots)]
+    scene = _scene_view(eye, cameras)
+    left = rrb.Vertical(scene, rrb.Horizontal(*below_scene), row_shares=[3, 2]) if below_scene else scene
     right = rrb.Vertical(
         _graph_view(tree),
         rrb.Horizontal(_lanes_view(tree), _log_view(), column_shares=[1, 1]),
@@ -98,10 +94,11 @@ def _camera_views(cameras: Sequence[str]) -> list[rrb.Tabs]:
     ]
 
 
-def _plots(plots: Sequence[str]) -> rrb.Tabs:
+def _plots(plots: Sequence[str]) -> list[rrb.Tabs]:
     import rerun.blueprint as rrb
 
-    return rrb.Tabs(*(rrb.TimeSeriesView(origin=plot, name=plot) for plot in plots), active_tab=0)
+    views = [rrb.TimeSeriesView(origin=plot, name=plot) for plot in plots]
+    return [rrb.Tabs(*views, active_tab=0)] if views else []
 
 
 def _graph_view(tree: TreeDescription) -> rrb.GraphView:

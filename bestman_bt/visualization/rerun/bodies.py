@@ -52,8 +52,8 @@ def _archetype(placed: PlacedShape, color: tuple[float, float, float, float]) ->
     shape, pose = placed.shape, placed.pose
     see_through = color[3] < SEE_THROUGH_BELOW
     mode = rr.components.FillMode.TransparentFillMajorWireframe if see_through else rr.components.FillMode.Solid
-    place = {"centers": [pose.position], "quaternions": [rr.Quaternion(xyzw=pose.quaternion)]}
-    look = {"colors": [color], "fill_mode": mode}
+    place: dict[str, Any] = {"centers": [pose.position], "quaternions": [rr.Quaternion(xyzw=pose.quaternion)]}
+    look: dict[str, Any] = {"colors": [color], "fill_mode": mode}
     match shape:
         case Box():
             return rr.Boxes3D(sizes=[shape.size], **place, **look)
@@ -85,10 +85,12 @@ def _corners(placed: PlacedShape) -> NDArray[np.float64]:
     shape = placed.shape
     match shape:
         case Box():
-            return CORNERS * np.array(shape.size) / 2
+            half = np.array(shape.size) / 2
         case Cylinder():
-            return CORNERS * np.array([shape.radius, shape.radius, shape.length / 2])
+            half = np.array([shape.radius, shape.radius, shape.length / 2])
         case Sphere():
-            return CORNERS * shape.radius
+            half = np.full(3, shape.radius)
         case Mesh():
             return shape.vertices
+    corners: NDArray[np.float64] = CORNERS * half
+    return corners

@@ -19,6 +19,7 @@ DRIVEN_COLOR = (90, 150, 255)
 PLANNED_COLOR = (255, 190, 40)
 BELIEF_FRAME = "belief/base"
 PATH_HEIGHT = 0.02
+UP = np.array([0.0, 0.0, 1.0])
 
 
 def write_pose(recording: rr.RecordingStream, name: str, map_from_pose: Pose, axis_length: float, label: str) -> None:
@@ -45,9 +46,9 @@ def write_goal(recording: rr.RecordingStream, name: str, point: NDArray[np.float
     tip = np.asarray(point, dtype=float)
     recording.log(
         f"{entities.MARKERS}/{entities.part(name)}",
-        rr.Arrows3D(origins=[tip + (0.0, 0.0, 0.25)], vectors=[(0.0, 0.0, -0.24)], colors=GOAL_COLOR, radii=0.008),
+        rr.Arrows3D(origins=[tip + 0.25 * UP], vectors=[-0.24 * UP], colors=GOAL_COLOR, radii=0.008),
     )
-    write_label(recording, name, tip + (0.0, 0.0, 0.27), label)
+    write_label(recording, name, tip + 0.27 * UP, label)
 
 
 def clear(recording: rr.RecordingStream, name: str) -> None:

@@ -30,6 +30,7 @@ from bestman_bt.visualization.tree_description import DescribedNode, NodeTransit
 
 if TYPE_CHECKING:
     import rerun as rr
+    import rerun.blueprint as rrb
 
 LOG_LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
 LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", FAILURE: "WARN"}
@@ -252,7 +253,7 @@ class RerunRecorder:
             parts.transforms.add_pose(entities.MAP_FRAME, body_frame(body.name), body.pose)
         parts.transforms.write(0.0, 0)
 
-    def _blueprint(self) -> object:
+    def _blueprint(self) -> rrb.Blueprint:
         plots = [entities.JOINTS] * bool(self._plotted_joints) + [entities.GRIPPERS] * bool(self._grippers)
         eye = self._eye or eye_on(bounds(self._bodies.values()))
         return build_blueprint(self._tree, eye, list(self._cameras), plots)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import tempfile
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from bestman_bt.visualization.rerun.frame_transforms import FrameTransforms
 
 if TYPE_CHECKING:
     import rerun as rr
-    from rerun.urdf import UrdfTree
+    from rerun.urdf import UrdfJoint, UrdfTree
 
 MOVABLE_JOINTS = frozenset({"revolute", "continuous", "prismatic"})
 
@@ -110,7 +110,7 @@ class RecordedRobot:
             prefix = entities.ROBOT_FRAME_PREFIX
             transforms.add(prefix + joint.parent, prefix + joint.child, translation, quaternion)
 
-    def _pose_of_root(self, joints: list) -> Pose:
+    def _pose_of_root(self, joints: Sequence[UrdfJoint]) -> Pose:
         """base_from_root, where the base frame hangs on the root by fixed joints."""
         by_child = {joint.child_link: joint for joint in joints}
         root_from_base, link = Pose(), self.base_frame
@@ -130,7 +130,7 @@ def _fill_primitives(recording: rr.RecordingStream, tree: UrdfTree, urdf: bytes)
     """Draw boxes, cylinders and balls solid: Rerun's own choice is see-through."""
     import rerun as rr
 
-    archetypes = {"box": rr.Boxes3D, "cylinder": rr.Cylinders3D, "sphere": rr.Ellipsoids3D}
+    archetypes: dict[str, Any] = {"box": rr.Boxes3D, "cylinder": rr.Cylinders3D, "sphere": rr.Ellipsoids3D}
     for link in ElementTree.fromstring(urdf).iter("link"):
         shapes = [shape.tag for shape in link.findall("visual/geometry/*")]
         for path, shape in zip(tree.get_visual_geometry_paths(link.get("name", "")), shapes, strict=True):
@@ -148,4 +148,8 @@ def _without_collision(urdf: str) -> bytes:
     for link in root.iter("link"):
         for collision in link.findall("collision"):
             link.remove(collision)
+    for mesh in root.iter("mesh"):
+        path = Path(mesh.get("filename", "").removeprefix("file://"))
+        if not path.is_absolute() or not path.is_file():
+            raise RecordingError(f"robot URDF: mesh {mesh.get('filename')!r} should be the absolute path of a file")
     return ElementTree.tostring(root)

@@ -10,12 +10,13 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from bestman_bt.visualization.errors import ScreenshotError
 from bestman_bt.visualization.rerun import entities
@@ -51,21 +52,23 @@ def take_screenshots(
     chosen = parameters or ScreenshotParameters()
     if not recording.is_file():
         raise ScreenshotError(f"there is no recording {recording}")
-    with _headless_viewer(recording, chosen) as client:
-        pictures = []
-        for stamp in stamps:
-            client.set_time(entities.SIM_TIME, duration=stamp, play_state="paused")
-            time.sleep(chosen.settle)
-            png = client.take_screenshot()
-            reports = tuple(
-                f"{view.name}: {report}" for view in client.get_state().views for report in view.reports
-            )
-            pictures.append(Screenshot(png, reports))
-        return pictures
+    with tempfile.TemporaryFile("w+") as output, _headless_viewer(recording, chosen, output) as client:
+        try:
+            return [_take(client, stamp, chosen) for stamp in stamps]
+        except (ConnectionError, RuntimeError) as error:
+            raise ScreenshotError(f"the viewer failed on {recording}: {error}; it said: {_tail(output)}") from error
+
+
+def _take(client: ViewerClient, stamp: float, parameters: ScreenshotParameters) -> Screenshot:
+    client.set_time(entities.SIM_TIME, duration=stamp, play_state="paused")
+    time.sleep(parameters.settle)
+    png = client.take_screenshot()
+    reports = tuple(f"{view.name}: {report.summary}" for view in client.get_state().views for report in view.reports)
+    return Screenshot(png, reports)
 
 
 @contextmanager
-def _headless_viewer(recording: Path, parameters: ScreenshotParameters) -> Iterator[ViewerClient]:
+def _headless_viewer(recording: Path, parameters: ScreenshotParameters, output: TextIO) -> Iterator[ViewerClient]:
     from rerun.experimental import ViewerClient
 
     port = _free_port()
@@ -74,11 +77,9 @@ def _headless_viewer(recording: Path, parameters: ScreenshotParameters) -> Itera
         *(sys.executable, "-m", "rerun_cli", "--headless", "--bind", "127.0.0.1", "--port", str(port)),
         *("--window-size", f"{width}x{height}", "--memory-limit", parameters.memory_limit, "--hide-welcome-screen"),
     ]
-    viewer = subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=output, start_new_session=True)
     try:
-        _wait_until_up(viewer, port, parameters.start_timeout)
+        _wait_until_up(viewer, port, parameters.start_timeout, output)
         client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
         client.open(str(recording.resolve()))
         yield client
@@ -93,14 +94,13 @@ def _free_port() -> int:
         return port
 
 
-def _wait_until_up(viewer: subprocess.Popen[str], port: int, timeout: float) -> None:
+def _wait_until_up(viewer: subprocess.Popen[bytes], port: int, timeout: float, output: TextIO) -> None:
     deadline = time.monotonic() + timeout
     while time.monotonic() < deadline:
         if viewer.poll() is not None:
-            output = viewer.stderr.read() if viewer.stderr else ""
             raise ScreenshotError(
                 f"the viewer stopped with code {viewer.returncode}; it needs a Vulkan driver "
-                f"(Debian: apt-get install {NEEDED_PACKAGES}): {output.strip()[-400:]}"
+                f"(Debian: apt-get install {NEEDED_PACKAGES}): {_tail(output)}"
             )
         try:
             socket.create_connection(("127.0.0.1", port), timeout=0.5).close()
@@ -110,7 +110,7 @@ def _wait_until_up(viewer: subprocess.Popen[str], port: int, timeout: float) -> 
     raise ScreenshotError(f"the viewer did not start within {timeout} s")
 
 
-def _stop(viewer: subprocess.Popen[str]) -> None:
+def _stop(viewer: subprocess.Popen[bytes]) -> None:
     """End the viewer with the launcher that started it: both are in a session of their own."""
     if viewer.poll() is None:
         os.killpg(viewer.pid, signal.SIGTERM)
@@ -119,5 +119,11 @@ def _stop(viewer: subprocess.Popen[str]) -> None:
     except subprocess.TimeoutExpired:
         os.killpg(viewer.pid, signal.SIGKILL)
         viewer.wait()
-    if viewer.stderr:
-        viewer.stderr.close()
+
+
+def _tail(output: TextIO) -> str:
+    """What the viewer printed when it failed: from its panic on, else the end."""
+    output.seek(0)
+    text = output.read()
+    panic = text.find("panicked at")
+    return text[panic : panic + 300].strip() if panic >= 0 else text[-300:].strip()

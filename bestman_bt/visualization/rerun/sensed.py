@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, PointCloud, Pose, RGBDImage
 from bestman_bt.visualization.errors import RecordingError
@@ -98,10 +97,13 @@ def write_scan(recording: rr.RecordingStream, name: str, scan: LaserScan, map_fr
 
     flat = scan.points()
     points = map_from_lidar.apply(np.column_stack([flat, np.zeros(len(flat))]))
-    recording.log(f"{entities.SENSED}/{entities.part(name)}", rr.Points3D(points.astype(np.float32), colors=SCAN_COLOR, radii=0.008))
+    recording.log(
+        f"{entities.SENSED}/{entities.part(name)}",
+        rr.Points3D(points.astype(np.float32), colors=SCAN_COLOR, radii=0.008),
+    )
 
 
-def _encoded(extension: str, pixels: NDArray[np.uint8] | NDArray[np.uint16], options: list[int]) -> bytes:
+def _encoded(extension: str, pixels: Any, options: list[int]) -> bytes:
     written, buffer = cv2.imencode(extension, pixels, options)
     if not written:
         raise RecordingError(f"image of shape {pixels.shape} and type {pixels.dtype} cannot be written as {extension}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -49,5 +48,10 @@ class TimeSeries:
 
 def short_names(names: Sequence[str]) -> list[str]:
     """The names without what they all begin with, up to an underscore: ``panda_joint1`` is ``joint1``."""
-    common = os.path.commonprefix(list(names)) if len(names) > 1 else ""
-    return [name[common.rfind("_") + 1 :] for name in names]
+    shared = 0
+    if len(names) > 1:
+        first, last = min(names), max(names)
+        while shared < len(first) and first[shared] == last[shared]:
+            shared += 1
+    start = names[0][:shared].rfind("_") + 1 if names else 0
+    return [name[start:] for name in names]

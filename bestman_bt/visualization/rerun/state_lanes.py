@@ -69,6 +69,5 @@ class StateLanes:
 def lane_entities(tree: TreeDescription) -> dict[int, str]:
     """uid → entity path of the node's lane, in reading order of the tree."""
     return {
-        node.uid: entities.lane_entity(position, node_label(node))
-        for position, node in enumerate(tree.depth_first())
+        node.uid: entities.lane_entity(position, node_label(node)) for position, node in enumerate(tree.depth_first())
     }

@@ -1,0 +1,6 @@
+"""The run on a terminal: a live tree, or lines of progress where there is no terminal."""
+
+from bestman_bt.visualization.terminal.events import NodeEvent, NodeEvents
+from bestman_bt.visualization.terminal.live_tree import LiveTree
+
+__all__ = ["LiveTree", "NodeEvent", "NodeEvents"]

@@ -1,0 +1,114 @@
+"""The tree as it runs, for ``rich.live.Live``; it only renders, printing is left to the caller."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Sequence
+
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.text import Text
+
+from bestman_bt.engine import FAILURE, RUNNING
+from bestman_bt.visualization.node_labels import node_label
+from bestman_bt.visualization.node_states import LOOKS, NodeLook, NodeStates
+from bestman_bt.visualization.terminal.events import NodeEvent, NodeEvents
+from bestman_bt.visualization.terminal.folding import folded_nodes, hidden_count
+from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
+
+HEADER_LINES = 2
+FEWEST_TREE_LINES = 5
+
+
+class LiveTree:
+    """A rich renderable of a running tree.
+
+    Feed it with ``apply`` and ``set_time``. On a terminal show it with ``rich.live.Live``; elsewhere write the
+    events that ``apply`` returns, one line each. Trees higher than the terminal are folded where nothing runs.
+    """
+
+    def __init__(self, nodes: Sequence[DescribedNode], title: str = "", event_lines: int = 6) -> None:
+        self._tree = TreeDescription(nodes)
+        self._title = title or node_label(self._tree.root)
+        self._states = NodeStates(self._tree)
+        self._events = NodeEvents(self._tree)
+        self._recent: deque[NodeEvent] = deque(maxlen=event_lines)
+        self._sim_time = 0.0
+        self._wall_time = 0.0
+
+    def apply(self, transitions: Sequence[NodeTransition]) -> list[NodeEvent]:
+        """Take over state changes; returns what is worth a line in a log."""
+        self._states.apply(transitions)
+        events = self._events.of(transitions)
+        self._recent.extend(events)
+        return events
+
+    def tell(self, uid: int, message: str) -> None:
+        """Replace the message of a node, as when a running leaf reports progress."""
+        self._states.tell(uid, message)
+
+    def set_time(self, sim_time: float, wall_time: float) -> None:
+        """Set the simulated and the elapsed time, seconds."""
+        self._sim_time = sim_time
+        self._wall_time = wall_time
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        height = options.height or console.height
+        events = len(self._recent) + 1 if self._recent else 0
+        lines = max(FEWEST_TREE_LINES, height - HEADER_LINES - events)
+        yield self._header()
+        yield Text("")
+        for line in self._tree_lines(lines):
+            line.truncate(options.max_width, overflow="ellipsis")
+            yield line
+        if self._recent:
+            yield Text("─" * min(options.max_width, 60), style="dim")
+            for event in self._recent:
+                line = Text(str(event), style=_style(LOOKS[event.state]))
+                line.truncate(options.max_width, overflow="ellipsis")
+                yield line
+
+    def _header(self) -> Text:
+        look = self._states.look(self._tree.root.uid)
+        factor = self._sim_time / self._wall_time if self._wall_time > 0 else 0.0
+        header = Text(no_wrap=True, overflow="ellipsis")
+        header.append(f"{look.icon} {self._title}", style=f"bold {_style(look)}")
+        header.append(f"   simulated {self._sim_time:.1f} s", style="bold")
+        header.append(f"   wall {self._wall_time:.1f} s   {factor:.1f} × real time", style="dim")
+        return header
+
+    def _tree_lines(self, lines: int) -> list[Text]:
+        folded = folded_nodes(self._tree, self._states, lines)
+        rows = list(self._rows(folded))
+        if len(rows) <= lines:
+            return [text for _, text in rows]
+        running = [i for i, (node, _) in enumerate(rows) if self._states.state(node.uid) == RUNNING]
+        last = min(len(rows), max(lines, (running[-1] if running else 0) + lines // 2))
+        return [text for _, text in rows[last - lines : last]]
+
+    def _rows(self, folded: set[int]) -> Iterator[tuple[DescribedNode, Text]]:
+        pending: list[tuple[DescribedNode, str, str]] = [(self._tree.root, "", "")]
+        while pending:
+            node, branch, indent = pending.pop()
+            yield node, self._row(node, branch, node.uid in folded)
+            if node.uid in folded:
+                continue
+            children = self._tree.children(node.uid)
+            for child in reversed(children):
+                is_last = child is children[-1]
+                pending.append((child, indent + ("└─ " if is_last else "├─ "), indent + ("   " if is_last else "│  ")))
+
+    def _row(self, node: DescribedNode, branch: str, is_folded: bool) -> Text:
+        look, state = self._states.look(node.uid), self._states.state(node.uid)
+        row = Text(branch, style="dim", no_wrap=True, overflow="ellipsis")
+        row.append(f"{look.icon} {node_label(node)}", style=_style(look) + (" bold" if state == RUNNING else ""))
+        if is_folded:
+            row.append(f"  … {hidden_count(self._tree, node.uid)} nodes", style="dim")
+        message = self._states.message(node.uid)
+        if message and (state in (RUNNING, FAILURE) or look.word == "failed"):
+            row.append(f"  {message}", style=_style(look))
+        return row
+
+
+def _style(look: NodeLook) -> str:
+    red, green, blue = look.color
+    return f"not dim rgb({red},{green},{blue})"

@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bestman_bt.visualization import DescribedNode, TreeDescription
+from bestman_bt.visualization.rerun.tree_layout import LayoutParameters, tidy_layout
+
+
+@st.composite
+def trees(draw):
+    parents = [draw(st.integers(0, uid - 1)) for uid in range(1, draw(st.integers(1, 40)))]
+    names = [draw(st.text("abcdefgh ", min_size=1, max_size=24)) for _ in range(len(parents) + 1)]
+    nodes = [DescribedNode(0, names[0], "Sequence", None)]
+    nodes += [DescribedNode(uid, names[uid], "Sequence", parent) for uid, parent in enumerate(parents, start=1)]
+    return TreeDescription(nodes)
+
+
+def laid_out(tree):
+    labels = {node.uid: node.name for node in tree.nodes}
+    return labels, tidy_layout(tree, labels)
+
+
+@given(trees())
+def test_no_two_labels_overlap(tree):
+    sizes = LayoutParameters()
+    labels, layout = laid_out(tree)
+    boxes = [
+        (*layout.centers[uid], (len(text) * sizes.character_width + sizes.label_padding) / 2)
+        for uid, text in labels.items()
+    ]
+    for i, (x, y, half) in enumerate(boxes):
+        for other_x, other_y, other_half in boxes[:i]:
+            assert abs(x - other_x) >= half + other_half or abs(y - other_y) >= sizes.row_height - 1e-6
+
+
+@given(trees())
+def test_parents_stand_left_of_and_midway_between_their_outer_children(tree):
+    _, layout = laid_out(tree)
+    for node in tree.nodes:
+        children = [layout.centers[child.uid] for child in tree.children(node.uid)]
+        if children:
+            x, y = layout.centers[node.uid]
+            assert abs(y - (children[0][1] + children[-1][1]) / 2) < 1e-6
+            assert all(x < child_x for child_x, _ in children)
+            assert [child_y for _, child_y in children] == sorted(child_y for _, child_y in children)
+
+
+@given(trees())
+def test_everything_lies_within_the_stated_size(tree):
+    labels, layout = laid_out(tree)
+    sizes = LayoutParameters()
+    for uid, text in labels.items():
+        x, y = layout.centers[uid]
+        half = (len(text) * sizes.character_width + sizes.label_padding) / 2
+        assert half - 1e-6 <= x <= layout.size[0] - half + 1e-6
+        assert sizes.row_height / 2 - 1e-6 <= y <= layout.size[1] - sizes.row_height / 2 + 1e-6
+
+
+def test_a_shallow_leaf_uses_the_gap_beside_a_deep_subtree():
+    nodes = [DescribedNode(0, "root", "Sequence", None), DescribedNode(1, "deep", "Sequence", 0)]
+    nodes += [DescribedNode(uid, "leaf", "Leaf", 1) for uid in range(2, 7)]
+    nodes.append(DescribedNode(7, "shallow", "Leaf", 0))
+    _, layout = laid_out(TreeDescription(nodes))
+    assert layout.size[1] == 5 * LayoutParameters().row_height
