@@ -61,6 +61,11 @@ class Conditions:
         self.on_halted: Callable[[], Any] | None = None
         self.post: Callable[[], Any] | None = None
 
+    @property
+    def after(self) -> bool:
+        """Whether a script follows the tick."""
+        return not (self.on_success is None and self.on_failure is None and self.post is None)
+
 
 class Hooks:
     """The callbacks around one node's tick; a status that they return replaces the tick's."""
@@ -327,8 +332,7 @@ class Node(_Base):
         if hooks is not None and (hooks.pre or hooks.monitor):
             core = self._with_pre_hooks(core, hooks)
         if self.conditions is not None:
-            self.core = core
-            core = self._run_with_conditions
+            core = self._with_conditions(core, self.conditions)
         if hooks is not None and hooks.post:
             core = self._with_post_hooks(core, hooks)
         self.bind_children(log)
@@ -376,6 +380,20 @@ class Node(_Base):
             return status
 
         return run
+
+    def _with_conditions(self, core: Tick, conditions: Conditions) -> Tick:
+        pre = conditions.pre
+        if len(pre) == 1 and pre[0][0] == "_skipIf" and not conditions.after:
+            skips = pre[0][1]
+
+            def run() -> int:
+                if self._s <= 0 and skips():
+                    return SKIPPED
+                return core()
+
+            return run
+        self.core = core
+        return self._run_with_conditions
 
     def _run_with_conditions(self) -> int:
         conditions = self.conditions

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from py_trees.behaviour import Behaviour
+from py_trees.blackboard import Blackboard as PyTreesBlackboard
 from py_trees.composites import Selector
 from py_trees.visitors import VisitorBase
 
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
-from bestman_bt.engine.errors import EngineError
-from bestman_bt.engine.node import Node
+from bestman_bt.engine.errors import EngineError, NodeError
+from bestman_bt.engine.node import Node, wrapped
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 if TYPE_CHECKING:
@@ -175,20 +176,27 @@ class Tree:
         return False
 
     def _tick(self) -> int:
-        if self._visitors:
+        if self._visited is not None or self._visitors:
             return self._tick_visited()
-        if self._visited is not None:
-            self._visited = None
-            self.rebind()
         return self._tick_bound()
 
     def _tick_bound(self) -> int:
         root = self.root
         self._begin()
         try:
-            status = root.execute_tick()
-            if status in (SUCCESS, FAILURE):
+            status = root.run()
+            if status == RUNNING:
+                if root._s != RUNNING:
+                    if root.NEVER_RUNS:
+                        root.refuse_running()
+                    root.set_state(RUNNING)
+            elif status != SKIPPED:
+                root.set_state(status)
                 root.reset_status()
+        except NodeError:
+            raise
+        except Exception as error:
+            raise wrapped(error, root) from error
         finally:
             if self._log:
                 self._publish()
@@ -197,7 +205,7 @@ class Tree:
     def _begin(self) -> None:
         store = self.blackboard.store
         store.now = self.clock.now()
-        store.look_for_observers()
+        store.observed = PyTreesBlackboard.activity_stream is not None or bool(store.watchers)
 
     def _finished(self, status: int) -> int:
         self.status = status
@@ -252,6 +260,10 @@ class Tree:
         return self._visited
 
     def _tick_visited(self) -> int:
+        if not self._visitors:
+            self._visited = None
+            self.rebind()
+            return self._tick_bound()
         visited = self._visit()
         for visitor in self._visitors:
             visitor.initialise()

@@ -85,9 +85,10 @@ def indexed_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
                 run, child = pairs[index]
                 status = run()
                 if status == RUNNING:
-                    if child.NEVER_RUNS:
-                        child.refuse_running()
-                    child._s = RUNNING
+                    if child._s != RUNNING:
+                        if child.NEVER_RUNS:
+                            child.refuse_running()
+                        child._s = RUNNING
                     return RUNNING
                 if status == go:
                     child._s = status

@@ -82,7 +82,7 @@ def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
                         log.append(went)
                     child._s = -go
                     index += 1
-                elif status in (RUNNING, stop):
+                elif status == RUNNING or status == stop:
                     if status == RUNNING and child.NEVER_RUNS:
                         child.refuse_running()
                     if child._s != status:

@@ -23,19 +23,21 @@ def mapping_tick_bare(on_success: int, on_failure: int) -> Callable[[Any], int]:
             raise
         except Exception as error:
             raise wrapped(error, child) from error
+        if status == RUNNING:
+            if child._s != RUNNING:
+                if child.NEVER_RUNS:
+                    child.refuse_running()
+                child._s = RUNNING
+            return RUNNING
         if status == SUCCESS:
             child._s = -SUCCESS
             return on_success
         if status == FAILURE:
             child._s = -FAILURE
             return on_failure
-        if status == RUNNING:
-            if child.NEVER_RUNS:
-                child.refuse_running()
-            child._s = RUNNING
-        elif status != SKIPPED:
-            raise odd_status(status, child)
-        return int(status)
+        if status == SKIPPED:
+            return SKIPPED
+        raise odd_status(status, child)
 
     return tick
 
@@ -55,22 +57,23 @@ def mapping_tick_traced(on_success: int, on_failure: int) -> Callable[[Any], int
             raise
         except Exception as error:
             raise wrapped(error, child) from error
-        if status in (SUCCESS, FAILURE):
+        if status == RUNNING:
+            if child._s != RUNNING:
+                if child.NEVER_RUNS:
+                    child.refuse_running()
+                child._s = RUNNING
+                log.append(child.ev[1])
+            return RUNNING
+        if status == SUCCESS or status == FAILURE:
             events = child.ev
             if child._s != status:
                 log.append(events[status])
             log.append(events[0])
             child._s = -status
             return on_success if status == SUCCESS else on_failure
-        if status == RUNNING:
-            if child.NEVER_RUNS:
-                child.refuse_running()
-            if child._s != RUNNING:
-                child._s = RUNNING
-                log.append(child.ev[1])
-        elif status != SKIPPED:
-            raise odd_status(status, child)
-        return int(status)
+        if status == SKIPPED:
+            return SKIPPED
+        raise odd_status(status, child)
 
     return tick
 

@@ -63,10 +63,23 @@ class ScriptCompiler:
     def compile_condition(self, source: str, board: Blackboard) -> Callable[[], bool]:
         """Return a function that runs ``source`` on ``board`` and returns whether its last value is true."""
         statements = self.parse(source)
-        if len(statements) == 1 and isinstance(statements[0], Comparison):
-            return self._comparison(statements[0], board)
+        if len(statements) == 1:
+            condition = self._condition(statements[0], board)
+            if condition is not None:
+                return condition
         run = self.compile(source, board)
         return lambda: operations.truth(run())
+
+    def _condition(self, expression: Expression, board: Blackboard) -> Callable[[], bool] | None:
+        """Return comparisons joined by ``&&`` and ``||`` as one function; None for anything else."""
+        if isinstance(expression, Comparison):
+            return self._comparison(expression, board)
+        if isinstance(expression, Binary) and expression.operator in ("&&", "||"):
+            left = self._condition(expression.left, board)
+            right = self._condition(expression.right, board)
+            if left is not None and right is not None:
+                return _both(left, right) if expression.operator == "&&" else _either(left, right)
+        return None
 
     def _expression(self, expression: Expression, board: Blackboard) -> Closure:
         if isinstance(expression, Literal):
@@ -188,6 +201,22 @@ class ScriptCompiler:
         return update
 
 
+def _both(left: Callable[[], bool], right: Callable[[], bool]) -> Callable[[], bool]:
+    def both() -> bool:
+        first = left()
+        return right() and first  # both sides are always evaluated
+
+    return both
+
+
+def _either(left: Callable[[], bool], right: Callable[[], bool]) -> Callable[[], bool]:
+    def either() -> bool:
+        first = left()
+        return right() or first
+
+    return either
+
+
 def _variable_and_constant(slot: Slot, operator: str, constant: float) -> Closure:
     """Return the closure of ``key + 2`` and the like."""
     apply = operations.BINARY[operator]
@@ -225,6 +254,16 @@ def _compare_with_constant(slot: Slot, operator: str, constant: float, enums: Ma
         kind = value.__class__
         return low <= value <= high if kind is float or kind is int else general()
 
+    def less() -> bool:
+        value = slot.value
+        kind = value.__class__
+        return not value >= constant if kind is float or kind is int else general()
+
+    def greater() -> bool:
+        value = slot.value
+        kind = value.__class__
+        return not value <= constant if kind is float or kind is int else general()
+
     def other() -> bool:
         value = slot.value
         kind = value.__class__
@@ -238,7 +277,7 @@ def _compare_with_constant(slot: Slot, operator: str, constant: float, enums: Ma
         a, b = operations.comparable(value, constant, enums)
         return compare(a, b)
 
-    return equal if operator == "==" else other
+    return {"==": equal, "<": less, ">": greater}.get(operator, other)
 
 
 def _missing(slot: Slot) -> ScriptError:
