@@ -19,10 +19,10 @@ class NodeLook:
     color: tuple[int, int, int]
 
 
-NEVER_TICKED = NodeLook("idle", "·", (112, 118, 130))
-WAS_SUCCESS = NodeLook("succeeded", "✓", (70, 125, 90))
-WAS_FAILURE = NodeLook("failed", "✗", (155, 85, 80))
-WAS_RUNNING = NodeLook("halted", "◌", (150, 125, 75))
+NEVER_TICKED = NodeLook("idle", "·", (145, 151, 163))
+WAS_SUCCESS = NodeLook("succeeded", "✓", (85, 150, 108))
+WAS_FAILURE = NodeLook("failed", "✗", (190, 100, 95))
+WAS_RUNNING = NodeLook("halted", "◌", (175, 145, 85))
 LOOKS: dict[int, NodeLook] = {
     IDLE: NEVER_TICKED,
     RUNNING: NodeLook("running", "▶", (245, 170, 45)),

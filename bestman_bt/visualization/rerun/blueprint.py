@@ -29,11 +29,11 @@ class Eye:
     look_at: tuple[float, float, float]
 
 
-def eye_on(bounds: NDArray[np.float64], azimuth: float = -2.2, elevation: float = 0.72) -> Eye:
+def eye_on(bounds: NDArray[np.float64], azimuth: float = -2.2, elevation: float = 0.8) -> Eye:
     """Look at the middle of a (2, 3) bounding box from outside, from above: angles in radians, seen from there."""
     centre, extent = bounds.mean(axis=0), bounds[1] - bounds[0]
     look_at = np.array([centre[0], centre[1], min(0.5, bounds[1][2] / 2)])
-    distance = max(2.5, 0.72 * float(np.linalg.norm(extent[:2])))
+    distance = max(2.5, 0.66 * float(np.linalg.norm(extent[:2])))
     direction = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
     position = look_at + distance * direction
     return Eye(tuple(position.tolist()), tuple(look_at.tolist()))

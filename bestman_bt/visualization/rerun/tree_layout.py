@@ -18,10 +18,10 @@ Point = tuple[float, float]
 class LayoutParameters:
     """Sizes in the units of the drawing (points at zoom 1)."""
 
-    character_width: float = 7.0
+    character_width: float = 6.2
     label_padding: float = 14.0
     row_height: float = 27.0
-    column_gap: float = 36.0
+    column_gap: float = 34.0
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ def test_the_eye_looks_down_on_the_middle_of_the_scene_from_outside():
     eye = eye_on(ROOM)
     assert eye.look_at[:2] == pytest.approx((0.5, 0.0))
     assert eye.position[2] > ROOM[1][2]
-    assert np.linalg.norm(np.subtract(eye.position, eye.look_at)) > 5.0
+    assert np.linalg.norm(np.subtract(eye.position, eye.look_at)) > 4.5
 
 
 def test_the_eye_keeps_its_distance_from_small_scenes():
