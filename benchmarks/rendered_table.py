@@ -126,16 +126,20 @@ def known_models(palette: int = 0) -> tuple[ObjectModel, ...]:
     )
 
 
-def unknown_model(rng: np.random.Generator, known: Sequence[ObjectModel]) -> ObjectModel:
-    """A box or cylinder whose size or colour differs clearly (12 mm or 0.15 of a colour) from every known model."""
+def unknown_model(rng: np.random.Generator, known: Sequence[ObjectModel], lookalike: bool = False) -> ObjectModel:
+    """A box or cylinder of another size (by 12 mm or more) than every known model; a lookalike is nearly as large."""
     while True:
-        color = tuple(float(c) for c in rng.uniform(0.1, 0.95, 3))
-        x, y, z = (float(v) for v in rng.uniform([0.03, 0.03, 0.04], [0.09, 0.12, 0.16]))
-        model = (
-            solid("unknown", Box((x, y, z)), color, 2)
-            if rng.random() < 0.7
-            else solid("unknown", Cylinder(x * 0.6, z), color, 0)
-        )
+        other = known[int(rng.integers(len(known)))]
+        if lookalike:
+            color = other.color
+            x, y, z = (float(extent) for extent in other.size + rng.uniform(-0.025, 0.025, 3))
+        else:
+            color = (float(rng.uniform(0.1, 0.95)), float(rng.uniform(0.1, 0.95)), float(rng.uniform(0.1, 0.95)))
+            x, y, z = (float(v) for v in rng.uniform([0.03, 0.03, 0.04], [0.09, 0.12, 0.16]))
+        if rng.random() < 0.7:
+            model = solid("unknown", Box((x, y, z)), color, 2)
+        else:
+            model = solid("unknown", Cylinder(x * 0.5, z), color, 0)
         if all(_distinct(model, other) for other in known):
             return model
 
@@ -152,9 +156,13 @@ def random_table(
     unknown: int = 2,
     palette: int | None = None,
     counter: bool | None = None,
+    lookalikes: bool = False,
     noise: DepthNoise | None = None,
 ) -> RenderedTable:
-    """A table or counter with up to ``known`` known and ``unknown`` unknown objects, at least 2 cm apart."""
+    """A table or counter with up to ``known`` known and ``unknown`` unknown objects, at least 2 cm apart.
+
+    ``lookalikes``: unknown objects have the colour of a known one, and differ from each only by 12 mm or more.
+    """
     rng = np.random.default_rng(seed)
     models = known_models(int(rng.integers(4)) if palette is None else palette)
     counter = bool(rng.random() < 0.5) if counter is None else counter
@@ -164,7 +172,9 @@ def random_table(
         (0.30 + rng.uniform(0.0, 0.12) + size[0] / 2, rng.uniform(-0.1, 0.1), top), (0, 0, rng.uniform(-0.06, 0.06))
     )
     chosen = list(rng.permutation(len(models))[:known])
-    wanted = [(models[i], True) for i in chosen] + [(unknown_model(rng, models), False) for _ in range(unknown)]
+    wanted = [(models[i], True) for i in chosen] + [
+        (unknown_model(rng, models, lookalikes), False) for _ in range(unknown)
+    ]
     placed: list[TrueObject] = []
     for model, is_known in wanted:
         reach = float(np.hypot(*model.size[:2])) / 2

@@ -29,15 +29,22 @@ class View:
         """
         rows, columns = self._window(around)
         k = self.image.intrinsics
-        depth = self.image.depth[rows, columns]
-        known = np.isfinite(depth) & (depth > 0)
-        v, u = np.nonzero(known)
-        z = depth[known].astype(np.float64)
-        x = (u + (columns.start - k.cx)) * (z / k.fx)
-        y = (v + (rows.start - k.cy)) * (z / k.fy)
-        points = self.frame_from_camera.apply(np.stack([x, y, z], axis=1))
+        depth = self.image.depth[rows, columns].astype(np.float64)
+        known = np.isfinite(depth) & np.greater(depth, 0.0)
+        # p = R ((u - cx) / fx, (v - cy) / fy, 1)ᵀ z + t, with the terms of rows and columns kept apart: much faster.
+        x = (np.arange(columns.start, columns.stop) - k.cx) / k.fx
+        y = (np.arange(rows.start, rows.stop) - k.cy) / k.fy
+        rotation = self.frame_from_camera.rotation
+        points = np.empty((int(known.sum()), 3))
+        for axis in range(3):
+            slope = rotation[axis, 0] * x[None, :] + (rotation[axis, 1] * y + rotation[axis, 2])[:, None]
+            points[:, axis] = (slope * depth)[known] + self.frame_from_camera.position[axis]
         points.setflags(write=False)
         return PointCloud(points, self.image.rgb[rows, columns][known])
+
+    def seen_from(self, other_from_frame: Pose) -> View:
+        """The same view, given in another frame."""
+        return View(self.image, other_from_frame @ self.frame_from_camera)
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixels (N, 2) as (u, v) and depths (N,), metres, of points (N, 3) of the frame; NaN behind the camera."""
@@ -50,9 +57,10 @@ class View:
     def measured_depth(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
         """Measured depth (N,), metres, at the pixels (N, 2) nearest to (u, v); NaN where unknown or off the image."""
         k = self.image.intrinsics
-        finite = np.isfinite(pixels).all(axis=1)
-        u, v = np.rint(np.where(finite[:, None], pixels, -1.0)).astype(np.intp).T
-        inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+        finite = np.all(np.isfinite(pixels), axis=1)
+        nearest = np.rint(np.where(finite[:, None], pixels, -1.0)).astype(np.intp)
+        u, v = nearest[:, 0], nearest[:, 1]
+        inside: NDArray[np.bool_] = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
         depth = np.full(len(pixels), np.nan)
         depth[inside] = self.image.depth[v[inside], u[inside]]
         return np.where(depth > 0, depth, np.nan)

@@ -32,11 +32,11 @@ class Evidence:
 class ConfidenceModel:
     """Logistic regression on the evidence, fitted on rendered scenes (see docs/perception.md)."""
 
-    bias: float = 6.0
-    unexplained: float = -20.0
-    floating: float = -20.0
+    bias: float = 5.5
+    unexplained: float = -160.0
+    floating: float = -50.0
     hidden: float = -3.0
-    rmse_ratio: float = -2.0
+    rmse_ratio: float = -3.0
     color: float = -30.0
 
     def logit(self, evidence: Evidence, color: float) -> float:

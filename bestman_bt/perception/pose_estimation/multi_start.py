@@ -32,9 +32,10 @@ class MultiStartParameters:
     starts; ``offsets``: of the starts from the cluster's centre, away from the camera (which sees only the near side).
     ``coarse_iterations``, ``fine_iterations``: of Gauss-Newton; ``coarse_scale``, ``fine_scale``: residuals beyond
     these count less (Cauchy). ``refined``: starts that are refined per model. ``size_tolerance``: a model is not tried
-    where its height or reach is off by more. ``tipped``: also try objects that lie on their side.
-    ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel. ``yaw_margin``: how much worse an alternative
-    yaw may score; ``yaw_separation``: how far off it must be.
+    where its height or reach is off by more, or its colour distance is beyond ``color_limit``.
+    ``tipped``: also try objects that lie on their side.
+    ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel. ``yaw_margin``: how much lower an alternative
+    yaw's logit of confidence may be; ``yaw_separation``: how far off it must be.
     """
 
     spacing: float = 0.003
@@ -48,10 +49,11 @@ class MultiStartParameters:
     fine_scale: float = 0.004
     refined: int = 2
     size_tolerance: float = 0.022
+    color_limit: float = 0.15
     tipped: bool = False
     noise_base: float = 0.0012
     noise_quadratic: float = 0.0019
-    yaw_margin: float = 0.05
+    yaw_margin: float = 3.0
     yaw_separation: float = math.radians(15.0)
     confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
 
@@ -90,6 +92,8 @@ class MultiStart(PoseEstimator):
         assert isinstance(box, Box)
         reach = math.hypot(*box.size[:2])
         color = color_distance(cluster.colors, model.color)
+        if color > p.color_limit:
+            return None
         fits: list[tuple[float, ModelSurface, _Fit, Evidence]] = []
         for index, surface in enumerate(self._surfaces_of(model)):
             if abs(surface.height - top) > p.size_tolerance or reach > surface.reach + p.size_tolerance:
@@ -110,7 +114,7 @@ class MultiStart(PoseEstimator):
             _place(cluster, other, other_fit).yaw
             for other_logit, other, other_fit, _ in fits[1:]
             if other is surface
-            and logit - other_logit < p.yaw_margin * 20
+            and logit - other_logit < p.yaw_margin
             and _yaw_difference(fit.yaw - other_fit.yaw, model.symmetry_order) > p.yaw_separation
         ]
         return PoseHypothesis(
@@ -214,8 +218,8 @@ class MultiStart(PoseEstimator):
         sigma = max(float(np.sqrt(np.mean(np.minimum(residuals**2, 0.01**2)))), 1e-4)
         covariance = np.linalg.inv(information[0]) * sigma**2
         # Neighbouring residuals are not independent: the factor is measured on rendered images.
-        position_std = 3.0 * math.sqrt(float(covariance[0, 0] + covariance[1, 1]) / 2) + 0.0004
-        yaw_std = 3.0 * math.sqrt(float(covariance[2, 2])) + 0.003 if turns else math.pi
+        position_std = 2.0 * math.sqrt(float(covariance[0, 0] + covariance[1, 1]) / 2) + 0.0003
+        yaw_std = 2.0 * math.sqrt(float(covariance[2, 2])) + 0.003 if turns else math.pi
         x, y, yaw = (float(value) for value in pose[0])
         return _Fit(x, y, yaw, residuals, position_std, min(yaw_std, math.pi))
 

@@ -70,13 +70,11 @@ class PlaneDbscan(Segmentation):
 
     def segment(self, view: View, region: Region, rng: np.random.Generator) -> SegmentedScene:
         """See Segmentation."""
-        cloud = view.cloud(region.corners())
         surface_from_frame = region.frame_from_surface.inverse()
-        local = surface_from_frame.apply(cloud.points)
-        inside = _inside(local, region)
-        cloud, local = cloud.selected(inside), local[inside]
-        plane = self._find_plane(local, region, rng)
-        above = self._things_above(cloud, plane, region)
+        local = view.seen_from(surface_from_frame).cloud(surface_from_frame.apply(region.corners()))
+        local = local.selected(_inside(local.points, region))
+        plane = self._find_plane(local.points, region, rng)
+        above = self._things_above(local, plane, region)
         clusters = self._clusters(above, plane, view)
         clusters.sort(key=lambda cluster: float(np.linalg.norm(cluster.points.mean(axis=0) - view.viewpoint)))
         return SegmentedScene((plane,), tuple(clusters))
@@ -113,8 +111,9 @@ class PlaneDbscan(Segmentation):
         return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
 
     def _things_above(self, cloud: PointCloud, plane: SupportPlane, region: Region) -> PointCloud:
+        """``cloud`` is in the region's frame; the result in the view's."""
         p = self.parameters
-        local = plane.frame_from_plane.inverse().apply(cloud.points)
+        local = (plane.frame_from_plane.inverse() @ region.frame_from_surface).apply(cloud.points)
         half = np.array(plane.size) / 2 - p.edge_margin
         above = (
             (local[:, 2] > max(p.min_height, 3 * plane.rms))
@@ -122,7 +121,7 @@ class PlaneDbscan(Segmentation):
             & (np.abs(local[:, 0]) < half[0])
             & (np.abs(local[:, 1]) < half[1])
         )
-        return _voxels(cloud.selected(above), p.voxel)
+        return _voxels(cloud.selected(above), p.voxel).transformed(region.frame_from_surface)
 
     def _clusters(self, cloud: PointCloud, plane: SupportPlane, view: View) -> list[Cluster]:
         p = self.parameters

@@ -106,7 +106,7 @@ def surface_coverage(
     corners = plane_from_frame.apply(region.corners())[:, :2]
     origin = corners.min(axis=0)
     columns, rows = np.ceil((corners.max(axis=0) - origin) / resolution).astype(int)
-    points = plane_from_frame.apply(view.cloud(region.corners()).points)
+    points = view.seen_from(plane_from_frame).cloud(plane_from_frame.apply(region.corners())).points
     eye = plane_from_frame.apply(view.viewpoint)
     height = points[:, 2]
     on_plane = np.abs(height) < max(tolerance, 3 * plane.rms)
