@@ -7,7 +7,6 @@ from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import Pose
 
@@ -22,13 +21,28 @@ def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> t
         for collision in link.findall("collision"):
             corners = pose.apply(origin_pose(collision).apply(_outline(collision.find("geometry"))))
             clouds.append(corners[:, :2])
-    points = np.unique(np.concatenate(clouds).round(4), axis=0)
-    if len(points) < 3:
-        return ()
-    corners = points[ConvexHull(points).vertices]
-    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
-    turns = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0] > 1e-6
-    return tuple((float(x), float(y)) for x, y in corners[turns])
+    corners = convex_hull(np.concatenate(clouds).round(4))
+    return tuple((float(x), float(y)) for x, y in corners)
+
+
+def convex_hull(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise, none on an edge (A. Andrew, 1979)."""
+    ordered = np.unique(points, axis=0)
+    if len(ordered) < 3:
+        return ordered
+    chains = []
+    for chain_points in (ordered, ordered[::-1]):
+        chain: list[NDArray[np.float64]] = []
+        for point in chain_points:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], point) <= 1e-6:
+                chain.pop()
+            chain.append(point)
+        chains += chain[:-1]
+    return np.array(chains)
+
+
+def _turn(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> float:
+    return float((b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]))
 
 
 def origin_pose(element: ET.Element) -> Pose:

@@ -116,8 +116,11 @@ def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
 def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]:
     problems = []
     for thing, placement in scene.file.objects.items():
-        if (placement.region is None) == (placement.at is None):
+        if placement.region is None and placement.at is None:
             problems.append(document.problem(("objects", thing), "one of 'region' and 'at' should be given"))
+        elif placement.region is not None and placement.at is not None:
+            message = "'region' is given too; 'region: null' takes it away"
+            problems.append(document.problem(("objects", thing, "at"), message))
     surfaces = [("objects", key, item.surface) for key, item in scene.file.objects.items()]
     surfaces += [("goals", key, item.surface) for key, item in scene.file.goals.items()]
     for field, key, surface in surfaces:

@@ -1,0 +1,107 @@
+"""Reading scenes: overrides, variants, and what is said about bad files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.messages import Mesh
+from bestman_bt.scene import draw_world, load_scene, read_object
+
+
+def problems(scene: str | Path, overrides: dict[str, object] | None = None) -> list[str]:
+    with pytest.raises(ConfigurationError) as error:
+        load_scene(scene, overrides)
+    return [str(problem) for problem in error.value.problems]
+
+
+def variant(folder: Path, text: str) -> Path:
+    path = folder / "variant.yaml"
+    path.write_text("extends: kitchen\n" + text)
+    return path
+
+
+def test_finger_friction_can_be_overridden_for_a_control_experiment() -> None:
+    assert draw_world(load_scene("kitchen"), 0).finger_friction is None
+    assert draw_world(load_scene("kitchen", {"finger_friction": 0.05}), 0).finger_friction == 0.05
+
+
+def test_an_object_is_left_out_with_absent() -> None:
+    scene = load_scene("kitchen", {"objects.cup": "absent"})
+    assert "cup" not in {o.name for o in draw_world(scene, 0).objects}
+    assert "cup" in scene.models  # the robot still knows what a cup is
+
+
+def test_an_override_reaches_into_a_placement() -> None:
+    scene = load_scene("kitchen", {"objects.can.presence": 0.0, "objects.cup.region.x": ["-20 cm", "-20 cm"]})
+    for seed in range(20):
+        world = draw_world(scene, seed)
+        assert "can" not in {o.name for o in world.objects}
+        cup = next(o for o in world.objects if o.name == "cup")
+        table = next(f for f in world.furniture if f.name == "table")
+        assert table.actual.inverse().apply(cup.pose.position[:2])[0] == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("objects.cupp", "absent", "unknown key 'objects.cupp'; did you mean 'cup'?"),
+        ("finger_frction", 0.1, "did you mean 'finger_friction'?"),
+        ("objects.cup.surface", "tabel/top", "unknown surface 'tabel/top'; did you mean 'table/top'?"),
+        ("objects.cup.model", "cap", "unknown object 'cap'; did you mean 'cup'?"),
+        ("furniture.table.model", "tabel", "unknown furniture 'tabel'; did you mean 'table'?"),
+        ("clearance", "8 kg", "expected a length in m (m, cm, mm), got '8 kg'"),
+    ],
+)
+def test_a_bad_override_is_refused_with_the_remedy(key: str, value: object, message: str) -> None:
+    (problem,) = problems("kitchen", {key: value})
+    assert problem.startswith(f"--set scene.{key}={value}")
+    assert message in problem
+
+
+def test_an_unknown_scene_suggests_the_closest_one() -> None:
+    assert problems("kitchn") == ["kitchn: unknown scene 'kitchn'; did you mean 'kitchen'?"]
+
+
+def test_a_fault_in_a_variant_is_located_in_its_own_file(tmp_path: Path) -> None:
+    path = variant(tmp_path, "clearance: 2 s\nwals: {}\n")
+    found = problems(path)
+    assert f"{path}:2: clearance: expected a length in m (m, cm, mm), got '2 s': 's' is a unit of time" in found
+    assert f"{path}:3: wals: unknown field; did you mean 'walls'?" in found
+
+
+def test_only_what_is_there_can_be_absent(tmp_path: Path) -> None:
+    path = variant(tmp_path, "objects: {cop: absent}\n")
+    assert problems(path) == [f"{path}:2: objects.cop: is not there to be absent; did you mean 'cup'?"]
+
+
+def test_a_scene_that_extends_itself_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "loop.yaml"
+    path.write_text(f"extends: {path}\n")
+    assert "extends itself" in problems(path)[0]
+
+
+def test_an_object_needs_either_a_region_or_a_place(tmp_path: Path) -> None:
+    path = variant(tmp_path, "objects: {cup: {at: [0, 0, 0]}}\n")
+    assert problems(path) == [f"{path}:2: objects.cup.at: 'region' is given too; 'region: null' takes it away"]
+    path = variant(tmp_path, "objects: {mug: {model: cup, surface: table}}\n")
+    assert problems(path) == [f"{path}:2: objects.mug: one of 'region' and 'at' should be given"]
+    path = variant(tmp_path, "objects: {cup: {at: [-20 cm, 0, 0], region: null}}\n")
+    cup = next(o for o in draw_world(load_scene(path), 0).objects if o.name == "cup")
+    assert cup.pose.position[2] == pytest.approx(0.80)
+
+
+def test_the_cup_looks_hollow_and_collides_as_a_solid() -> None:
+    cup = read_object("cup")
+    (visual,) = cup.visual
+    assert isinstance(visual.shape, Mesh)
+    vertices, faces = visual.shape.vertices, visual.shape.faces
+    np.testing.assert_allclose(vertices.min(axis=0), cup.bounds()[0], atol=1e-9)
+    np.testing.assert_allclose(vertices.max(axis=0), cup.bounds()[1], atol=1e-9)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    material = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6  # positive: every face turns outwards
+    solid = np.pi * 0.033**2 * 0.100
+    assert 0.05 * solid < material < 0.35 * solid

@@ -1,0 +1,82 @@
+"""The semantic map tells the walls exactly and the furniture as it should stand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.scene import World, draw_world, load_scene, semantic_map
+from bestman_bt.scene.plane_geometry import cut_away, rectangle, wall_rectangle
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return draw_world(load_scene("kitchen"), 3)
+
+
+def first_hit(origin: np.ndarray, direction: np.ndarray, segments: np.ndarray) -> float:
+    """Distance along a unit ``direction`` to the nearest of ``segments`` (N, 4)."""
+    start, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
+    determinant = along[:, 0] * direction[1] - along[:, 1] * direction[0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        offset = start - origin
+        distance = (along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0]) / determinant
+        share = (direction[0] * offset[:, 1] - direction[1] * offset[:, 0]) / determinant
+    hit = (distance > 0) & (share >= -1e-9) & (share <= 1 + 1e-9)
+    return float(distance[hit].min())
+
+
+@pytest.mark.parametrize("place", [(-1.8, -0.5), (0.0, 0.0), (2.0, 1.2), (-3.2, 1.2), (1.0, -1.6)])
+def test_a_ray_meets_the_maps_walls_where_it_meets_the_walls_themselves(
+    world: World, place: tuple[float, float]
+) -> None:
+    solid = [wall_rectangle(wall) for wall in world.walls]
+    edges = np.concatenate([np.hstack([corners, np.roll(corners, -1, axis=0)]) for corners in solid])
+    walls = semantic_map(world).walls
+    for angle in np.linspace(-np.pi, np.pi, 180, endpoint=False) + 1e-3:
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        expected = first_hit(np.array(place), direction, edges)
+        assert first_hit(np.array(place), direction, walls) == pytest.approx(expected, abs=1e-5)
+
+
+def test_the_map_has_no_face_that_a_lidar_could_not_see(world: World) -> None:
+    walls = semantic_map(world).walls
+    assert len(walls) == 12
+    for wall in world.walls:
+        outline = wall_rectangle(wall)
+        centre = outline.mean(axis=0)
+        shrunk = centre + (outline - centre) * 0.99
+        for segment in walls:
+            pieces = cut_away(segment.reshape(2, 2), shrunk)
+            assert len(pieces) == 1
+            np.testing.assert_allclose(pieces[0], segment.reshape(2, 2))
+
+
+def test_furniture_is_told_where_it_should_stand_not_where_it_does(world: World) -> None:
+    told = semantic_map(world).furniture
+    for piece in world.furniture:
+        assert told[piece.name].pose == piece.nominal
+        assert told[piece.name].pose != piece.actual
+        assert told[piece.name].footprint == piece.model.footprint
+
+
+def test_a_lidar_sees_the_counter_but_only_the_legs_of_the_table(world: World) -> None:
+    told = semantic_map(world).furniture
+    assert told["counter"].solid_at_lidar
+    assert not told["table"].solid_at_lidar
+    assert (told["counter"].height, told["table"].height) == pytest.approx((0.90, 0.75))
+
+
+def test_surfaces_are_found_by_name(world: World) -> None:
+    furniture, surface = semantic_map(world).surface("counter/top")
+    assert (furniture.name, surface.name, surface.size) == ("counter", "top", (0.6, 1.6))
+
+
+def test_cutting_a_segment_leaves_what_lies_outside() -> None:
+    square = rectangle(Pose2D(), (1.0, 1.0))
+    pieces = cut_away(np.array([[-1.0, 0.0], [1.0, 0.0]]), square)
+    np.testing.assert_allclose(pieces, [[[-1, 0], [-0.5, 0]], [[0.5, 0], [1, 0]]], atol=1e-5)
+    untouched = np.array([[-1.0, 0.6], [1.0, 0.6]])
+    np.testing.assert_allclose(cut_away(untouched, square), [untouched])
+    assert cut_away(np.array([[-0.2, 0.0], [0.2, 0.0]]), square) == []
