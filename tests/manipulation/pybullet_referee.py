@@ -15,7 +15,8 @@ class Referee:
 
     def __init__(self) -> None:
         self.client = pybullet.connect(pybullet.DIRECT)
-        self.panda = pybullet.loadURDF(str(PANDA), useFixedBase=True, physicsClientId=self.client)
+        flags = pybullet.URDF_USE_SELF_COLLISION
+        self.panda = pybullet.loadURDF(str(PANDA), useFixedBase=True, flags=flags, physicsClientId=self.client)
         count = pybullet.getNumJoints(self.panda, physicsClientId=self.client)
         infos = [pybullet.getJointInfo(self.panda, i, physicsClientId=self.client) for i in range(count)]
         self.links = {info[12].decode(): info[0] for info in infos} | {"panda_link0": -1}

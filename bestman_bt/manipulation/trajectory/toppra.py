@@ -5,7 +5,6 @@ Pham and Pham, "A new approach to time-optimal path parameterization based on re
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass
 
@@ -73,7 +72,6 @@ class Toppra(TimeParametrization):
         lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
         marks = np.concatenate([[0.0], np.cumsum(lengths)])
         grid = max(self.parameters.min_grid, self.parameters.grid_per_waypoint * len(waypoints))
-        logging.getLogger("toppra").setLevel(logging.ERROR)
         solver = algorithm.TOPPRA(
             [
                 constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
