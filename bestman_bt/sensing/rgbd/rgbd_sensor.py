@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -52,6 +53,7 @@ class RGBDSensor:
         self._kinematics = kinematics
         self._joints = joints
         self._world = world
+        self._subscribers: list[Callable[[RGBDView], None]] = []
 
     @property
     def name(self) -> str:
@@ -72,7 +74,14 @@ class RGBDSensor:
         """Where the camera is now."""
         return self._kinematics.pose(self._camera.optical_frame, self._joints.positions())
 
+    def subscribe(self, subscriber: Callable[[RGBDView], None]) -> None:
+        """Call ``subscriber`` with every view that is captured."""
+        self._subscribers.append(subscriber)
+
     def capture(self) -> RGBDView:
         """Take one image now."""
         image = self._camera.capture()
-        return RGBDView(image, self.base_from_camera(), self._world.base.pose.to_pose())
+        view = RGBDView(image, self.base_from_camera(), self._world.base.pose.to_pose())
+        for subscriber in self._subscribers:
+            subscriber(view)
+        return view

@@ -1,0 +1,79 @@
+"""Many episodes of one task, one process per job; the result does not depend on the number of jobs."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from bestman_bt.configuration import RunConfig
+from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.predicates import find_predicate
+from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.run_folder import make_run_folder
+from bestman_bt.evaluation.summary import summarize
+from bestman_bt.evaluation.versions import versions
+from bestman_bt.runtime import prepare
+
+
+def run_batch(
+    config: RunConfig,
+    episodes: int,
+    jobs: int = 1,
+    folder: Path | None = None,
+    on_result: Callable[[RunResult], None] | None = None,
+) -> dict[str, Any]:
+    """Run seeds ``config.seed`` … ``config.seed + episodes - 1`` and summarise them.
+
+    ``folder``: each run gets its folder there. ``on_result``: told of each result as it comes, in the order of seeds.
+    Everything that can be checked is checked before the first episode; raises as ``prepare``.
+    """
+    prepare(config)
+    find_predicate(config.task, f"task {config.name}")
+    configs = [replace(config, seed=config.seed + i) for i in range(episodes)]
+    start = time.perf_counter()
+    results: list[RunResult] = []
+    for result in _run_all(configs, jobs, folder):
+        results.append(result)
+        if on_result is not None:
+            on_result(result)
+    return summarize(config.name, config.seed, results, time.perf_counter() - start)
+
+
+def _run_all(configs: Sequence[RunConfig], jobs: int, folder: Path | None) -> Any:
+    if jobs == 1:
+        for config in configs:
+            yield _run(config, folder)
+        return
+    # Each worker is a fresh interpreter with one thread: pybullet and OMPL keep state in the process.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        yield from pool.map(_run, configs, [folder] * len(configs))
+
+
+def _run(config: RunConfig, folder: Path | None) -> RunResult:
+    run_folder = make_run_folder(config, folder) if folder is not None else None
+    start = time.perf_counter()
+    try:
+        return run_episode(config, run_folder)
+    except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
+        return RunResult(
+            task=config.name,
+            seed=config.seed,
+            success=False,
+            outcome=Outcome.ERROR,
+            tree_status="IDLE",
+            predicate=None,
+            failure=FailureReport("", "error", f"{type(error).__name__}: {error}"),
+            audit={},
+            metrics={},
+            sim_time_s=0.0,
+            wall_time_s=round(time.perf_counter() - start, 3),
+            versions=versions(),
+        )

@@ -1,0 +1,172 @@
+"""One judged run: connect, tick the tree, let the world rest, judge, audit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+from behaviours.skill import Failure
+from bestman_bt.configuration import RunConfig
+from bestman_bt.engine import Tree
+from bestman_bt.engine.logs.btlog import BtLogWriter
+from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.evaluation.pictures import Pictures
+from bestman_bt.evaluation.predicates import Verdict, find_predicate
+from bestman_bt.evaluation.recording import Recording
+from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.versions import versions
+from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
+from hal.api import Robot
+from hal.pybullet import GroundTruth, PyBulletRobot, SceneRecorder
+
+Watcher = Callable[[Session, Tree], Callable[[], None]]
+"""Told of the session and its tree before the first tick; gives back what to call after each tick."""
+
+
+class _Observers:
+    """What looks at the simulation from outside; made right after connecting, before time runs."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        self.robot: PyBulletRobot | None = None
+        self.truth: GroundTruth | None = None
+        self.scene: SceneRecorder | None = None
+        self.pictures: Pictures | None = None
+
+    def attach(self, robot: Robot) -> None:
+        if isinstance(robot, PyBulletRobot):
+            self.robot = robot
+            self.truth = GroundTruth(robot)
+            self.scene = SceneRecorder(robot)
+            if self._folder is not None:
+                self.pictures = Pictures(robot, self.truth, self._folder)
+
+
+def run_episode(
+    config: RunConfig | Setup, folder: Path | None = None, pictures: bool = False, watch: Watcher | None = None
+) -> RunResult:
+    """Run a task once and judge it.
+
+    ``folder``: receives ``result.json``, ``transitions.btlog`` and, where the configuration asks for it,
+    ``recording.rrd``; ``pictures``: also ``start.png``, ``grasp.png`` and ``end.png``. Raises as ``prepare``, before
+    anything is started.
+    """
+    setup = prepare(config) if isinstance(config, RunConfig) else config
+    predicate = find_predicate(setup.config.task, f"task {setup.config.name}")
+    observers = _Observers(folder if pictures else None)
+    wall_start = time.perf_counter()
+    with ExitStack() as stack:
+        session = stack.enter_context(open_session(setup, observers.attach))
+        tree = session.load()
+        after_tick = _after_tick(stack, session, tree, observers, folder, watch)
+        executor = session.executor(tree, after_tick)
+        stack.enter_context(ControlChannel(executor, session.robot.stop, setup.config.name).serving(folder))
+        execution = executor.run()
+        verdict: Verdict | None = None
+        if execution.ending is Ending.CANCELLED:
+            session.robot.stop()
+            session.robot.clock.sleep(0.5)
+        elif predicate is not None and observers.truth is not None:
+            verdict = predicate(session, observers.truth, session.robot.clock)
+        if observers.pictures is not None:
+            observers.pictures.take("end", _object(setup))
+        audited = None
+        if observers.robot is not None:
+            audited = audit(observers.robot.honesty_record(), setup.config.task.allowed_contacts)
+        result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
+    if folder is not None:
+        result.write(folder / "result.json")
+    return result
+
+
+def _after_tick(
+    stack: ExitStack, session: Session, tree: Tree, observers: _Observers, folder: Path | None, watch: Watcher | None
+) -> Callable[[], None]:
+    calls: list[Callable[[], None]] = []
+    if folder is not None:
+        stack.enter_context(BtLogWriter(tree, folder / "transitions.btlog"))
+        if session.setup.config.record and observers.scene is not None:
+            recording = Recording(folder / "recording.rrd", session, tree, observers.scene)
+            recording.open()
+            stack.callback(recording.close)
+            calls.append(recording.after_tick)
+    if observers.pictures is not None:
+        calls.append(_picture_of_the_grasp(session, observers.pictures))
+    if watch is not None:
+        calls.append(watch(session, tree))
+
+    def after_tick() -> None:
+        for call in calls:
+            call()
+
+    return after_tick
+
+
+def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], None]:
+    """Take ``start.png`` now and ``grasp.png`` as soon as the robot believes to hold something."""
+    subject = _object(session.setup)
+    pictures.take("start", subject)
+    taken = False
+
+    def after_tick() -> None:
+        nonlocal taken
+        if not taken and session.skills.world.held is not None:
+            pictures.take("grasp", subject)
+            taken = True
+
+    return after_tick
+
+
+def _object(setup: Setup) -> str | None:
+    goal = setup.config.task.goal
+    return goal.object if goal is not None else None
+
+
+def _judge(
+    session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None, wall_time: float
+) -> RunResult:
+    config = session.setup.config
+    failure = _failure(session, execution, verdict, audited)
+    holds = verdict.holds if verdict is not None else None
+    success = execution.succeeded and holds is not False and failure is None
+    outcome = Outcome.SUCCESS if success else Outcome.FAILURE
+    if execution.ending is Ending.CANCELLED:
+        outcome = Outcome.CANCELLED
+    elif execution.ending is Ending.ERROR:
+        outcome = Outcome.ERROR
+    return RunResult(
+        task=config.name,
+        seed=config.seed,
+        success=success,
+        outcome=outcome,
+        tree_status=execution.tree_status,
+        predicate=holds,
+        failure=failure,
+        audit=audited.to_document() if audited is not None else {},
+        metrics={name: round(value, 4) for name, value in verdict.metrics.items()} if verdict is not None else {},
+        sim_time_s=round(execution.sim_time_s, 4),
+        wall_time_s=round(wall_time, 3),
+        versions=versions(),
+    )
+
+
+def _failure(
+    session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None
+) -> FailureReport | None:
+    """The leaf at fault, else the judge's or the audit's objection, else None."""
+    if execution.ending is not Ending.FINISHED:
+        return FailureReport("", str(execution.ending), execution.why)
+    if not execution.succeeded:
+        told: list[Failure] = session.skills.failures
+        if told:
+            return FailureReport(told[-1].node, told[-1].error_code, told[-1].why)
+        return FailureReport("", "tree_failed", "the tree failed and no skill has told why")
+    if verdict is not None and not verdict.holds:
+        return FailureReport("judge", "predicate", verdict.why)
+    if audited is not None:
+        faults = audited.faults(session.setup.config.task.max_penetration)
+        if faults or not audited.honest:
+            return FailureReport("audit", "audit", "; ".join(faults) or "; ".join(audited.findings))
+    return None

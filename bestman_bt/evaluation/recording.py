@@ -1,0 +1,96 @@
+"""Recording a simulated run with Rerun: what the recorder is told, and when."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from bestman_bt.engine import StateChanges, Tree
+from bestman_bt.messages import PlacedShape, Pose
+from bestman_bt.runtime import Session
+from bestman_bt.scene import World, wall_box
+from bestman_bt.sensing.rgbd import RGBDView
+from bestman_bt.visualization import RecordedBody, RobotSnapshot, describe_changes, describe_tree
+from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
+from hal.pybullet import SceneRecorder
+
+WALL_COLOR = (0.85, 0.85, 0.82, 0.35)
+
+
+class Recording:
+    """Feeds a recorder from a session: a snapshot every ``every``-th tick, images when a skill takes one."""
+
+    def __init__(self, path: Path, session: Session, tree: Tree, scene: SceneRecorder, every: int = 2) -> None:
+        setup = session.setup
+        model = setup.robot_model
+        self._session, self._tree, self._scene, self._every = session, tree, scene, every
+        self._ticks = 0
+        plotted = [joint for arm in model.arms.values() for joint in arm.joint_names]
+        self._recorder = RerunRecorder(
+            path,
+            urdf=model.urdf,
+            base_frame=model.base_frame,
+            nodes=describe_tree(tree),
+            bodies=recorded_bodies(setup.world),
+            cameras={
+                name: RecordedCamera(camera.intrinsics, camera.optical_frame) for name, camera in model.cameras.items()
+            },
+            plotted_joints=plotted,
+            grippers={name: gripper.joint_names for name, gripper in model.grippers.items()},
+        )
+
+    def open(self) -> None:
+        """Start recording."""
+        self._recorder.open()
+        self._tree.subscribe(self._on_changes)
+        self._session.skills.camera.subscribe(self._on_view)
+        goal = self._session.entries.get("goal")
+        self._snapshot()
+        if goal is not None:
+            self._recorder.goal(goal.position, self._session.robot.clock.now())
+
+    def close(self) -> None:
+        """Take a last snapshot and close the file."""
+        self._tree.unsubscribe(self._on_changes)
+        self._snapshot()
+        self._recorder.close()
+
+    def after_tick(self) -> None:
+        """Called by the executor."""
+        self._ticks += 1
+        if self._ticks % self._every == 0:
+            self._snapshot()
+
+    def _snapshot(self) -> None:
+        seen = self._scene.scene_snapshot()
+        self._recorder.snapshot(
+            RobotSnapshot(
+                stamp=seen.stamp,
+                tick=self._ticks,
+                map_from_base=seen.base_pose,
+                joint_positions=seen.joint_positions,
+                believed_map_from_base=self._session.skills.map_from_base,
+                body_poses=seen.object_poses,
+            )
+        )
+
+    def _on_changes(self, changes: StateChanges) -> None:
+        self._recorder.transitions(describe_changes(self._tree, changes))
+
+    def _on_view(self, view: RGBDView) -> None:
+        self._recorder.image(self._session.skills.camera.name, view.image)
+
+
+def recorded_bodies(world: World) -> list[RecordedBody]:
+    """Walls, furniture and objects of a world as the recorder draws them."""
+    bodies = []
+    for number, wall in enumerate(world.walls):
+        box, pose = wall_box(wall)
+        bodies.append(RecordedBody(f"wall{number}", (PlacedShape(box, Pose()),), (WALL_COLOR,), pose))
+    for furniture in world.furniture:
+        model = furniture.model
+        bodies.append(RecordedBody(furniture.name, model.parts, model.colors, furniture.actual.to_pose()))
+    for thing in world.objects:
+        shapes = thing.model.visual or thing.model.collision
+        color = (*thing.model.color, 1.0)
+        bodies.append(RecordedBody(thing.name, shapes, (color,) * len(shapes), thing.pose))
+    return bodies
