@@ -22,7 +22,8 @@ from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, Not
 class BaseControllerParameters:
     """``rate``: control hertz, 20 to 50. ``scan_every``: control ticks per lidar scan.
 
-    ``settle_scans``: scans at rest before an action judges where it ended; a resting base scans no more after them.
+    ``settle_scans``: scans at rest before an action judges where it ended; after them a resting base scans only every
+    ``rest_scan_every`` ticks, to notice when it is pushed.
     ``position_tolerance`` (metres), ``heading_tolerance`` (radians): what counts as arrived; ``corrections``: turns to
     improve the heading. ``stall_*``: no progress of that many metres or radians in so many seconds is blocked.
     ``lost_position_std``: metres, ``lost_scans``: scans refused in a row, above which the robot counts as lost.
@@ -31,6 +32,7 @@ class BaseControllerParameters:
     rate: float = 40.0
     scan_every: int = 4
     settle_scans: int = 5
+    rest_scan_every: int = 40
     position_tolerance: float = 0.02
     heading_tolerance: float = math.radians(0.7)
     corrections: int = 2
@@ -177,7 +179,8 @@ class BaseController:
             self._scans_at_rest = 0
         estimate = self._localizer.predict(odometry)
         self._ticks += 1
-        if self._ticks % p.scan_every == 0 and self._scans_at_rest < p.settle_scans:
+        every = p.scan_every if self._scans_at_rest < p.settle_scans else p.rest_scan_every
+        if self._ticks % every == 0:
             estimate = self._localizer.correct(self._lidar.scan(), self._lidar.base_from_lidar)
             self._scans_at_rest += 1
             accepted = estimate.match is not None and estimate.match.accepted

@@ -28,7 +28,8 @@ class ScanToMapParameters:
     beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``: variance
     that odometry gains per metre driven (m²/m), ``turn_slip``: per radian turned (rad²/rad), ``drift``: heading
     variance per metre (rad²/m). A match is refused with less than ``min_inlier_ratio`` of the hits explained, or when
-    it lies more than ``max_deviation`` standard deviations from the prediction.
+    it lies more than ``max_deviation`` standard deviations from the prediction; if it explains ``sure_inlier_ratio``
+    of the hits all the same, the wheels have slipped, and the variances grow by ``surprise`` until it is believed.
     """
 
     iterations: int = 8
@@ -44,6 +45,8 @@ class ScanToMapParameters:
     drift: float = 4e-5
     min_inlier_ratio: float = 0.35
     max_deviation: float = 4.5
+    sure_inlier_ratio: float = 0.6
+    surprise: float = 4.0
 
 
 class ScanToMap(Localizer):
@@ -111,7 +114,8 @@ class ScanToMap(Localizer):
         deviation = math.sqrt(float(innovation @ np.linalg.solve(expected, innovation)))
         if deviation > p.max_deviation:
             text = f"the match lies {deviation:.1f} standard deviations from the prediction"
-            return self._refused(ScanMatch(False, inliers, residual, text))
+            growth = p.surprise if inliers >= p.sure_inlier_ratio else 1.0
+            return self._refused(ScanMatch(False, inliers, residual, text), growth)
         gain = estimate.covariance @ np.linalg.inv(expected)
         dx, dy, dtheta = gain @ innovation
         pose = Pose2D(estimate.pose.x + dx, estimate.pose.y + dy, wrap_angle(estimate.pose.theta + dtheta))
@@ -120,8 +124,8 @@ class ScanToMap(Localizer):
         self._estimate = LocalizationEstimate(pose, covariance, ScanMatch(True, inliers, residual))
         return self._estimate
 
-    def _refused(self, match: ScanMatch) -> LocalizationEstimate:
-        self._estimate = LocalizationEstimate(self.estimate.pose, self.estimate.covariance, match)
+    def _refused(self, match: ScanMatch, growth: float = 1.0) -> LocalizationEstimate:
+        self._estimate = LocalizationEstimate(self.estimate.pose, growth * self.estimate.covariance, match)
         return self._estimate
 
     def _visible(self, map_from_lidar: Pose2D, scan: LaserScan) -> NDArray[np.intp]:

@@ -137,6 +137,21 @@ def test_a_scan_from_elsewhere_is_refused_and_the_estimate_stays(kitchen):
     assert estimate.pose == Pose2D(0.0, 0.0, 0.0)
 
 
+def test_a_slip_of_the_wheels_is_made_good_within_a_second(kitchen):
+    rng = np.random.default_rng(7)
+    truth = Pose2D(0.0, 0.0, 0.0)
+    localizer = localizer_at(kitchen, truth, 0.001, 0.0005)
+    slipped = Pose2D(0.04, 0.02, math.radians(5))
+    first = localizer.correct(scan_at(slipped, kitchen.lidar_segments(), rng), BASE_FROM_LIDAR)
+    assert not first.match.accepted
+    assert first.position_std > 0.001
+    for _ in range(9):
+        estimate = localizer.correct(scan_at(slipped, kitchen.lidar_segments(), rng), BASE_FROM_LIDAR)
+    position, heading = errors(estimate.pose, slipped)
+    assert position < 0.005
+    assert heading < math.radians(0.2)
+
+
 def test_a_blind_lidar_is_refused(kitchen):
     blind = LaserScan(np.full(BEAMS, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
     estimate = localizer_at(kitchen, Pose2D()).correct(blind, BASE_FROM_LIDAR)
