@@ -1,0 +1,49 @@
+"""What a clock owes."""
+
+from __future__ import annotations
+
+import math
+
+from hal.api import Robot
+from hal.conformance.requirement import ConformanceError, require
+from hal.conformance.subject import Check
+
+
+def sleeping_takes_the_time_asked(robot: Robot) -> None:
+    """Many short sleeps take as long as a long one."""
+    start = robot.clock.now()
+    for _ in range(100):
+        robot.clock.sleep(0.0033)
+    passed = robot.clock.now() - start
+    require(0.31 <= passed <= 0.36, f"100 sleeps of 3.3 ms should take 0.33 s but took {passed:.4f} s")
+
+
+def impossible_sleeps_are_refused(robot: Robot) -> None:
+    """Negative, infinite and not-a-number durations."""
+    for duration in (-0.1, math.inf, math.nan):
+        try:
+            robot.clock.sleep(duration)
+        except ValueError:
+            continue
+        raise ConformanceError(f"sleep({duration}) should raise ValueError")
+
+
+def periodic_calls_come_on_time(robot: Robot) -> None:
+    """Ten a second, none early, none after the timer is cancelled."""
+    times: list[float] = []
+    start = robot.clock.now()
+    timer = robot.clock.every(0.1, lambda: times.append(robot.clock.now() - start))
+    robot.clock.sleep(1.05)
+    timer.cancel()
+    timer.cancel()
+    robot.clock.sleep(0.3)
+    require(len(times) == 10, f"a timer of 0.1 s should be called 10 times in 1.05 s but was called {len(times)} times")
+    late = [time - 0.1 * (k + 1) for k, time in enumerate(times)]
+    require(min(late) >= -1e-6 and max(late) < 0.05, f"periodic calls were off by {min(late):.4f} to {max(late):.4f} s")
+
+
+CLOCK_CHECKS = (
+    Check("sleeping takes the time asked", sleeping_takes_the_time_asked),
+    Check("impossible sleeps are refused", impossible_sleeps_are_refused),
+    Check("periodic calls come on time", periodic_calls_come_on_time),
+)

@@ -1,0 +1,138 @@
+"""What a robot refuses: commands beyond limits, malformed ones, and those that are not finite."""
+
+# mypy: disable-error-code="type-abstract"
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from bestman_bt.messages import JointTrajectory
+from hal.api import Arm, CommandRefusedError, Gripper, JointGroup, MobileBase, Robot
+from hal.conformance.requirement import require, require_refusal
+from hal.conformance.subject import ARMS, BASES, GRIPPERS, GROUPS, Check, first, nearby
+
+
+def joint_commands_beyond_limits_are_refused(robot: Robot) -> None:
+    """The message names part, joint, value and limit; nothing moves."""
+    group = first(robot, JointGroup)
+    before = group.positions()
+    beyond = before.copy()
+    beyond[0] = group.limits[0].upper + 0.5
+    words = (group.name, group.joint_names[0], f"{beyond[0]:.4f}", f"{group.limits[0].upper:.4f}")
+    require_refusal(lambda: group.move_to(beyond), CommandRefusedError, "a target beyond a limit", words)
+    require_refusal(lambda: group.command(positions=beyond), CommandRefusedError, "a set-point beyond a limit", words)
+    speeds = np.array([2.0 * limit.velocity for limit in group.limits])
+    require_refusal(lambda: group.command(velocities=speeds), CommandRefusedError, "a velocity beyond a limit")
+    efforts = np.array([2.0 * limit.effort for limit in group.limits])
+    require_refusal(lambda: group.command(efforts=efforts), CommandRefusedError, "an effort beyond a limit")
+    robot.clock.sleep(0.2)
+    moved = float(np.max(np.abs(group.positions() - before)))
+    require(moved < 1e-3, f"a refused command moved a joint by {moved:.4f}")
+
+
+def malformed_joint_commands_are_refused(robot: Robot) -> None:
+    """Wrong shapes, not finite, none or two kinds of set-point, a speed scale out of range."""
+    group = first(robot, JointGroup)
+    here = group.positions()
+    broken = here.copy()
+    broken[-1] = math.nan
+    commands = {
+        "too few positions": lambda: group.move_to(here[:-1]),
+        "NaN": lambda: group.move_to(broken),
+        "infinity": lambda: group.command(velocities=np.full(len(here), math.inf)),
+        "words": lambda: group.move_to(["a"] * len(here)),
+        "no set-point": lambda: group.command(),
+        "two set-points": lambda: group.command(positions=here, velocities=0 * here),
+        "speed_scale 0": lambda: group.move_to(here, 0.0),
+        "speed_scale 2": lambda: group.move_to(here, 2.0),
+        "speed_scale NaN": lambda: group.move_to(here, math.nan),
+    }
+    for what, command in commands.items():
+        require_refusal(command, CommandRefusedError, what, (group.name,))
+
+
+def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot) -> None:
+    """It goes on to its target."""
+    group = first(robot, JointGroup)
+    motion = group.move_to(nearby(group), 0.5)
+    robot.clock.sleep(0.1)
+    broken = np.full(len(group.limits), math.nan)
+    require_refusal(lambda: group.move_to(broken), CommandRefusedError, "NaN")
+    require(not motion.done, "a refused command should leave the motion under way alone")
+
+
+def trajectories_are_checked(robot: Robot) -> None:
+    """Joints, limits, speeds, and the start."""
+    arm = first(robot, Arm)
+    here, names = arm.positions(), arm.joint_names
+    there = nearby(arm)
+
+    def trajectory(start: np.ndarray, end: np.ndarray, duration: float, joints: tuple[str, ...]) -> JointTrajectory:
+        positions = np.stack([start, end])
+        return JointTrajectory(joints, np.array([0.0, duration]), positions, np.zeros_like(positions))
+
+    beyond = here.copy()
+    beyond[0] = arm.limits[0].upper + 0.1
+    commands = {
+        "other joints": trajectory(here, there, 2.0, tuple(f"other_{name}" for name in names)),
+        "another start": trajectory(there, here, 2.0, names),
+        "a sample beyond a limit": trajectory(here, beyond, 10.0, names),
+        "a speed beyond a limit": trajectory(here, there, 0.01, names),
+    }
+    for what, command in commands.items():
+        require_refusal(partial(arm.follow, command), CommandRefusedError, f"a trajectory with {what}", (arm.name,))
+
+
+def servo_refuses_jumps(robot: Robot) -> None:
+    """A set-point that would need more than the velocity limits."""
+    arm = first(robot, Arm)
+    require_refusal(lambda: arm.servo(nearby(arm, 0.5)), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
+
+
+def base_commands_beyond_limits_are_refused(robot: Robot) -> None:
+    """Speeds above the description's, not finite ones, distances that are not above 0."""
+    base = first(robot, MobileBase)
+    limits = base.description
+    commands = {
+        "vx": lambda: base.set_velocity(limits.max_vx * 1.1, 0.0, 0.0),
+        "vy": lambda: base.set_velocity(0.0, limits.max_vy + 0.1, 0.0),
+        "wz": lambda: base.set_velocity(0.0, 0.0, -limits.max_wz * 1.1),
+        "nan": lambda: base.set_velocity(math.nan, 0.0, 0.0),
+        "inf": lambda: base.rotate(math.inf),
+        "distance": lambda: base.move_forward(-1.0),
+        "0": lambda: base.move_backward(0.0),
+    }
+    for word, command in commands.items():
+        require_refusal(command, CommandRefusedError, f"a base command with wrong {word}", (base.name, word))
+
+
+def gripper_commands_beyond_limits_are_refused(robot: Robot) -> None:
+    """Widths, forces and speeds."""
+    gripper = first(robot, Gripper)
+    limits = gripper.description
+    commands = {
+        "width": lambda: gripper.move(limits.max_width + 0.01),
+        "force": lambda: gripper.move(limits.min_width, force=limits.max_force * 1.1),
+        "speed": lambda: gripper.move(limits.min_width, speed=limits.max_speed * 1.1),
+        "nan": lambda: gripper.move(math.nan),
+        "0": lambda: gripper.move(limits.min_width, force=0.0),
+    }
+    for word, command in commands.items():
+        require_refusal(command, CommandRefusedError, f"a gripper command with wrong {word}", (gripper.name, word))
+
+
+LIMIT_CHECKS = (
+    Check("joint commands beyond limits are refused", joint_commands_beyond_limits_are_refused, GROUPS),
+    Check("malformed joint commands are refused", malformed_joint_commands_are_refused, GROUPS),
+    Check(
+        "a refused command does not disturb the motion under way",
+        a_refused_command_does_not_disturb_the_motion_under_way,
+        GROUPS,
+    ),
+    Check("trajectories are checked", trajectories_are_checked, ARMS),
+    Check("servo refuses jumps", servo_refuses_jumps, ARMS),
+    Check("base commands beyond limits are refused", base_commands_beyond_limits_are_refused, BASES),
+    Check("gripper commands beyond limits are refused", gripper_commands_beyond_limits_are_refused, GRIPPERS),
+)

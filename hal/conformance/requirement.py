@@ -1,0 +1,30 @@
+"""How a check says that an implementation does not keep its word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hal.api import RobotError
+
+
+class ConformanceError(AssertionError):
+    """An implementation of the Robotics API does not do what it owes."""
+
+
+def require(holds: bool, sentence: str) -> None:
+    """Raise ConformanceError with ``sentence`` unless ``holds``."""
+    if not holds:
+        raise ConformanceError(sentence)
+
+
+def require_refusal(
+    call: Callable[[], object], error: type[RobotError], what: str, words: tuple[str, ...] = ()
+) -> None:
+    """``call`` has to raise ``error``, with all ``words`` in its message."""
+    try:
+        call()
+    except error as refusal:
+        missing = [word for word in words if word not in str(refusal)]
+        require(not missing, f"the message about {what} lacks {missing}: {refusal}")
+        return
+    raise ConformanceError(f"{what} should raise {error.__name__}")

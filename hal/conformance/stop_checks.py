@@ -1,0 +1,95 @@
+"""What ``stop()`` owes: rest within half a second, a latch, and no older command that acts afterwards."""
+
+# mypy: disable-error-code="type-abstract"
+from __future__ import annotations
+
+import threading
+from functools import partial
+
+from hal.api import CommandRefusedError, Gripper, JointGroup, MobileBase, MotionErrorCode, MotionStatus, Robot
+from hal.conformance.requirement import require, require_refusal
+from hal.conformance.subject import BASES, Check, parts_of, require_rest, set_moving
+
+
+def stop_brings_everything_to_rest(robot: Robot) -> None:
+    """From full motion, within half a second; the motions are cancelled, with the reason."""
+    motions = set_moving(robot)
+    running = [motion for motion in motions if not motion.done]
+    require(bool(running), "the commanded motions should still be running after 0.2 s")
+    robot.stop()
+    require(robot.stopped, "stop() should latch")
+    require_rest(robot, "stop()")
+    for motion in running:
+        code = motion.error.code if motion.error else None
+        require(motion.status is MotionStatus.CANCELED, f"a stopped motion is {motion.status}, not CANCELED")
+        require(code is MotionErrorCode.STOPPED, f"the error code of a stopped motion is {code}, not STOPPED")
+
+
+def a_stopped_robot_refuses_commands(robot: Robot) -> None:
+    """All of them, until the stop is cleared."""
+    robot.stop()
+    for group in parts_of(robot, JointGroup):
+        here = group.positions()
+        require_refusal(partial(group.move_to, here), CommandRefusedError, "move_to()")
+        require_refusal(partial(group.command, positions=here), CommandRefusedError, "command()")
+    for base in parts_of(robot, MobileBase):
+        require_refusal(partial(base.set_velocity, 0, 0, 0), CommandRefusedError, "set_velocity()")
+        require_refusal(partial(base.rotate, 0.1), CommandRefusedError, "rotate()")
+    for gripper in parts_of(robot, Gripper):
+        require_refusal(gripper.open, CommandRefusedError, "open()", (gripper.name,))
+    robot.clear_stop()
+    for gripper in parts_of(robot, Gripper):
+        gripper.open()
+
+
+def stopping_twice_is_stopping_once(robot: Robot) -> None:
+    """Idempotent, also when nothing moves; one clear_stop() is enough."""
+    robot.stop()
+    robot.stop()
+    robot.clear_stop()
+    require(not robot.stopped, "one clear_stop() should be enough")
+
+
+def nothing_moves_when_the_stop_is_cleared(robot: Robot) -> None:
+    """No older command acts afterwards, not even one that was running."""
+    set_moving(robot)
+    for base in parts_of(robot, MobileBase):
+        base.set_velocity(base.description.max_vx / 2, 0.0, 0.0)
+    robot.clock.sleep(0.1)
+    robot.stop()
+    robot.clock.sleep(0.5)
+    robot.clear_stop()
+    require_rest(robot, "clear_stop()")
+
+
+def stop_works_from_another_thread(robot: Robot) -> None:
+    """While the clock runs."""
+    motions = set_moving(robot)
+    thread = threading.Thread(target=robot.stop)
+    thread.start()
+    robot.clock.sleep(0.05)
+    thread.join(timeout=5.0)
+    require(robot.stopped, "stop() from another thread should latch")
+    require(all(motion.done for motion in motions), "stop() from another thread should end the motions")
+    require_rest(robot, "stop() from another thread")
+
+
+def a_part_can_be_stopped_by_itself(robot: Robot) -> None:
+    """It comes to rest, and takes the next command."""
+    base = parts_of(robot, MobileBase)[0]
+    base.set_velocity(base.description.max_vx / 2, 0.0, 0.0)
+    robot.clock.sleep(0.2)
+    base.stop()
+    require(not robot.stopped, "stopping a part should not latch the robot")
+    require_rest(robot, "the base's stop()")
+    base.set_velocity(0.0, 0.0, 0.1)
+
+
+STOP_CHECKS = (
+    Check("stop brings everything to rest", stop_brings_everything_to_rest),
+    Check("a stopped robot refuses commands", a_stopped_robot_refuses_commands),
+    Check("stopping twice is stopping once", stopping_twice_is_stopping_once),
+    Check("nothing moves when the stop is cleared", nothing_moves_when_the_stop_is_cleared),
+    Check("stop works from another thread", stop_works_from_another_thread),
+    Check("a part can be stopped by itself", a_part_can_be_stopped_by_itself, BASES),
+)
