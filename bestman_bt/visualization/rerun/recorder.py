@@ -58,6 +58,7 @@ class _Parts:
     states: NodeStates
     driven: markers.DrivenPath
     tick: int = 0
+    has_belief: bool = False
 
 
 class RerunRecorder:
@@ -156,6 +157,9 @@ class RerunRecorder:
                 )
             parts.transforms.add_pose(entities.MAP_FRAME, body_frame(name), pose)
         if snapshot.believed_map_from_base is not None:
+            if not parts.has_belief:
+                markers.write_belief(parts.recording)
+                parts.has_belief = True
             parts.transforms.add_pose(entities.MAP_FRAME, markers.BELIEF_FRAME, snapshot.believed_map_from_base)
         parts.transforms.write(snapshot.stamp, snapshot.tick)
         joints = snapshot.joint_positions
@@ -240,7 +244,6 @@ class RerunRecorder:
             sensed.write_camera(
                 parts.recording, name, camera.optical_frame, camera.intrinsics, self._sensors.frustum_length
             )
-        markers.write_belief(parts.recording)
         for body in self._bodies.values():
             write_body(parts.recording, body)
         parts.graph.write_shape()

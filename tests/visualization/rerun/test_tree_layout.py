@@ -25,10 +25,7 @@ def laid_out(tree):
 def test_no_two_labels_overlap(tree):
     sizes = LayoutParameters()
     labels, layout = laid_out(tree)
-    boxes = [
-        (*layout.centers[uid], (len(text) * sizes.character_width + sizes.label_padding) / 2)
-        for uid, text in labels.items()
-    ]
+    boxes = [(*layout.centers[uid], sizes.width(text) / 2) for uid, text in labels.items()]
     for i, (x, y, half) in enumerate(boxes):
         for other_x, other_y, other_half in boxes[:i]:
             assert abs(x - other_x) >= half + other_half or abs(y - other_y) >= sizes.row_height - 1e-6
@@ -39,11 +36,20 @@ def test_parents_stand_left_of_and_midway_between_their_outer_children(tree):
     _, layout = laid_out(tree)
     for node in tree.nodes:
         children = [layout.centers[child.uid] for child in tree.children(node.uid)]
-        if children:
+        if len(children) > 1:
             x, y = layout.centers[node.uid]
             assert abs(y - (children[0][1] + children[-1][1]) / 2) < 1e-6
             assert all(x < child_x for child_x, _ in children)
             assert [child_y for _, child_y in children] == sorted(child_y for _, child_y in children)
+
+
+def test_an_only_child_stands_right_below_its_parent_in_the_same_column():
+    nodes = [DescribedNode(0, "retry", "Retry", None), DescribedNode(1, "retry", "Retry", 0)]
+    nodes += [DescribedNode(2, "left", "Leaf", 1), DescribedNode(3, "right", "Leaf", 1)]
+    _, layout = laid_out(TreeDescription(nodes))
+    sizes = LayoutParameters()
+    dx, dy = (b - a for a, b in zip(layout.centers[0], layout.centers[1], strict=True))
+    assert (dx, dy) == (sizes.chain_indent, sizes.row_height)
 
 
 @given(trees())
@@ -52,7 +58,7 @@ def test_everything_lies_within_the_stated_size(tree):
     sizes = LayoutParameters()
     for uid, text in labels.items():
         x, y = layout.centers[uid]
-        half = (len(text) * sizes.character_width + sizes.label_padding) / 2
+        half = sizes.width(text) / 2
         assert half - 1e-6 <= x <= layout.size[0] - half + 1e-6
         assert sizes.row_height / 2 - 1e-6 <= y <= layout.size[1] - sizes.row_height / 2 + 1e-6
 
