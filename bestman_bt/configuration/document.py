@@ -15,19 +15,20 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 
 FieldPath = tuple[str | int, ...]
 
+_MAX_VALUES = 100_000  # aliases can make a short text mean more than a machine holds
+_BOOLEAN, _TIME, _FLOAT = (f"tag:yaml.org,2002:{name}" for name in ("bool", "timestamp", "float"))
+
 
 class _Loader(yaml.SafeLoader):
-    """Scalars as in YAML 1.2: only true and false are booleans (not on, off, yes, no), 1e-3 is a number."""
+    """Scalars as in YAML 1.2: only true and false are booleans, 1e-3 is a number, dates are text."""
 
 
 _Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if tag != "tag:yaml.org,2002:bool"]
+    first: [(tag, pattern) for tag, pattern in resolvers if tag not in (_BOOLEAN, _TIME)]
     for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
 }
-_Loader.add_implicit_resolver("tag:yaml.org,2002:bool", re.compile(r"^(?:true|false)$", re.IGNORECASE), list("tTfF"))
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+0123456789.")
-)
+_Loader.add_implicit_resolver(_BOOLEAN, re.compile(r"^(?:true|false)$", re.IGNORECASE), list("tTfF"))
+_Loader.add_implicit_resolver(_FLOAT, re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+0123456789."))
 
 
 @dataclass(frozen=True)
@@ -87,22 +88,22 @@ def read_document(path: Path) -> Document:
 
 def parse_document(text: str, source: str) -> Document:
     """Parse YAML text that holds a mapping; ``source`` names it in errors."""
-    loader = _Loader(text)
     problems: list[Problem] = []
     origins: dict[FieldPath, tuple[str, int | None]] = {}
     try:
+        loader = _Loader(text)
         root = loader.get_single_node()
         if root is not None:
             _record(root, (), source, origins, problems, set())
-        data = {} if root is None else loader.construct_document(root)
+        data = {} if root is None or problems else loader.construct_document(root)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else None
         raise ConfigurationError([Problem(source, line, "", f"is not YAML: {error.problem}")]) from error
     except yaml.YAMLError as error:
         raise ConfigurationError([Problem(source, None, "", f"is not YAML: {error}")]) from error
-    finally:
-        loader.dispose()
+    except RecursionError as error:
+        raise ConfigurationError([Problem(source, None, "", "is nested too deeply")]) from error
     if not isinstance(data, dict):
         problems.append(Problem(source, 1, "", f"should hold fields (name: value), got {type(data).__name__}"))
     if problems:
@@ -114,7 +115,7 @@ def parse_value(text: str) -> Any:
     """The value of a YAML text; ValueError when it is not YAML."""
     try:
         return yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, RecursionError) as error:
         raise ValueError(f"{text!r} is not YAML: {error}") from error
 
 
@@ -136,6 +137,10 @@ def _record(
 ) -> None:
     line = node.start_mark.line + 1
     origins.setdefault(path, (source, line))
+    if len(origins) > _MAX_VALUES:
+        if not problems:
+            problems.append(Problem(source, None, "", f"holds more than {_MAX_VALUES} values"))
+        return
     if id(node) in around:
         problems.append(Problem(source, line, dotted(path), "contains itself"))
         return

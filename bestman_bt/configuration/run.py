@@ -56,7 +56,7 @@ def load_run(
     choices = {"tree": tree, "scene": scene, "robot": robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}
     command_line = Document(dict(source), {(key,): (f"--{key} {value}", None) for key, value in source.items()})
-    document = with_default_algorithms(Document({})) if task is None else task_document(task)
+    document = with_default_algorithms(_nothing()) if task is None else task_document(task)
     document = document.merged(command_line)
     values = parse_settings(settings)
     inner = {kind: _below(values, kind) for kind in ("scene", "robot")}
@@ -108,6 +108,10 @@ def read_run(path: Path) -> RunConfig:
     run = check(document, RunConfig)
     check_task(document.below("task"))
     return run
+
+
+def _nothing() -> Document:
+    return Document({}, {(): ("command line", None)})
 
 
 def _below(values: Mapping[str, Any], kind: str) -> dict[str, Any]:

@@ -1,0 +1,86 @@
+"""YAML documents remember where their values were written, through merging too."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, parse_document, read_document
+
+BELOW = """\
+a: 1
+b:
+  c: [10, 20]
+  d: text
+"""
+ABOVE = """\
+b:
+  c: [30]
+e: new
+"""
+ALIASES = "a0: &a0 [1, 1, 1, 1]\n" + "".join(f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 12))
+
+
+def test_every_value_knows_its_line() -> None:
+    document = parse_document(BELOW, "below.yaml")
+    assert document.origin(("b", "c", 1)) == ("below.yaml", 3)
+    assert document.origin(("b", "d")) == ("below.yaml", 4)
+    assert document.origin(("b", "unknown")) == ("below.yaml", 2)
+
+
+def test_merging_keeps_values_below_and_the_origins_of_both() -> None:
+    merged = parse_document(BELOW, "below.yaml").merged(parse_document(ABOVE, "above.yaml"))
+    assert merged.data == {"a": 1, "b": {"c": [30], "d": "text"}, "e": "new"}
+    assert merged.origin(("b", "c", 0)) == ("above.yaml", 2)
+    assert merged.origin(("b", "d")) == ("below.yaml", 4)
+    assert merged.origin(("e",)) == ("above.yaml", 3)
+
+
+def test_merging_leaves_the_merged_documents_alone() -> None:
+    below, above = parse_document(BELOW, "below.yaml"), parse_document(ABOVE, "above.yaml")
+    below.merged(above).data["b"]["c"].append(99)
+    assert below.data["b"]["c"] == [10, 20]
+    assert above.data["b"]["c"] == [30]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a: [1\nb: 2\n", "x.yaml:2: is not YAML: expected ',' or ']', but got ':'"),
+        ("- a\n- b\n", "x.yaml:1: should hold fields (name: value), got list"),
+        ("a: 1\nb: 2\na: 3\n", "x.yaml:3: a: is given twice"),
+        ("[a, b]: 1\n", "x.yaml:1:"),
+        ("a: !!python/object/apply:os.system [true]\n", "x.yaml:1: is not YAML: could not determine a constructor"),
+        ("a: \x00\n", "x.yaml: is not YAML"),
+        ("a: &a [*a]\n", "x.yaml:1: a[0]: contains itself"),
+        ("a: " + "[" * 5000 + "]" * 5000 + "\n", "x.yaml: is nested too deeply"),
+        (ALIASES, "x.yaml: holds more than 100000 values"),
+    ],
+)
+def test_what_is_no_mapping_in_yaml_is_refused_with_its_line(text: str, message: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        parse_document(text, "x.yaml")
+    assert message in str(error.value)
+
+
+def test_words_are_not_taken_for_booleans() -> None:
+    document = parse_document("on: yes\nno: off\nflag: true\nday: 2026-11-21\n", "x.yaml")
+    assert document.data == {"on": "yes", "no": "off", "flag": True, "day": "2026-11-21"}
+
+
+def test_exponents_are_numbers_without_a_point_too() -> None:
+    assert parse_document("a: 1e-3\n", "x.yaml").data == {"a": 0.001}
+
+
+def test_a_file_that_is_not_text_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigurationError, match=r"x\.yaml: cannot be read"):
+        read_document(path)
+
+
+def test_an_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text("")
+    assert read_document(path).data == {}

@@ -1,0 +1,145 @@
+"""Tasks and runs: merged from files and the command line, dumped and read back unchanged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import (
+    ConfigurationError,
+    RunConfig,
+    algorithm_parameters,
+    dump_run,
+    load_run,
+    load_task,
+    read_run,
+    task_of_tree,
+)
+
+SETTINGS = (
+    "scene.finger_friction=0.05",
+    "scene.objects.cup=absent",
+    "robot.parts.lidar.set.beams=90",
+    "tolerances.position=3 cm",
+    "algorithms.motion_planning.max_iterations=500",
+)
+
+
+@pytest.fixture
+def run() -> RunConfig:
+    return load_run("fetch_cup", seed=7, settings=SETTINGS, plugins=["my_nodes.py"], record=True)
+
+
+def problems(**arguments: object) -> list[str]:
+    with pytest.raises(ConfigurationError) as error:
+        load_run(**arguments)  # type: ignore[arg-type]
+    return [str(problem) for problem in error.value.problems]
+
+
+def test_the_shipped_task_names_tree_scene_robot_and_goal() -> None:
+    task = load_task("fetch_cup")
+    assert (task.tree, task.scene, task.robot) == ("fetch_cup", "kitchen", "diff_panda")
+    assert task.goal is not None
+    assert (task.goal.object, task.goal.surface) == ("cup", "counter")
+    assert (task.tolerances.position, task.tolerances.tilt) == pytest.approx((0.02, math.radians(10)))
+    assert task.max_penetration == pytest.approx(0.002)
+
+
+def test_a_task_has_an_algorithm_for_every_slot_by_default() -> None:
+    task = load_task("fetch_cup")
+    assert task.algorithm("motion_planning") == ("rrt_connect", {})
+    with pytest.raises(KeyError, match="no algorithm is chosen for 'cooking'; there are .*motion_planning"):
+        task.algorithm("cooking")
+
+
+def test_settings_reach_task_scene_and_robot(run: RunConfig) -> None:
+    assert run.task.tolerances.position == pytest.approx(0.03)
+    assert run.task.algorithm("motion_planning") == ("rrt_connect", {"max_iterations": 500})
+    assert run.scene_settings == {"finger_friction": 0.05, "objects.cup": "absent"}
+    assert run.robot_settings == {"parts.lidar.set.beams": 90}
+    assert (run.name, run.seed, run.record, run.task.plugins) == ("fetch_cup", 7, True, ("my_nodes.py",))
+
+
+def test_a_dumped_run_is_read_back_unchanged(run: RunConfig, tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(dump_run(run), encoding="utf-8")
+    again = read_run(path)
+    assert again == run
+    assert dump_run(again) == dump_run(run)
+
+
+def test_the_command_line_replaces_what_the_task_names() -> None:
+    run = load_run("fetch_cup", scene="kitchen_without_cup")
+    assert (run.task.scene, run.task.robot) == ("kitchen_without_cup", "diff_panda")
+
+
+def test_without_a_task_tree_scene_and_robot_are_enough() -> None:
+    run = load_run(tree="fetch_cup", scene="kitchen", robot="diff_panda")
+    assert (run.name, run.task.goal, run.task.predicate) == ("fetch_cup", None, None)
+    assert problems(tree="fetch_cup", scene="kitchen") == ["command line: robot: is missing"]
+
+
+def test_a_trees_default_task_is_the_one_that_names_it() -> None:
+    assert task_of_tree("fetch_cup") == "fetch_cup"
+    assert task_of_tree("trees/fetch_cup.xml") == "fetch_cup"
+    assert task_of_tree("no_such_tree") is None
+
+
+def test_another_algorithm_in_a_slot_does_not_inherit_parameters(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    base = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\nalgorithms:\n  motion_planning: "
+    path.write_text(base + "{algorithm: prm, neighbours: 5}\n")
+    task = load_run(path).task
+    assert task.algorithm("motion_planning") == ("prm", {"neighbours": 5})
+    assert task.algorithm("kinematics")[0] == "damped_least_squares"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"task": "fetch_cip"}, "unknown task 'fetch_cip'; did you mean 'fetch_cup'?"),
+        ({"task": "fetch_cup", "scene": "kichen"}, "--scene kichen: scene: unknown scene 'kichen'; did you mean"),
+        ({"task": "fetch_cup", "robot": "diff_pand"}, "--robot diff_pand: robot: unknown robot 'diff_pand'; did you"),
+        ({"task": "fetch_cup", "tree": "fetch_cop"}, "--tree fetch_cop: tree: unknown tree 'fetch_cop'; did you mean"),
+        ({"task": "fetch_cup", "tree": "/nowhere/x.xml"}, "tree: no such tree file: /nowhere/x.xml"),
+        ({"task": "fetch_cup", "seed": "seven"}, "--seed seven: seed: should be a valid integer, got 'seven'"),
+        ({"task": "fetch_cup", "seed": -1}, "--seed -1: seed: should be greater than or equal to 0"),
+        ({"task": "fetch_cup", "settings": ["tick_rat=3"]}, "--set tick_rat=3: unknown key 'tick_rat'; did you mean"),
+        ({"task": "fetch_cup", "settings": ["tick_rate"]}, "--set tick_rate: should have the form key=value"),
+        ({"task": "fetch_cup", "settings": ["tick_rate=[1"]}, "--set tick_rate=[1: '[1' is not YAML"),
+        ({"task": "fetch_cup", "settings": ["tick_rate=3 kg"]}, "tick_rate: expected a frequency in Hz (Hz, kHz)"),
+        (
+            {"task": "fetch_cup", "settings": ["algorithms.motion_plannin.a=1"]},
+            "unknown key 'algorithms.motion_plannin'; did you mean 'motion_planning'?",
+        ),
+    ],
+)
+def test_bad_input_is_refused_with_the_remedy(arguments: dict[str, object], message: str) -> None:
+    (problem,) = problems(**arguments)
+    assert message in problem
+
+
+def test_a_slot_without_an_algorithm_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\nalgorithms: {cooking: {heat: 3}}\n")
+    found = problems(task=path)
+    assert found == [f"{path}:4: algorithms.cooking: 'algorithm' is missing: the name of the algorithm"]
+
+
+def test_parameters_of_an_algorithm_are_checked_against_its_dataclass() -> None:
+    @dataclass(frozen=True)
+    class Parameters:
+        iterations: int = 100
+        step: float = 0.1
+
+    assert algorithm_parameters("motion_planning", {"step": 0.2}, Parameters) == Parameters(step=0.2)
+    with pytest.raises(ConfigurationError) as error:
+        algorithm_parameters("motion_planning", {"stepp": 0.2, "iterations": "many"}, Parameters)
+    assert [str(problem) for problem in error.value.problems] == [
+        "algorithms.motion_planning: stepp: unknown field; did you mean 'step'?",
+        "algorithms.motion_planning: iterations: should be a valid integer, unable to parse string as an integer, "
+        "got 'many'",
+    ]
