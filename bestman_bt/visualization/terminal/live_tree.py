@@ -53,16 +53,16 @@ class LiveTree:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         height = options.height or console.height
-        events = len(self._recent) + 1 if self._recent else 0
-        lines = max(FEWEST_TREE_LINES, height - HEADER_LINES - events)
+        room_for_events = max(0, height - HEADER_LINES - FEWEST_TREE_LINES - 1)
+        events = list(self._recent)[-room_for_events:] if room_for_events else []
         yield self._header()
         yield Text("")
-        for line in self._tree_lines(lines):
+        for line in self._tree_lines(height - HEADER_LINES - (len(events) + 1 if events else 0)):
             line.truncate(options.max_width, overflow="ellipsis")
             yield line
-        if self._recent:
+        if events:
             yield Text("─" * min(options.max_width, 60), style="dim")
-            for event in self._recent:
+            for event in events:
                 line = Text(str(event), style=_style(LOOKS[event.state]))
                 line.truncate(options.max_width, overflow="ellipsis")
                 yield line
@@ -79,6 +79,7 @@ class LiveTree:
     def _tree_lines(self, lines: int) -> list[Text]:
         folded = folded_nodes(self._tree, self._states, lines)
         rows = list(self._rows(folded))
+        lines = max(1, lines)
         if len(rows) <= lines:
             return [text for _, text in rows]
         running = [i for i, (node, _) in enumerate(rows) if self._states.state(node.uid) == RUNNING]
@@ -99,7 +100,8 @@ class LiveTree:
 
     def _row(self, node: DescribedNode, branch: str, is_folded: bool) -> Text:
         look, state = self._states.look(node.uid), self._states.state(node.uid)
-        row = Text(branch, style="dim", no_wrap=True, overflow="ellipsis")
+        row = Text(no_wrap=True, overflow="ellipsis")
+        row.append(branch, style="dim")
         row.append(f"{look.icon} {node_label(node)}", style=_style(look) + (" bold" if state == RUNNING else ""))
         if is_folded:
             row.append(f"  … {hidden_count(self._tree, node.uid)} nodes", style="dim")
@@ -111,4 +113,4 @@ class LiveTree:
 
 def _style(look: NodeLook) -> str:
     red, green, blue = look.color
-    return f"not dim rgb({red},{green},{blue})"
+    return f"rgb({red},{green},{blue})"

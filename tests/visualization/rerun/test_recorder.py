@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import time
 
 import cv2
 import numpy as np
@@ -150,9 +151,8 @@ def test_a_pose_is_a_labelled_triad_until_it_is_cleared(record, recorded):
     assert [row["sim_time"] for row in run.rows("/world/markers/grasp_1") if row.get("Clear:is_recursive")] == [2.0]
 
 
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
 def test_what_was_recorded_is_on_disk_before_the_recording_is_closed(record, tmp_path):
-    import time
-
     from rerun.chunk import RrdReader
 
     with record() as recorder:
