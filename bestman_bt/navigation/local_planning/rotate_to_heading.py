@@ -19,7 +19,7 @@ class RotateToHeadingParameters:
     max_speed: float = 1.2
     acceleration: float = 1.5
     gain: float = 3.0
-    tolerance: float = 0.006
+    tolerance: float = 0.004
     still: float = 0.03
 
 

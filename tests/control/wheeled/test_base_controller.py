@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
+from bestman_bt.scene import draw_world, load_scene, semantic_map
+from bestman_bt.world_model import SemanticMap
+
+
+def stand_pose(simulated, furniture: str) -> Pose2D:
+    """6 cm in front of where the map has a piece of furniture."""
+    piece = simulated.world.map.furniture[furniture]
+    return piece.pose @ Pose2D(-piece.footprint[0] / 2 - 0.28 - 0.06, 0.05, 0.0)
+
+
+def drive_to(simulated, goal: Pose2D, each=None):
+    costmap = Costmap.from_map(simulated.world.map, Footprint(np.array(simulated.base.description.footprint)))
+    path = GridAStar().plan(simulated.world.base.pose, goal, costmap)
+    return simulated.wait(simulated.base.follow(path), each=each)
+
+
+def difference(pose: Pose2D, truth: Pose2D) -> tuple[float, float]:
+    return pose.distance_to(truth), abs(wrap_angle(pose.theta - truth.theta))
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_the_base_drives_to_the_table_without_touching_anything_and_knows_where_it_is(simulate, seed):
+    simulated = simulate(seed)
+    start, odometry_start = simulated.true_pose, simulated.robot.parts["base"].odometry()
+    estimates = []
+    handle = drive_to(
+        simulated,
+        stand_pose(simulated, "table"),
+        each=lambda: estimates.append(difference(simulated.world.base.pose, simulated.true_pose)),
+    )
+    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    position, heading = difference(simulated.true_pose, stand_pose(simulated, "table"))
+    assert position < 0.01
+    assert heading < math.radians(0.7)
+    assert np.max(estimates, axis=0)[0] < 0.01
+    assert np.percentile(estimates, 95, axis=0)[1] < math.radians(0.5)
+    assert simulated.touched() == []
+    moved = odometry_start.inverse() @ simulated.robot.parts["base"].odometry()
+    drift, _ = difference(start @ moved, simulated.true_pose)
+    assert drift > 2 * difference(simulated.world.base.pose, simulated.true_pose)[0]
+
+
+def test_from_the_table_the_base_backs_out_and_drives_to_the_counter(simulate):
+    world = draw_world(load_scene("kitchen"), 1)
+    table = world.furniture[0].actual
+    simulated = simulate(1, replace(world, robot_start=table @ Pose2D(-0.4 - 0.28 - 0.06, 0.0, 0.0)))
+    handle = drive_to(simulated, stand_pose(simulated, "counter"))
+    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    position, heading = difference(simulated.true_pose, stand_pose(simulated, "counter"))
+    assert position < 0.01
+    assert heading < math.radians(0.7)
+    assert simulated.touched() == []
+
+
+def test_equal_seeds_end_at_the_same_pose_to_the_last_bit(simulate):
+    ends = []
+    for _ in range(2):
+        simulated = simulate(3)
+        simulated.wait(simulated.base.drive(0.5))
+        ends.append((simulated.true_pose, simulated.world.base))
+    assert ends[0] == ends[1]
+
+
+def test_the_base_turns_to_a_heading_and_drives_back(simulate):
+    simulated = simulate(1)
+    turned = simulated.wait(simulated.base.rotate_to(2.0))
+    assert turned.status is ControlStatus.SUCCEEDED, turned.error
+    assert simulated.true_pose.theta == pytest.approx(2.0, abs=math.radians(0.7))
+    before = simulated.true_pose
+    back = simulated.wait(simulated.base.drive(-0.3))
+    assert back.status is ControlStatus.SUCCEEDED, back.error
+    moved = before.inverse() @ simulated.true_pose
+    assert moved.x == pytest.approx(-0.3, abs=0.01)
+    assert abs(moved.y) < 0.01
+
+
+def test_parking_ends_at_rest_with_the_believed_pose_as_result(simulate):
+    simulated = simulate(1)
+    driving = simulated.base.drive(1.0)
+    simulated.robot.clock.sleep(1.0)
+    parked = simulated.wait(simulated.base.park())
+    assert driving.status is ControlStatus.CANCELED
+    assert driving.error.code is ControlErrorCode.SUPERSEDED
+    assert parked.result == simulated.world.base
+    before = simulated.true_pose
+    simulated.robot.clock.sleep(0.5)
+    assert difference(before, simulated.true_pose)[0] < 1e-4
+
+
+@pytest.mark.parametrize("how", ["cancel", "stop"])
+def test_an_action_that_is_cancelled_or_stopped_leaves_the_base_at_rest_within_half_a_second(simulate, how):
+    simulated = simulate(1)
+    handle = simulated.base.drive(1.5)
+    simulated.robot.clock.sleep(1.5)
+    assert simulated.robot.parts["base"].velocity().vx > 0.3
+    if how == "cancel":
+        handle.cancel()
+    else:
+        simulated.base.stop()
+    assert handle.status is ControlStatus.CANCELED
+    simulated.robot.clock.sleep(0.5)
+    before = simulated.true_pose
+    simulated.robot.clock.sleep(0.5)
+    assert difference(before, simulated.true_pose)[0] < 0.002
+
+
+def test_a_stop_of_the_robot_cancels_the_action(simulate):
+    simulated = simulate(1)
+    handle = simulated.base.drive(1.5)
+    simulated.robot.clock.sleep(1.0)
+    simulated.robot.stop()
+    simulated.robot.clock.sleep(0.1)
+    assert handle.status is ControlStatus.CANCELED
+    assert handle.error.code is ControlErrorCode.STOPPED
+
+
+def test_a_wall_in_the_way_is_reported_as_blocked(simulate):
+    world = draw_world(load_scene("kitchen"), 1)
+    simulated = simulate(1, replace(world, robot_start=Pose2D(-2.9, 0.0, math.pi)))
+    handle = simulated.wait(simulated.base.drive(1.0), limit=15.0)
+    assert handle.status is ControlStatus.FAILED
+    assert handle.error.code is ControlErrorCode.BLOCKED
+
+
+def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
+    world = draw_world(load_scene("kitchen"), 1)
+    elsewhere = SemanticMap(semantic_map(world).walls @ np.diag([0.7, 1.6, 0.7, 1.6]), {})
+    simulated = simulate(1, world, elsewhere)
+    handle = simulated.wait(simulated.base.drive(2.0), limit=15.0)
+    assert handle.status is ControlStatus.FAILED
+    assert handle.error.code is ControlErrorCode.LOST
