@@ -23,8 +23,9 @@ from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
-from bestman_bt.engine.loading import MAX_NODES, Builder, Place
+from bestman_bt.engine.loading import MAX_NODES, Builder
 from bestman_bt.engine.node import Node
+from bestman_bt.engine.place import Place
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.tree import Tree
@@ -32,6 +33,7 @@ from bestman_bt.engine.xml.checking import check_values
 from bestman_bt.engine.xml.elements import MAX_DEPTH
 
 if TYPE_CHECKING:
+    from bestman_bt.engine.registry import NodeInfo
     from bestman_bt.engine.substitution import SubstitutionRules
 
 _SUBTREE_RESERVED = frozenset(("name", "ID"))
@@ -59,7 +61,7 @@ def build_tree(
     tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=tree_id, context=context, clock=clock)
     tree.file = file
     adopter = _Adopter(tree, [], None, substitutions)
-    node = adopter.adopt(root, Place(board, "", "", (tree_id,)))
+    node = adopter.adopt(root, Place(tree, board, "", (tree_id,), file))
     adopter.finish(node)
     node.parent = None
     return tree
@@ -102,43 +104,32 @@ def load_python_tree(path: Path) -> Node:
 class _Adopter(Builder):
     """Takes nodes that exist already into the tree."""
 
-    def adopt(self, behaviour: Behaviour, place: Place) -> Node:
+    def adopt(self, behaviour: Behaviour, place: Place, depth: int = 1) -> Node:
         node = behaviour if isinstance(behaviour, Node) else PyTreesBehaviour(behaviour)
-        file = self.tree.file
-        if node.tree is not None:
-            self._report(node, file, f"'{node.name}' is part of a tree already; make a new node")
+        if node.place is not None:
+            self._report(node, f"'{node.name}' is part of a tree already; make a new node")
             raise TreeLoadError(self.problems)
         info = self.tree.registry.info_of_class(type(node))
         node.attributes = {_port_name(key): value for key, value in node.attributes.items()}
-        if info.kind != "SubTree":
-            self._check(node, info, file)
-        existing = list(node.children)
         failed = len(self.problems)
-        node = self.install(node, info, place, file)
-        self.depth += 1
-        if self.depth > MAX_DEPTH or len(self.tree.nodes) > MAX_NODES:
-            self._report(node, file, f"it is nested deeper than {MAX_DEPTH}, or there are more than {MAX_NODES} nodes")
-            raise TreeLoadError(self.problems)
-        if isinstance(node, PyTreesBehaviour):
-            pass
-        elif isinstance(node, SubTree):
-            inner = self._enter(node, place, file)
-            self._take(node, existing, inner)
-        else:
-            self._take(node, existing, place)
-        self.depth -= 1
+        if info.kind != "SubTree":
+            self._check(node, info)
+        existing = list(node.children)
+        node = self.install(node, info, place)
+        if len(self.tree.nodes) > MAX_NODES or depth > MAX_DEPTH:
+            self._refuse_size(node)
+        if not isinstance(node, PyTreesBehaviour):
+            inner = self._enter(node, place) if isinstance(node, SubTree) else place
+            node.children = [self.adopt(child, inner, depth + 1) for child in existing]
+            for child in node.children:
+                child.parent = node
         if len(self.problems) == failed:
-            self._load(node, file)
+            self._load(node)
         return node
 
-    def _take(self, node: Node, children: list[Behaviour], place: Place) -> None:
-        node.children = [self.adopt(child, place) for child in children]
-        for child in node.children:
-            child.parent = node
-
-    def _check(self, node: Node, info: Any, file: str) -> None:
+    def _check(self, node: Node, info: NodeInfo) -> None:
         def report(field: str, message: str, suggestion: str) -> None:
-            self.problems.append(Problem(file, node.line, node.name, field, message, suggestion))
+            self.problems.append(Problem(self.tree.file, 0, node.name, field, message, suggestion))
 
         count = len(node.children)
         if not isinstance(node, PyTreesBehaviour) and (
@@ -148,13 +139,13 @@ class _Adopter(Builder):
             report("", f"it has {count} children but needs {wanted}", "")
         check_values(info, node.attributes, self.tree.registry, self.tree.compiler, report)
 
-    def _enter(self, node: SubTree, place: Place, file: str) -> Place:
+    def _enter(self, node: SubTree, place: Place) -> Place:
         if node.tree_id in place.ancestors:
-            self._report(node, file, f"the tree '{node.tree_id}' contains itself")
+            self._report(node, f"the tree '{node.tree_id}' contains itself")
             raise TreeLoadError(self.problems)
         ports = {k: v for k, v in node.attributes.items() if k[0] != "_" and k not in _SUBTREE_RESERVED}
         autoremap = node.attributes.get("_autoremap") in (True, "true", "1")
-        return self.enter(node, node.tree_id, node.named, ports, autoremap, place, file)
+        return self.enter(node, node.named, ports, autoremap, place, self.tree.file)
 
 
 def _port_name(key: str) -> str:

@@ -21,7 +21,7 @@ from bestman_bt.engine.status import STATUS_NAMES, NodeStatus
 
 Converter = Callable[[str], Any]
 
-_INTEGER = re.compile(r"[+-]?\d+$")
+_INTEGER = re.compile(r"[+-]?\d{1,40}$")
 _REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _TRUE = frozenset(("1", "true", "TRUE", "True"))
 _FALSE = frozenset(("0", "false", "FALSE", "False"))

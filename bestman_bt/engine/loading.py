@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Any
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.conversion import number_from_text
+from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, TreeLoadError
 from bestman_bt.engine.node import Conditions, Node
+from bestman_bt.engine.place import Place
 from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.tree import Tree
 from bestman_bt.engine.xml.checking import PRE_CONDITIONS, Checker
 from bestman_bt.engine.xml.documents import Documents, read_documents
-from bestman_bt.engine.xml.elements import MAX_DEPTH, Element
+from bestman_bt.engine.xml.elements import MAX_DEPTH, NO_CHILDREN, Element
 
 if TYPE_CHECKING:
     from bestman_bt.engine.substitution import SubstitutionRules
@@ -68,20 +70,33 @@ def load_tree(
             )  # fmt: skip
     registry = registry or NodeRegistry()
     with _without_garbage_collection():
-        documents = read_documents(source, search_path)
-        compiler = ScriptCompiler(registry.enums)
-        check_documents(documents, registry, compiler)
-        main = main_tree_of(documents, main_tree)
-        _raise_if_any(documents.problems)
-        assert main is not None
-        board = blackboard or Blackboard(main, converters=registry.converters)
-        tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
-        tree.file = documents.file
-        tree.source = documents.source
-        builder = Builder(tree, documents.problems, documents, substitutions)
-        definition = documents.trees[main]
-        root = builder.build(definition.element.children[0], definition.file, Place(board, "", "", (main,)))
-        builder.finish(root)
+        return _load_xml(source, registry, context, clock, main_tree, blackboard, search_path, substitutions)
+
+
+def _load_xml(
+    source: str | Path,
+    registry: NodeRegistry,
+    context: Any,
+    clock: Clock | None,
+    main_tree: str | None,
+    blackboard: Blackboard | None,
+    search_path: Iterable[Path],
+    substitutions: SubstitutionRules | None,
+) -> Tree:
+    documents = read_documents(source, search_path)
+    compiler = ScriptCompiler(registry.enums)
+    check_documents(documents, registry, compiler)
+    main = main_tree_of(documents, main_tree)
+    _raise_if_any(documents.problems)
+    assert main is not None
+    board = blackboard or Blackboard(main, converters=registry.converters)
+    tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
+    tree.file = documents.file
+    tree.source = documents.source
+    builder = Builder(tree, documents.problems, documents, substitutions)
+    definition = documents.trees[main]
+    root = builder.build(definition.element.children[0], Place(tree, board, "", (main,), definition.file))
+    builder.finish(root)
     return tree
 
 
@@ -132,18 +147,6 @@ def _without_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-class Place:
-    """Where nodes are being built: their blackboard, the prefix of their paths, and the trees around them."""
-
-    __slots__ = ("ancestors", "board", "path", "prefix")
-
-    def __init__(self, board: Blackboard, prefix: str, path: str, ancestors: tuple[str, ...]) -> None:
-        self.board = board
-        self.prefix = prefix
-        self.path = path
-        self.ancestors = ancestors
-
-
 class Builder:
     """Makes the nodes of one tree, in construction order."""
 
@@ -158,7 +161,6 @@ class Builder:
         self.problems = problems
         self.documents = documents
         self.substitutions = substitutions
-        self.depth = 0
 
     def finish(self, root: Node | None) -> None:
         """Hand the root over to the tree.
@@ -168,83 +170,87 @@ class Builder:
         """
         _raise_if_any(self.problems)
         assert root is not None
+        self.tree.compiler.forget()
         self.tree.complete(root)
 
-    def build(self, element: Element, file: str, place: Place) -> Node:
+    def build(self, element: Element, place: Place, depth: int = 1) -> Node:
         """Make the node of an element and all below it."""
         info: NodeInfo = element.info
         attributes: dict[str, Any] = element.attributes
-        if element.tag == "SubTree":
-            default_name = attributes["ID"]
-        else:
-            default_name = info.name
-        name = attributes.get("name", default_name)
         cls = info.cls
         node: Node
-        if info.custom_init and info.kind != "SubTree":
-            node = cls(name=name)
+        if info.custom_init:
+            node = cls(name=attributes.get("name", info.name))
             node.attributes = attributes
+            node.children = []
         else:
             node = cls.__new__(cls)
-            node.name = name
+            node.name = attributes.get("name", info.name)
             node._s = 0
             node.attributes = attributes
-            node.conditions = None
+            node.children = NO_CHILDREN
+            node.conditions = node.hooks = node._readers = node._writers = node.parent = None
+        node.info = info
+        node.place = place
         node.line = element.line
-        if info.kind == "SubTree":
-            node.tree_id = default_name  # type: ignore[attr-defined]
-        node = self.install(node, info, place, file)
-        node.children = []
-        if len(self.tree.nodes) > MAX_NODES:
-            self._report(node, file, f"the tree has more than {MAX_NODES} nodes")
-            raise TreeLoadError(self.problems)
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            self._report(node, file, f"nodes are nested deeper than {MAX_DEPTH}, SubTrees included")
-            raise TreeLoadError(self.problems)
-        if node.info is not None and node.info.kind == "SubTree":
-            self._build_subtree(node, element, file, place)
-        elif element.children:
-            children = [self.build(child, file, place) for child in element.children]
-            node.children.extend(children)
+        nodes = self.tree.nodes
+        node.uid = len(nodes) + 1
+        if self.substitutions is not None:
+            node = self.substitutions.replace(node, self.tree)
+            attributes = node.attributes
+        nodes.append(node)
+        if node.uid > MAX_NODES or depth > MAX_DEPTH:
+            self._refuse_size(node)
+        entries = element.entries
+        if entries is not None:
+            board = place.board
+            for port, key, data_type in entries:
+                try:
+                    board.slot(key).declare(data_type)
+                except BlackboardError as error:
+                    self._report(node, str(error), port)
+        if element.scripts:
+            self._compile_conditions(node)
+        if element.children:
+            children = [self.build(child, place, depth + 1) for child in element.children]
+            node.children = [*children]
             for child in children:
                 child.parent = node
-        self.depth -= 1
+        elif info.kind == "SubTree" and isinstance(node, SubTree):
+            self._build_subtree(node, element, place, depth)
         if info.custom_load or node.info is not info:
-            self._load(node, file)
+            self._load(node)
         return node
 
-    def install(self, node: Node, info: NodeInfo, place: Place, file: str) -> Node:
-        """Give a node its number, blackboard, scripts and declared entries; a substitution may replace it."""
-        tree = self.tree
-        nodes = tree.nodes
+    def install(self, node: Node, info: NodeInfo, place: Place) -> Node:
+        """Give a node that exists already its number, place, entries and scripts; a substitution may replace it."""
         node.info = info
-        node.uid = len(nodes) + 1
-        node.tree = tree
-        node.board = board = place.board
-        node.prefix = place.prefix
-        node.file = file
+        node.place = place
+        node.uid = len(self.tree.nodes) + 1
         if self.substitutions is not None:
-            node = self.substitutions.replace(node, tree)
-        nodes.append(node)
-        attributes = node.attributes
-        ports = info.ports
+            node = self.substitutions.replace(node, self.tree)
+        self.tree.nodes.append(node)
         has_scripts = False
-        for key, value in attributes.items():
-            if key[0] == "_":
-                has_scripts = True
-            elif key in ports:
-                entry = key_of(value, key)
-                if entry is not None:
-                    try:
-                        board.slot(entry).declare(ports[key].data_type)
-                    except BlackboardError as error:
-                        self._report(node, file, str(error), key)
+        for port, value in node.attributes.items():
+            has_scripts = has_scripts or port[0] == "_"
+            key = key_of(value, port) if port in info.ports else None
+            if key is not None:
+                try:
+                    place.board.slot(key).declare(info.ports[port].data_type)
+                except BlackboardError as error:
+                    self._report(node, str(error), port)
         if has_scripts:
-            self._compile_conditions(node, file)
+            self._compile_conditions(node)
         return node
 
-    def _compile_conditions(self, node: Node, file: str) -> None:
+    def _refuse_size(self, node: Node) -> None:
+        if node.uid > MAX_NODES:
+            self._report(node, f"the tree has more than {MAX_NODES} nodes")
+        else:
+            self._report(node, f"nodes are nested deeper than {MAX_DEPTH}, SubTrees included")
+        raise TreeLoadError(self.problems)
+
+    def _compile_conditions(self, node: Node) -> None:
         compiler, board, attributes = self.tree.compiler, node.board, node.attributes
         conditions = Conditions()
         found = False
@@ -259,77 +265,69 @@ class Builder:
                     setattr(conditions, _FIELDS[kind], script)
                     found = True
         except EngineError as error:
-            self._report(node, file, str(error), kind)
+            self._report(node, str(error), kind)
         if found:
             node.conditions = conditions
 
-    def _load(self, node: Node, file: str) -> None:
+    def _load(self, node: Node) -> None:
         try:
             node.on_load()
         except TreeLoadError:
             raise
         except (EngineError, ValueError, KeyError, TypeError) as error:
             reason = error.reason if hasattr(error, "reason") else str(error)
-            self._report(node, file, str(reason))
+            self._report(node, str(reason))
 
-    def _report(self, node: Node, file: str, message: str, field: str = "") -> None:
+    def _report(self, node: Node, message: str, field: str = "") -> None:
+        file = self.tree.file if node.place is None else node.place.file
         self.problems.append(Problem(file, node.line, node.type_id, field, message))
 
-    def _build_subtree(self, node: Node, element: Element, file: str, place: Place) -> None:
+    def _build_subtree(self, node: SubTree, element: Element, place: Place, depth: int) -> None:
         assert self.documents is not None
-        tree_id = element.attributes["ID"]
+        attributes = element.attributes
+        tree_id = node.tree_id = attributes["ID"]
+        node.name = attributes.get("name", tree_id)
         if tree_id in place.ancestors:
             route = " -> ".join((*place.ancestors, tree_id))
-            self._report(node, file, f"the trees call each other in a circle: {route}", "ID")
+            self._report(node, f"the trees call each other in a circle: {route}", "ID")
             raise TreeLoadError(self.problems)
         definition = self.documents.trees[tree_id]
-        ports = {k: v for k, v in element.attributes.items() if k[0] != "_" and k not in _RESERVED}
-        autoremap = element.attributes.get("_autoremap") in _TRUE
+        ports = {k: v for k, v in attributes.items() if k[0] != "_" and k not in _RESERVED}
+        autoremap = attributes.get("_autoremap") in _TRUE
         if not autoremap:
             for port in self.documents.models.get(tree_id, {}).values():
                 if port.default is not None:
                     ports.setdefault(port.name, port.default)
-        inner = self.enter(node, tree_id, "name" in element.attributes, ports, autoremap, place, file)
-        child = self.build(definition.element.children[0], definition.file, inner)
-        node.children.append(child)
+        inner = self.enter(node, "name" in attributes, ports, autoremap, place, definition.file)
+        child = self.build(definition.element.children[0], inner, depth + 1)
+        node.children = [child]
         child.parent = node
 
     def enter(
-        self,
-        node: Node,
-        tree_id: str,
-        named: bool,
-        ports: dict[str, Any],
-        autoremap: bool,
-        place: Place,
-        file: str,
+        self, node: SubTree, named: bool, ports: dict[str, Any], autoremap: bool, place: Place, file: str
     ) -> Place:
         """Make the blackboard of a SubTree and return the place inside it."""
-        step = node.name if named else f"{tree_id}::{node.uid}"
-        path = f"{place.path}/{step}" if place.path else step
+        step = node.name if named else f"{node.tree_id}::{node.uid}"
+        path = place.prefix + step
         if path in self.tree.blackboards:
-            self._report(
-                node, file, f"there are two SubTrees with the path '{path}'; give them different names", "name"
-            )
+            self._report(node, f"there are two SubTrees with the path '{path}'; give them different names", "name")
         remapping: dict[str, str] = {}
         literals: dict[str, Any] = {}
         for port, value in ports.items():
             key = key_of(value, port)
             if key is None:
                 literals[port] = number_from_text(value) if isinstance(value, str) else value
+            elif key == "@" or key.count("@") > 1:
+                self._report(node, f"'{key}' is not a key", port)
             else:
                 remapping[port] = key
         board = place.board.child(path, remapping, autoremap=autoremap)
         for port, value in literals.items():
             board.local_slot(port).assign(value)
-        for port, key in remapping.items():
-            if key.startswith("@") and key.count("@") > 1:
-                self._report(node, file, f"'{key}' is not a key", port)
         self.tree.blackboards[path] = board
-        self.tree.subtree_ids[path] = tree_id
-        if hasattr(node, "subtree_path"):
-            node.subtree_path = path
-        return Place(board, f"{path}/", path, (*place.ancestors, tree_id))
+        self.tree.subtree_ids[path] = node.tree_id
+        node.subtree_path = path
+        return Place(self.tree, board, path, (*place.ancestors, node.tree_id), file)
 
 
 _FIELDS = {"_onSuccess": "on_success", "_onFailure": "on_failure", "_onHalted": "on_halted", "_post": "post"}

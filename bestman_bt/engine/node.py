@@ -37,6 +37,7 @@ from bestman_bt.engine.status import (
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard
     from bestman_bt.engine.clock import Clock
+    from bestman_bt.engine.place import Place
     from bestman_bt.engine.registry import NodeInfo
     from bestman_bt.engine.tree import Tree
 
@@ -85,7 +86,27 @@ class Node(_Base):
     State that a node needs is made in ``on_load``, when ports and context are there.
     """
 
-    __slots__ = ("_s", "conditions", "core", "ev", "log", "only", "pairs", "run")
+    __slots__ = (
+        "_readers",
+        "_s",
+        "_writers",
+        "attributes",
+        "children",
+        "conditions",
+        "core",
+        "ev",
+        "hooks",
+        "info",
+        "line",
+        "log",
+        "name",
+        "only",
+        "pairs",
+        "parent",
+        "place",
+        "run",
+        "uid",
+    )
 
     INPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
     OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {}
@@ -107,21 +128,18 @@ class Node(_Base):
     only: tuple[Tick, Node]
     conditions: Conditions | None
 
-    uid: int = 0
-    tree: Tree | None = None
-    info: NodeInfo | None = None
-    board: Blackboard
-    prefix: str = ""
-    line: int = 0
-    file: str = ""
+    uid: int
+    place: Place | None
+    info: NodeInfo | None
+    line: int
     attributes: dict[str, Any]
-    hooks: Hooks | None = None
-    _readers: dict[str, Callable[[], Any]] | None = None
-    _writers: dict[str, Callable[[Any], None]] | None = None
+    hooks: Hooks | None
+    _readers: dict[str, Callable[[], Any]] | None
+    _writers: dict[str, Callable[[Any], None]] | None
 
     # py_trees' own attributes. Those that cost time or memory are made when somebody reads them.
     children: list[Behaviour]
-    parent: Behaviour | None = None
+    parent: Behaviour | None
     feedback_message: str = ""
     blackbox_level: BlackBoxLevel = BlackBoxLevel.NOT_A_BLACKBOX
     if not TYPE_CHECKING:
@@ -146,7 +164,9 @@ class Node(_Base):
         self._s = 0
         self.attributes = attributes
         self.children = children
-        self.conditions = None
+        self.conditions = self.hooks = self._readers = self._writers = None
+        self.parent = self.place = self.info = None
+        self.uid = self.line = 0
         for child in children:
             child.parent = self
 
@@ -165,11 +185,31 @@ class Node(_Base):
         self.reset_status()
 
     @property
+    def tree(self) -> Tree | None:
+        """The tree that this node belongs to, once it is loaded."""
+        place = self.place
+        return None if place is None else place.tree
+
+    @property
     def owner(self) -> Tree:
-        """The tree that this node belongs to."""
-        if self.tree is None:
+        """The tree that this node belongs to.
+
+        Raises:
+            NodeError: the node is not part of a tree yet.
+        """
+        return self._place.tree
+
+    @property
+    def board(self) -> Blackboard:
+        """The blackboard of the SubTree that this node belongs to."""
+        return self._place.board
+
+    @property
+    def _place(self) -> Place:
+        place = self.place
+        if place is None:
             raise NodeError("the node is not part of a tree yet; build one with build_tree()", node=self.name)
-        return self.tree
+        return place
 
     @property
     def context(self) -> Any:
@@ -227,7 +267,8 @@ class Node(_Base):
     def full_path(self) -> str:
         """Return the path: the SubTrees on the way, then the name (with ``::uid`` where it is the type's)."""
         suffix = f"::{self.uid}" if self.name == self.type_id and self.uid else ""
-        return self.prefix + self.name + suffix
+        prefix = "" if self.place is None else self.place.prefix
+        return prefix + self.name + suffix
 
     # ---- the two statuses
 
@@ -323,6 +364,10 @@ class Node(_Base):
             visited: receives every node that was ticked, for py_trees' visitors; None without them.
         """
         self.log = log
+        if log is None and visited is None and self.hooks is None and self.conditions is None:
+            self.bind_children(None)
+            self.run = self.bound(self.tick_bare or self.on_tick)
+            return
         fast = self.tick_bare if log is None else self.tick_traced
         core: Tick = self.on_tick if fast is None else fast
         if log is not None:

@@ -181,6 +181,6 @@ def make_info(name: str, cls: type[Node], converters: ConverterRegistry, *, buil
         min_children=low,
         max_children=high,
         builtin=builtin,
-        custom_init=cls.__init__ is not Node.__init__,
+        custom_init=cls.__init__ is not Node.__init__ and kind != "SubTree",
         custom_load=cls.on_load is not Node.on_load,
     )

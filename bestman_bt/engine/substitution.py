@@ -72,9 +72,7 @@ class SubstitutionRules:
             info = found
         other = info.cls.__new__(info.cls)
         Node.prepare(other, node.name, node.attributes, [])
-        other.info, other.uid, other.tree = info, node.uid, node.tree
-        other.board, other.prefix = node.board, node.prefix
-        other.line, other.file = node.line, node.file
+        other.info, other.uid, other.place, other.line = info, node.uid, node.place, node.line
         if isinstance(rule, TestNodeConfig) and isinstance(other, TestNode):
             other.config = rule
         return other

@@ -21,11 +21,6 @@ class Indexed(Control):
     index: int = 0
     skipped: int = 0
 
-    def on_load(self) -> None:
-        """Begin at the first child."""
-        self.index = 0
-        self.skipped = 0
-
     def halt(self) -> None:
         """Forget the index, unless the node keeps it."""
         if self.FORGETS:

@@ -116,10 +116,6 @@ class _Reactive(Control):
     idles: tuple[int, ...]
     GO: int
 
-    def on_load(self) -> None:
-        """Begin without a running child."""
-        self.runner = None
-
     def bind_children(self, log: list[Any] | None) -> None:
         """Prepare the events of a tick in which everything goes on, while somebody listens."""
         super().bind_children(log)

@@ -15,10 +15,7 @@ class _Counting(Decorator):
     """The child's result that is counted; the other one ends the node."""
     PORT: ClassVar[str]
     RESETS_CHILD = True
-
-    def on_load(self) -> None:
-        """Begin to count at zero."""
-        self.count = 0
+    count: int = 0
 
     def halt(self) -> None:
         """Forget the count."""

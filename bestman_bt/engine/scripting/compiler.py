@@ -46,6 +46,10 @@ class ScriptCompiler:
             parsed = self._parsed[source] = parse_script(source)
         return parsed
 
+    def forget(self) -> None:
+        """Drop the parsed scripts, once a tree's are compiled."""
+        self._parsed.clear()
+
     def compile(self, source: str, board: Blackboard) -> Closure:
         """Return a function that runs ``source`` on ``board`` and returns its last value."""
         closures = [self._expression(statement, board) for statement in self.parse(source)]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from bestman_bt.engine.errors import ScriptError
-from bestman_bt.engine.scripting.tokens import Token, tokenize
+from bestman_bt.engine.scripting.tokens import Token, position_of, tokenize
 
 MAX_SCRIPT_DEPTH = 100
 MAX_OPERATORS = 250
@@ -18,7 +18,7 @@ _ASSIGNMENT_POWER: Final = 2
 _TERNARY_POWER: Final = 4
 _COMPARISON_POWER: Final = 10
 _PREFIX_POWER: Final = 20
-_POWERS: Final = {
+_POWERS: Final[dict[int | float | str, int]] = {
     **dict.fromkeys(_ASSIGNMENTS, _ASSIGNMENT_POWER),
     "?": _TERNARY_POWER,
     "||": 6,
@@ -114,7 +114,7 @@ class _Parser:
 
     def statements(self) -> list[Expression]:
         found: list[Expression] = []
-        while self._peek().kind != "end":
+        while self._tokens[self._index][0] != "end":
             self._operators = 0
             found.append(self._expression(0))
             while self._is(";"):
@@ -128,37 +128,41 @@ class _Parser:
 
     def _next(self) -> Token:
         token = self._tokens[self._index]
-        if token.kind != "end":
+        if token[0] != "end":
             self._index += 1
         return token
 
     def _is(self, operator: str) -> bool:
         token = self._tokens[self._index]
-        return token.kind == "operator" and token.value == operator
+        return token[0] == "operator" and token[1] == operator
 
     def _expect(self, operator: str) -> None:
         if not self._is(operator):
-            raise self._error(f"expected '{operator}'", self._peek())
+            raise self._error(f"expected '{operator}'")
         self._index += 1
 
-    def _error(self, what: str, token: Token) -> ScriptError:
+    def _error(self, what: str, back: int = 0) -> ScriptError:
+        """Return an error at the current token, or ``back`` tokens before it."""
+        index = self._index - back
+        kind, value = self._tokens[index]
         source = self._source if len(self._source) <= 80 else self._source[:77] + "..."
-        got = "the end" if token.kind == "end" else f"'{token.value}'"
-        return ScriptError(f"{what} at position {token.position} (got {got}) in script '{source}'")
+        got = "the end" if kind == "end" else f"'{value}'"
+        position = position_of(self._source, index)
+        return ScriptError(f"{what} at position {position} (got {got}) in script '{source}'")
 
     def _expression(self, minimum: int) -> Expression:
         self._depth += 1
         if self._depth > MAX_SCRIPT_DEPTH:
-            raise self._error(f"the script is nested deeper than {MAX_SCRIPT_DEPTH}", self._peek())
+            raise self._error(f"the script is nested deeper than {MAX_SCRIPT_DEPTH}")
         left = self._prefix()
         while True:
-            token = self._peek()
-            power = _POWERS.get(str(token.value), -1) if token.kind == "operator" else -1
+            kind, operator = self._tokens[self._index]
+            power = _POWERS.get(operator, -1) if kind == "operator" else -1
             if power < 0 or power < minimum:
                 break
             self._operators += 1
             if self._operators > MAX_OPERATORS:
-                raise self._error(f"more than {MAX_OPERATORS} operators in one statement", token)
+                raise self._error(f"more than {MAX_OPERATORS} operators in one statement")
             if power == _ASSIGNMENT_POWER:
                 left = self._assignment(left)
                 break
@@ -169,30 +173,30 @@ class _Parser:
                 left = self._comparison(left)
                 continue
             self._index += 1
-            left = Binary(str(token.value), left, self._expression(power + 1))
+            left = Binary(str(operator), left, self._expression(power + 1))
         self._depth -= 1
         return left
 
     def _prefix(self) -> Expression:
-        token = self._next()
-        if token.kind == "value":
-            return Literal(token.value)
-        if token.kind == "name":
-            return Name(str(token.value))
-        if token.kind == "operator":
-            if token.value in ("-", "~", "!"):
-                return Unary(str(token.value), self._expression(_PREFIX_POWER))
-            if token.value == "(":
+        kind, value = self._next()
+        if kind == "value":
+            return Literal(value)
+        if kind == "name":
+            return Name(str(value))
+        if kind == "operator":
+            if value in ("-", "~", "!"):
+                return Unary(str(value), self._expression(_PREFIX_POWER))
+            if value == "(":
                 inner = self._expression(0)
                 self._expect(")")
                 return inner
-        raise self._error("expected operand", token)
+        raise self._error("expected operand", back=0 if kind == "end" else 1)
 
     def _assignment(self, left: Expression) -> Expression:
-        token = self._next()
+        operator = str(self._next()[1])
         if not isinstance(left, Name):
-            raise self._error("only a blackboard key can be assigned to", token)
-        return Assignment(str(token.value), left.name, self._expression(0))
+            raise self._error("only a blackboard key can be assigned to", back=1)
+        return Assignment(operator, left.name, self._expression(0))
 
     def _ternary(self, condition: Expression) -> Expression:
         self._next()
@@ -203,8 +207,8 @@ class _Parser:
     def _comparison(self, first: Expression) -> Expression:
         operators: list[str] = []
         operands = [first]
-        while self._peek().kind == "operator" and self._peek().value in _COMPARISONS:
+        while self._peek()[1] in _COMPARISONS and self._peek()[0] == "operator":
             self._operators += 1
-            operators.append(str(self._next().value))
+            operators.append(str(self._next()[1]))
             operands.append(self._expression(_COMPARISON_POWER + 1))
         return Comparison(tuple(operators), tuple(operands))

@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 from bestman_bt.engine.errors import ScriptError
 
 MAX_SCRIPT_LENGTH = 20_000
 
 _TOKEN = re.compile(
-    r"""[ \t\n\r]*(?:
-    (?P<hex>0[xX][0-9a-fA-F]+)(?![\w.])
-  | (?P<real>\d+\.\d+(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)(?![A-Za-z_@])
-  | (?P<integer>\d+)(?![A-Za-z_@]|\.(?!\.))
-  | '(?P<single>[^']*)'
-  | "(?P<double>[^"]*)"
-  | (?P<name>[A-Za-z_@][A-Za-z0-9_]*)
-  | (?P<operator>\.\.|&&|\|\||[=!<>:+\-*/]=|[-+*/&|^~!<>=?:();])
-  | (?P<end>$)
-)""",
+    r"""
+    (0[xX][0-9a-fA-F]+(?![\w.]) | \d+(?:\.\d+)?[eE][+-]?\d+(?![A-Za-z_@]) | \d+\.\d+(?![A-Za-z_@\d])
+      | \d+(?![A-Za-z_@\d]|\.(?!\.)))
+  | ('[^']*' | "[^"]*")
+  | ([A-Za-z_@][A-Za-z0-9_]*)
+  | (\.\.|&&|\|\||[=!<>:+\-*/]=|[-+*/&|^~!<>=?:();])
+  | ([^ \t\n\r])
+""",
     re.VERBOSE,
 )
+"""Groups: number, string, name, operator, and anything else, which is an error."""
 
+Token = tuple[str, "int | float | str"]
+"""Kind (``value``, ``name``, ``operator`` or ``end``) and value or text of one token."""
 
-class Token(NamedTuple):
-    """One token; ``kind`` is ``value`` (its value), ``name``, ``operator`` (its text) or ``end``."""
-
-    kind: str
-    value: int | float | str
-    position: int
+END: Token = ("end", "")
 
 
 def tokenize(source: str) -> list[Token]:
@@ -39,43 +34,41 @@ def tokenize(source: str) -> list[Token]:
         ScriptError: the script is too long, or holds something that is no token.
     """
     if len(source) > MAX_SCRIPT_LENGTH:
-        raise ScriptError(f"script has {len(source)} characters; at most {MAX_SCRIPT_LENGTH} are accepted")
+        raise ScriptError(f"the script has {len(source)} characters; at most {MAX_SCRIPT_LENGTH} are accepted")
     tokens: list[Token] = []
-    position = 0
-    while True:
-        match = _TOKEN.match(source, position)
-        if match is None:
-            rest = source[position:].lstrip(" \t\n\r")
-            start = len(source) - len(rest)
-            raise ScriptError(f"invalid token at position {start}: {rest[:20]!r} in script '{_short(source)}'")
-        kind = match.lastgroup or "end"
-        text = match.group(kind)
-        position = match.end()
-        tokens.append(_token(kind, text, match.start(kind)))
-        if kind == "end":
-            return tokens
+    for number, string, name, operator, bad in _TOKEN.findall(source):
+        if operator:
+            tokens.append(("operator", operator))
+        elif name:
+            tokens.append(("value", 1.0 if name == "true" else 0.0) if name in ("true", "false") else ("name", name))
+        elif number:
+            tokens.append(("value", _number(number)))
+        elif string:
+            tokens.append(("value", string[1:-1]))
+        else:
+            position = position_of(source, len(tokens))
+            raise ScriptError(
+                f"invalid token '{bad}' at position {position} (near {source[position : position + 20]!r})"
+            )
+    tokens.append(END)
+    return tokens
 
 
-def _token(kind: str, text: str, position: int) -> Token:
-    if kind == "hex":
-        return Token("value", int(text, 16), position)
-    if kind == "real":
-        return Token("value", float(text), position)
-    if kind == "integer":
-        return Token("value", _integer(text), position)
-    if kind in ("single", "double"):
-        return Token("value", text, position)
-    if kind == "name" and text in ("true", "false"):
-        return Token("value", 1.0 if text == "true" else 0.0, position)
-    return Token(kind, text, position)
+def position_of(source: str, index: int) -> int:
+    """Return where in ``source`` the token number ``index`` begins; its length if there are fewer."""
+    for count, match in enumerate(_TOKEN.finditer(source)):
+        if count == index:
+            return match.start()
+    return len(source)
 
 
-def _integer(text: str) -> int:
-    value = int(text) if len(text) <= 19 else 2**63
+def _number(text: str) -> int | float:
+    if text[:2] in ("0x", "0X"):
+        value: int | float = int(text, 16)
+    elif text.isdigit():
+        value = int(text) if len(text) <= 19 else 2**63
+    else:
+        return float(text)
     if value >= 2**63:
         raise ScriptError(f"integer {text[:25]} does not fit into 64 bits")
     return value
-
-
-def _short(source: str) -> str:
-    return source if len(source) <= 80 else source[:77] + "..."

@@ -11,7 +11,7 @@ from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition
-from bestman_bt.engine.xml.elements import MAX_ATTRIBUTE, Element
+from bestman_bt.engine.xml.elements import Element
 
 EXPLICIT: Final = frozenset(("Action", "Condition", "Control", "Decorator"))
 PRE_CONDITIONS: Final = ("_failureIf", "_successIf", "_skipIf", "_while")
@@ -69,29 +69,40 @@ class Checker:
             count = len(children)
             if count < info.min_children or (info.max_children is not None and count > info.max_children):
                 self._report(element, "", _children_message(info, count))
-            ports = info.ports
-            checks = info.checks
-            for key, text in attributes.items():
-                if key in checks:
-                    if text[:1] != "{" or key_of(text, key) is None:
-                        self._check_literal(element, info, key, text)
-                elif key not in ports:
-                    if key == "name":
-                        continue
-                    self._check_other(element, info, key, text)
-                elif ports[key].direction == "output":
-                    if key_of(text, key) is None:
-                        self._report(element, key, _output_message(info, key, text))
-                elif len(text) > MAX_ATTRIBUTE:
-                    self._report(element, key, f"it has {len(text)} characters; at most {MAX_ATTRIBUTE} are accepted")
-                elif key == "code" and info.builtin and key_of(text, key) is None:
-                    self._check_script(element, key, text)
+            if attributes:
+                self._check_attributes(element, info)
             for key in info.required:
                 if key not in attributes:
                     what = f"port '{key}': it is required but not given"
-                    self._report(element, "", what, f"of type {ports[key].type_name}")
+                    self._report(element, "", what, f"of type {info.ports[key].type_name}")
         for child in children:
             self._check(child)
+
+    def _check_attributes(self, element: Element, info: NodeInfo) -> None:
+        ports = info.ports
+        checks = info.checks
+        for key, text in element.attributes.items():
+            if key == "name":
+                continue
+            port = ports.get(key)
+            if port is None:
+                self._check_other(element, info, key, text)
+                continue
+            if text[:1] in "{ =":
+                entry = key_of(text, key)
+                if entry is not None:
+                    if element.entries is None:
+                        element.entries = []
+                    element.entries.append((key, entry, port.data_type))
+                    continue
+            if key in checks:
+                message = literal_message(info, key, text, self.registry)
+                if message:
+                    self._report(element, "", f"port '{key}': {message}")
+            elif port.direction == "output":
+                self._report(element, key, _output_message(info, key, text))
+            elif key == "code" and info.builtin:
+                self._check_script(element, key, text)
 
     def _check_subtree(self, element: Element) -> None:
         tree_id = element.attributes.get("ID")
@@ -116,14 +127,6 @@ class Checker:
                     what = f"port '{port.name}': the TreeNodesModel of '{tree_id}' says it is mandatory"
                     self._report(element, "", what)
 
-    def _check_literal(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
-        if len(text) > MAX_ATTRIBUTE:
-            self._report(element, key, f"it has {len(text)} characters; at most {MAX_ATTRIBUTE} are accepted")
-            return
-        message = literal_message(info, key, text, self.registry)
-        if message:
-            self._report(element, "", f"port '{key}': {message}")
-
     def _check_other(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         if key in SCRIPTS:
             self._check_script(element, key, text)
@@ -134,6 +137,7 @@ class Checker:
             self._report(element, "", message, suggestion)
 
     def _check_script(self, element: Element, key: str, text: str) -> None:
+        element.scripts = element.scripts or key != "code"
         try:
             self.compiler.parse(text)
         except ScriptError as error:
@@ -153,7 +157,7 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
     if port.data_type in UNTYPED:
         return ""
     if isinstance(value, str):
-        converter = registry.converters.converter(port.data_type)
+        converter = info.checks[key] if key in info.checks else registry.converters.converter(port.data_type)
         if converter is None:
             return f"a {type_name(port.data_type)} cannot be written as a literal; map an entry, as '{{{key}}}'"
         try:

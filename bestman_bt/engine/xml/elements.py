@@ -8,26 +8,34 @@ from __future__ import annotations
 
 import xml.parsers.expat
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Final
 
 from bestman_bt.engine.errors import Problem, TreeLoadError
 
 MAX_BYTES = 16_000_000
 MAX_DEPTH = 256
-MAX_ATTRIBUTE = 100_000
+
+NO_CHILDREN: Final[list[Any]] = []
+"""What all elements, and all leaves of a file, share as their children; never written to."""
 
 
 class Element:
-    """One XML element. ``info`` and ``known`` are filled when it is checked against the registry."""
+    """One XML element.
 
-    __slots__ = ("attributes", "children", "info", "line", "tag")
+    Checking it against the registry fills the rest: ``info`` of its node, the ``entries`` that its ports are
+    mapped to as (port, key, data type), and whether it has ``scripts`` of its own.
+    """
+
+    __slots__ = ("attributes", "children", "entries", "info", "line", "scripts", "tag")
 
     def __init__(self, tag: str, attributes: dict[str, str], line: int) -> None:
         self.tag = tag
         self.attributes = attributes
-        self.children: list[Element] = []
         self.line = line
+        self.children: list[Element] = NO_CHILDREN
         self.info: Any = None
+        self.entries: list[tuple[str, str, Any]] | None = None
+        self.scripts = False
 
     def iter(self) -> Iterator[Element]:
         """Yield this element and all below it, in document order."""
@@ -64,7 +72,11 @@ def parse_xml(text: str | bytes, file: str) -> Element:
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         element = Element(tag, attributes, parser.CurrentLineNumber)
-        stack[-1].children.append(element)
+        parent = stack[-1]
+        if parent.children:
+            parent.children.append(element)
+        else:
+            parent.children = [element]
         push(element)
         if len(stack) > MAX_DEPTH + 4:
             raise _Refused(element.line, f"elements are nested deeper than {MAX_DEPTH}")

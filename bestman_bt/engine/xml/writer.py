@@ -108,7 +108,7 @@ class _Exporter:
         attributes = [(key, text) for key, text in attributes if key not in ("name", "ID")]
         if isinstance(node, SubTree):
             head = [("ID", self._subtree(node))]
-            if node.prefix + node.name == node.subtree_path:
+            if node.subtree_path.endswith(f"/{node.name}") or node.subtree_path == node.name:
                 head.append(("name", node.name))
             lines.element(depth, "SubTree", [*head, *attributes], closed=True)
             return
