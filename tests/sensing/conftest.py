@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.messages import Pose2D
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.scene import World, draw_world, load_scene
+from bestman_bt.sensing.joint_state import JointStateSensor
+from hal.pybullet import GroundTruth, PyBulletRobot
+
+
+@pytest.fixture(scope="session")
+def model() -> RobotModel:
+    return load_robot_model("diff_panda")
+
+
+@pytest.fixture(scope="session")
+def kinematics(model) -> ForwardKinematics:
+    return ForwardKinematics(model)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    """The kitchen, with the robot about 1 m before the table."""
+    world = draw_world(load_scene("kitchen"), 1)
+    return replace(world, robot_start=Pose2D(2.4, -0.4, 0.1))
+
+
+@pytest.fixture(scope="module")
+def robot(model, world):
+    robot = PyBulletRobot(model, world, seed=1)
+    with robot:
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def truth(robot) -> GroundTruth:
+    return GroundTruth(robot)
+
+
+@pytest.fixture(scope="module")
+def joints(robot, model) -> JointStateSensor:
+    return JointStateSensor(robot.parts, model)
