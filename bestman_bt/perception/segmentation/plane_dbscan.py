@@ -252,8 +252,9 @@ def _merge_overlapping(parts: list[PointCloud], plane: SupportPlane, grow: float
     ring = grow * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     hulls = []
     for part in parts:
-        outline = cv2.convexHull(plane_from_frame.apply(part.points)[:, :2].astype(np.float32))
-        hulls.append(cv2.convexHull((outline + ring).reshape(-1, 2).astype(np.float32)))
+        outline = plane_from_frame.apply(part.points)[:, None, :2] + ring
+        # In millimetres: OpenCV takes areas below 1e-6 for nothing.
+        hulls.append(cv2.convexHull((1000.0 * outline).reshape(-1, 2).astype(np.float32)))
     n = len(parts)
     links = np.eye(n, dtype=bool)
     for i in range(n):

@@ -1,0 +1,56 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from benchmarks.rendered_table import RenderedTable
+from bestman_bt.messages import Box, PlacedShape, Pose, Sphere
+from bestman_bt.perception import PerceptionError
+from bestman_bt.perception.grasp_pose import BoundingBox, GraspTarget
+from bestman_bt.perception.segmentation import PlaneDbscan
+from bestman_bt.robot_model import GripperModel
+
+GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.045, (0.02, 0.02), 0.8)
+
+
+def box(*size: float) -> GraspTarget:
+    return GraspTarget(PlacedShape(Box(size), Pose.from_xyz_rpy((0.5, 0.0, size[2] / 2), (0.0, 0.0, 0.7))))
+
+
+def test_it_closes_across_the_smaller_side_first() -> None:
+    candidates = BoundingBox().plan(box(0.07, 0.04, 0.1), GRIPPER, 0.0)
+    assert [candidate.width for candidate in candidates] == [0.04, 0.04, 0.07, 0.07]
+    closing = candidates[0].grasp.rotation[:, 1]
+    expected = Pose.from_xyz_rpy((0, 0, 0), (0, 0, 0.7)).rotation[:, 1]
+    assert abs(closing @ expected) == pytest.approx(1.0)
+
+
+def test_it_goes_thirty_millimetres_deep_at_most() -> None:
+    for candidate in BoundingBox().plan(box(0.07, 0.04, 0.1), GRIPPER, 0.0):
+        assert candidate.grasp.position[2] == pytest.approx(0.07)
+    for candidate in BoundingBox().plan(box(0.04, 0.04, 0.03), GRIPPER, 0.0):
+        assert candidate.grasp.position[2] > GRIPPER.pad_size[1] / 2 + 0.005
+
+
+def test_what_does_not_fit_between_the_fingers_has_no_grasp() -> None:
+    assert BoundingBox().plan(box(0.09, 0.075, 0.1), GRIPPER, 0.0) == ()
+
+
+def test_a_target_with_another_shape_is_refused() -> None:
+    with pytest.raises(PerceptionError, match="should be a Box but is Sphere"):
+        BoundingBox().plan(GraspTarget(PlacedShape(Sphere(0.03), Pose())), GRIPPER, 0.0)
+
+
+def test_an_unknown_thing_in_an_image_is_grasped_across_its_middle(table: Callable[..., RenderedTable]) -> None:
+    scene = table(40, known=0, unknown=3)
+    small = [item for item in scene.objects if min(item.model.size[:2]) < 0.06 and item.model.size[2] > 0.05]
+    assert small
+    clusters = PlaneDbscan().segment(scene.view, scene.region, np.random.default_rng(0)).clusters
+    for item in small:
+        cluster = min(clusters, key=lambda c: np.linalg.norm(c.bounding_box.pose.position - item.pose.position))
+        height = cluster.plane.height_at(*item.pose.position[:2])
+        best = BoundingBox().plan(GraspTarget.of_cluster(cluster), GRIPPER, height)[0]
+        assert np.linalg.norm((best.grasp.position - item.pose.position)[:2]) < 0.008
+        assert best.opening > min(item.model.size[:2])

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.rendered_table import known_models, solid, tumbler
+from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Sphere
+from bestman_bt.perception import PerceptionError
+from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, ModelBased
+from bestman_bt.robot_model import GripperModel
+
+GRIPPER = GripperModel(("f1", "f2"), ("left", "right"), "hand", 0.0, 0.08, 0.1, 40.0, 0.045, (0.02, 0.02), 0.8)
+SUPPORT = 0.75
+CUP, CAN, BOX, TIN, CUBE = known_models(0)
+BALL = solid("ball", Sphere(0.03), (1, 1, 1), 0)
+TUB = ObjectModel("tub", (1, 1, 1), 0.1, 0.8, (PlacedShape(tumbler(0.03), Pose()),))
+
+
+def standing(model: ObjectModel, yaw: float = 0.3) -> Pose:
+    return Pose.from_xyz_rpy((0.6, 0.1, SUPPORT + model.size[2] / 2), (0.0, 0.0, yaw))
+
+
+def plan(model: ObjectModel, pose: Pose | None = None) -> tuple[GraspCandidate, ...]:
+    return ModelBased().plan(GraspTarget.of_model(model, pose or standing(model)), GRIPPER, SUPPORT)
+
+
+@pytest.mark.parametrize("model", [CUP, CAN, BOX, TIN, CUBE, BALL, TUB], ids=lambda m: m.name)
+def test_each_grasp_keeps_the_rules_of_the_hand(model: ObjectModel) -> None:
+    candidates = plan(model)
+    assert candidates
+    top = SUPPORT + model.size[2]
+    for candidate in candidates:
+        rotation, position = candidate.grasp.rotation, candidate.grasp.position
+        assert np.linalg.det(rotation) == pytest.approx(1.0)
+        assert abs(rotation[2, 1]) < 1e-9, "the fingers close horizontally"
+        assert candidate.width < candidate.opening <= GRIPPER.max_width
+        np.testing.assert_allclose(
+            candidate.grasp.position - candidate.pre_grasp.position, 0.1 * rotation[:, 2], atol=1e-9
+        )
+        np.testing.assert_allclose(candidate.lift.position - position, [0.0, 0.0, 0.12], atol=1e-9)
+        if candidate.approach == "top":
+            np.testing.assert_allclose(rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
+            assert top - position[2] <= 0.0305, "deeper, and the palm hits the top"
+            assert position[2] - GRIPPER.pad_size[1] / 2 > SUPPORT + 0.005
+        else:
+            assert abs(rotation[2, 2]) < 1e-9
+            assert position[2] > SUPPORT + 0.035
+    qualities = [candidate.quality for candidate in candidates]
+    assert qualities == sorted(qualities, reverse=True)
+    assert all(0.0 <= quality <= 1.0 for quality in qualities)
+
+
+@pytest.mark.parametrize("model", [CUP, BOX, TIN, CUBE, BALL, TUB], ids=lambda m: m.name)
+def test_both_pads_touch_the_object_when_the_hand_closes(model: ObjectModel) -> None:
+    pose = standing(model)
+    for candidate in plan(model, pose):
+        closing = candidate.grasp.rotation[:, 1]
+        for side in (-1.0, 1.0):
+            contact = pose.inverse().apply(candidate.grasp.position + side * candidate.width / 2 * closing)
+            assert surface_distance(model, contact) < 0.004
+
+
+def surface_distance(model: ObjectModel, point: np.ndarray) -> float:
+    shape = model.collision[0].shape
+    match shape:
+        case Box():
+            return abs(float((np.abs(point) - np.array(shape.size) / 2).max()))
+        case Sphere():
+            return abs(float(np.linalg.norm(point)) - shape.radius)
+        case Cylinder():
+            return abs(math.hypot(point[0], point[1]) - shape.radius)
+    return abs(math.hypot(point[0], point[1]) - 0.03)
+
+
+def test_a_body_of_revolution_is_grasped_from_above_in_all_directions() -> None:
+    yaws = sorted(math.atan2(c.grasp.rotation[1, 1], c.grasp.rotation[0, 1]) for c in plan(CUP) if c.approach == "top")
+    assert len(yaws) == 12
+    np.testing.assert_allclose(np.diff(yaws), math.radians(30.0), atol=1e-9)
+
+
+def test_a_box_is_grasped_across_its_smaller_side_first_and_across_both() -> None:
+    candidates = plan(BOX)
+    assert candidates[0].width == pytest.approx(0.04)
+    assert {round(candidate.width, 3) for candidate in candidates} == {0.04, 0.06}
+
+
+def test_a_side_too_wide_for_the_gripper_is_left_out() -> None:
+    assert {round(candidate.width, 3) for candidate in plan(TIN)} == {0.055}
+    crate = solid("crate", Box((0.22, 0.32, 0.16)), (1, 1, 1), 2)
+    assert plan(crate) == ()
+
+
+def test_a_flat_thing_has_no_grasp() -> None:
+    assert plan(solid("coaster", Cylinder(0.03, 0.008), (1, 1, 1), 0)) == ()
+
+
+def test_a_lying_can_is_taken_across_its_axis() -> None:
+    pose = Pose.from_xyz_rpy((0.6, 0.1, SUPPORT + 0.033), (math.pi / 2, 0.0, 0.4))
+    candidates = plan(CAN, pose)
+    assert candidates
+    for candidate in candidates:
+        assert abs(candidate.grasp.rotation[:, 1] @ pose.rotation[:, 2]) < 1e-6
+
+
+def test_a_target_without_a_model_is_refused() -> None:
+    with pytest.raises(PerceptionError, match="use BoundingBox"):
+        ModelBased().plan(GraspTarget(PlacedShape(Box((0.05, 0.05, 0.1)), Pose())), GRIPPER, 0.0)
+
+
+def test_equal_input_gives_equal_output() -> None:
+    for one, other in zip(plan(TUB), plan(TUB), strict=True):
+        np.testing.assert_array_equal(one.grasp.matrix, other.grasp.matrix)

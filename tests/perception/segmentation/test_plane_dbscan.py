@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from benchmarks.rendered_table import RenderedTable, TrueObject
+from bestman_bt.messages import Pose, RGBDImage
+from bestman_bt.perception import NoSurfaceError, View
+from bestman_bt.perception.segmentation import PlaneDbscan, Region, SegmentedScene
+from bestman_bt.perception.segmentation.plane_dbscan import dbscan
+
+Tables = Callable[..., RenderedTable]
+SEEDS = range(6)
+
+
+@cache
+def segment(scene: RenderedTable) -> SegmentedScene:
+    return PlaneDbscan().segment(scene.view, scene.region, np.random.default_rng(0))
+
+
+def share_inside(points: np.ndarray, item: TrueObject) -> float:
+    local = item.pose.inverse().apply(points)
+    return float((np.abs(local) < item.model.size / 2 + 0.01).all(axis=1).mean())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_surface_is_measured_to_a_millimetre_and_a_fifth_of_a_degree(table: Tables, seed: int) -> None:
+    scene = table(seed)
+    plane = segment(scene).planes[0]
+    x, y, z = scene.table.position
+    assert plane.height_at(x, y) == pytest.approx(z, abs=0.001)
+    assert plane.tilt < math.radians(0.2)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_front_edge_is_found_within_six_millimetres(table: Tables, seed: int) -> None:
+    scene = table(seed)
+    plane = segment(scene).planes[0]
+    half_x, half_y = plane.size[0] / 2, 0.25
+    corners = plane.frame_from_plane.apply(np.array([[-half_x, -half_y, 0.0], [-half_x, half_y, 0.0]]))
+    front = scene.table.inverse().apply(corners)[:, 0]
+    np.testing.assert_allclose(front, -scene.size[0] / 2, atol=0.006)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_each_object_is_a_cluster_of_its_own(table: Tables, seed: int) -> None:
+    scene = table(seed)
+    clusters = segment(scene).clusters
+    for cluster in clusters:
+        assert max(share_inside(cluster.points, item) for item in scene.objects) > 0.9
+    for item in scene.objects:
+        assert sum(share_inside(cluster.points, item) > 0.9 for cluster in clusters) == 1
+
+
+def test_neither_an_empty_counter_nor_the_wall_behind_it_gives_a_cluster(table: Tables) -> None:
+    assert segment(table(3, known=0, unknown=0, counter=True)).clusters == ()
+
+
+def test_the_bounding_box_of_a_box_is_its_size_and_place(table: Tables) -> None:
+    scene = table(40, known=0, unknown=3)
+    boxes = [item for item in scene.objects if item.model.symmetry_order == 2]
+    assert boxes
+    for item in boxes:
+        cluster = max(segment(scene).clusters, key=lambda c: share_inside(c.points, item))
+        box = cluster.bounding_box
+        np.testing.assert_allclose(np.sort(box.shape.size), np.sort(item.model.size), atol=0.010)
+        np.testing.assert_allclose(box.pose.position, item.pose.position, atol=0.006)
+
+
+def test_equal_input_gives_equal_output(table: Tables) -> None:
+    scene = table(1)
+    first, second = (PlaneDbscan().segment(scene.view, scene.region, np.random.default_rng(0)) for _ in range(2))
+    np.testing.assert_array_equal(first.planes[0].frame_from_plane.matrix, second.planes[0].frame_from_plane.matrix)
+    for one, other in zip(first.clusters, second.clusters, strict=True):
+        np.testing.assert_array_equal(one.points, other.points)
+
+
+def with_depth(scene: RenderedTable, depth: np.ndarray) -> View:
+    image = scene.view.image
+    return View(RGBDImage(image.rgb, depth, image.intrinsics, 0.0), scene.view.frame_from_camera)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_an_image_without_depth_is_reported_in_words(table: Tables, value: float) -> None:
+    view = with_depth(table(0), np.full((480, 640), value, dtype=np.float32))
+    with pytest.raises(NoSurfaceError, match="no surface in view near x .* 0 measured points"):
+        PlaneDbscan().segment(view, table(0).region, np.random.default_rng(0))
+
+
+def test_a_surface_that_is_not_where_it_is_expected_is_reported(table: Tables) -> None:
+    scene = table(0)
+    lifted = Pose(np.array([0.0, 0.0, 0.5])) @ scene.region.frame_from_surface
+    with pytest.raises(NoSurfaceError, match="no surface in view"):
+        PlaneDbscan().segment(scene.view, replace(scene.region, frame_from_surface=lifted), np.random.default_rng(0))
+
+
+def test_a_region_outside_the_image_is_reported(table: Tables) -> None:
+    region = Region(Pose.from_xyz_rpy((-3.0, 0.0, 0.75)), (0.6, 1.2))
+    with pytest.raises(NoSurfaceError, match="no surface in view"):
+        PlaneDbscan().segment(table(0).view, region, np.random.default_rng(0))
+
+
+def test_dbscan_parts_what_is_farther_apart_than_its_distance() -> None:
+    rng = np.random.default_rng(0)
+    blob = rng.uniform(0.0, 0.03, (400, 3))
+    lone = np.array([[0.5, 0.5, 0.5]])
+    points = np.concatenate([blob, blob + np.array([0.06, 0.0, 0.0]), lone])
+    labels = dbscan(points, 0.015, 4)
+    assert set(labels[:400]) == {labels[0]}
+    assert set(labels[400:800]) == {labels[400]}
+    assert sorted({int(labels[0]), int(labels[400])}) == [0, 1]
+    assert labels[800] == -1
+
+
+def test_dbscan_joins_what_is_nearer() -> None:
+    blob = np.random.default_rng(0).uniform(0.0, 0.03, (400, 3))
+    assert set(dbscan(np.concatenate([blob, blob + np.array([0.035, 0.0, 0.0])]), 0.015, 4)) == {0}
