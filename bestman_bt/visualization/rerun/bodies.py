@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     import rerun as rr
 
 SEE_THROUGH_BELOW = 0.99
+FLOOR_COLOR = (0.5, 0.52, 0.56, 1.0)
+FLOOR_MARGIN, FLOOR_THICKNESS = 0.2, 0.02
+FLOOR_GAP = 0.002
+"""Metres below z = 0, so that marks on the floor are not swallowed."""
 CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 
 
@@ -35,6 +39,19 @@ def write_body(recording: rr.RecordingStream, body: RecordedBody) -> None:
             rr.CoordinateFrame(body_frame(body.name)),
             static=True,
         )
+
+
+def write_floor(recording: rr.RecordingStream, box: NDArray[np.float64]) -> None:
+    """Write a plate under a (2, 3) bounding box of the map frame; its top is the plane z = 0."""
+    import rerun as rr
+
+    size = np.array([*(box[1] - box[0])[:2] + 2 * FLOOR_MARGIN, FLOOR_THICKNESS])
+    centre = np.array([*box.mean(axis=0)[:2], -FLOOR_THICKNESS / 2 - FLOOR_GAP])
+    recording.log(
+        entities.FLOOR,
+        rr.Boxes3D(sizes=[size], centers=[centre], colors=[FLOOR_COLOR], fill_mode=rr.components.FillMode.Solid),
+        static=True,
+    )
 
 
 def bounds(bodies: Iterable[RecordedBody]) -> NDArray[np.float64]:

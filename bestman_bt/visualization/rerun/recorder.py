@@ -18,7 +18,7 @@ from bestman_bt.visualization.node_labels import node_label
 from bestman_bt.visualization.node_states import NodeStates
 from bestman_bt.visualization.rerun import entities, markers, sensed
 from bestman_bt.visualization.rerun.blueprint import Eye, build_blueprint, eye_on
-from bestman_bt.visualization.rerun.bodies import body_frame, bounds, write_body
+from bestman_bt.visualization.rerun.bodies import body_frame, bounds, write_body, write_floor
 from bestman_bt.visualization.rerun.frame_transforms import FrameTransforms
 from bestman_bt.visualization.rerun.robot import RecordedRobot
 from bestman_bt.visualization.rerun.sensed import SensorRecording
@@ -38,10 +38,10 @@ LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", FAILURE: "WARN"}
 
 @dataclass(frozen=True)
 class RecordedCamera:
-    """A camera of the robot: the link of its optical frame and its pinhole model."""
+    """A camera of the robot: its pinhole model and the link of its optical frame."""
 
-    optical_frame: str
     intrinsics: CameraIntrinsics
+    optical_frame: str
 
 
 @dataclass
@@ -244,6 +244,7 @@ class RerunRecorder:
             sensed.write_camera(
                 parts.recording, name, camera.optical_frame, camera.intrinsics, self._sensors.frustum_length
             )
+        write_floor(parts.recording, bounds(self._bodies.values()))
         for body in self._bodies.values():
             write_body(parts.recording, body)
         parts.graph.write_shape()

@@ -56,7 +56,7 @@ def record(tmp_path, robot_urdf, fetch_nodes, scene_bodies):
             "base_frame": "floor_point",
             "bodies": scene_bodies,
             "nodes": fetch_nodes,
-            "cameras": {"head": RecordedCamera("eye", INTRINSICS)},
+            "cameras": {"head": RecordedCamera(INTRINSICS, "eye")},
             "plotted_joints": ("arm_shoulder",),
             "grippers": {"hand": ("arm_slide",)},
             **changes,

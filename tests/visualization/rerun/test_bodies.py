@@ -55,3 +55,14 @@ def test_see_through_colours_are_drawn_as_a_frame_with_a_hint_of_surface(record,
 def test_a_body_needs_a_colour_for_each_shape():
     with pytest.raises(ValueError, match="1 shapes, 0 colors"):
         RecordedBody("cup", (PlacedShape(Sphere(0.1), Pose()),), (), Pose())
+
+
+def test_the_floor_lies_under_everything(record, recorded):
+    with record(bodies=[body(Box((4.0, 2.0, 1.0)), x=1.0)]):
+        pass
+    run = recorded()
+    ((half,),) = run.column("/world/floor", "Boxes3D:half_sizes", static=True)
+    ((centre,),) = run.column("/world/floor", "Boxes3D:centers", static=True)
+    assert half == pytest.approx([2.2, 1.2, 0.01])
+    assert centre[:2] == pytest.approx([1.0, 0.0])
+    assert -0.01 < centre[2] + half[2] < 0.0
