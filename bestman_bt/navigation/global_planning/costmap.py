@@ -21,8 +21,6 @@ from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.world_model import MapFurniture, Obstacle, SemanticMap
 
-_FAR = 10.0
-
 
 @dataclass(frozen=True)
 class CostmapParameters:
@@ -76,16 +74,13 @@ class Costmap:
         columns = math.ceil((x_max - x_min) / parameters.resolution)
         rows = math.ceil((y_max - y_min) / parameters.resolution)
         origin = np.array([x_min, y_min], dtype=float)
-        centres = np.stack(
-            np.meshgrid(
-                origin[0] + (np.arange(columns) + 0.5) * parameters.resolution,
-                origin[1] + (np.arange(rows) + 0.5) * parameters.resolution,
-            ),
-            axis=-1,
-        ).reshape(-1, 2)
-        distance = np.full(len(centres), _FAR)
+        x = origin[0] + (np.arange(columns) + 0.5) * parameters.resolution
+        y = origin[1] + (np.arange(rows) + 0.5) * parameters.resolution
+        centres = np.stack(np.meshgrid(x, y)).reshape(2, -1)
+        squared = np.full(rows * columns, np.inf)
         for segment in semantic_map.walls:
-            np.minimum(distance, _distance_to_segment(centres, segment[:2], segment[2:]), out=distance)
+            np.minimum(squared, _squared_distance_to_segment(centres, segment[:2], segment[2:]), out=squared)
+        distance = np.sqrt(squared)
         for furniture in semantic_map.furniture.values():
             for outline in _possible_outlines(furniture, parameters.furniture_heading_error):
                 outside = _distance_to_polygon(centres, outline) - parameters.furniture_position_error
@@ -168,24 +163,25 @@ class Costmap:
         return float(self.footprint_clearance(np.array([[pose.x, pose.y, pose.theta]]))[0])
 
 
-def _distance_to_segment(
+def _squared_distance_to_segment(
     points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    along = end - start
-    share = np.clip((points - start) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
-    distance: NDArray[np.float64] = np.linalg.norm(points - start - share[:, None] * along, axis=1)
-    return distance
+    """For ``points`` (2, N), a row each for x and y: faster than (N, 2)."""
+    (dx, dy), (along_x, along_y) = points - start[:, None], end - start
+    share = np.clip((dx * along_x + dy * along_y) / max(float(along_x**2 + along_y**2), 1e-12), 0.0, 1.0)
+    squared: NDArray[np.float64] = (dx - share * along_x) ** 2 + (dy - share * along_y) ** 2
+    return squared
 
 
 def _distance_to_polygon(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distance of ``points`` (N, 2) to a convex, counter-clockwise polygon (M, 2); negative inside."""
-    distance = np.full(len(points), np.inf)
-    depth = np.full(len(points), -np.inf)
+    """Signed distance of ``points`` (2, N) to a convex, counter-clockwise polygon (M, 2); negative inside."""
+    squared = np.full(points.shape[1], np.inf)
+    depth = np.full(points.shape[1], -np.inf)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         normal = np.array([end[1] - start[1], start[0] - end[0]]) / np.linalg.norm(end - start)
-        np.maximum(depth, (points - start) @ normal, out=depth)
-        np.minimum(distance, _distance_to_segment(points, start, end), out=distance)
-    return np.where(depth < 0.0, depth, distance)
+        np.maximum(depth, normal @ points - normal @ start, out=depth)
+        np.minimum(squared, _squared_distance_to_segment(points, start, end), out=squared)
+    return np.where(depth < 0.0, depth, np.sqrt(squared))
 
 
 def _possible_outlines(furniture: MapFurniture, heading_error: float) -> list[NDArray[np.float64]]:
