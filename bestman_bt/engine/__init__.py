@@ -32,6 +32,7 @@ from bestman_bt.engine.controls import (
     WhileDoElse,
 )
 from bestman_bt.engine.conversion import ConverterRegistry
+from bestman_bt.engine.dataflow import EntryUse, entry_uses, render_ports
 from bestman_bt.engine.decorators import (
     ConsumeQueue,
     Decorator,
@@ -65,6 +66,7 @@ from bestman_bt.engine.errors import (
     ScriptError,
     TreeLoadError,
 )
+from bestman_bt.engine.graphics import render_dot, render_svg
 from bestman_bt.engine.leaves import Condition, StatefulAction, SyncAction
 from bestman_bt.engine.leaves.blackboard import (
     PopFromQueue,
@@ -74,14 +76,19 @@ from bestman_bt.engine.leaves.blackboard import (
     WasEntryUpdated,
 )
 from bestman_bt.engine.leaves.constants import AlwaysFailure, AlwaysSuccess
+from bestman_bt.engine.leaves.coroutine import CoroutineAction
+from bestman_bt.engine.leaves.function import Context, FunctionLeafError, Output, action, condition
 from bestman_bt.engine.leaves.native import PyTreesBehaviour
 from bestman_bt.engine.leaves.script import Script, ScriptCondition
 from bestman_bt.engine.leaves.sleep import Sleep
 from bestman_bt.engine.leaves.test_node import TestNode, TestNodeConfig
+from bestman_bt.engine.leaves.threaded import ThreadedAction
 from bestman_bt.engine.loading import load_tree
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.ports import Port
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, RegistryError
+from bestman_bt.engine.simulation import SimulatedRun, simulate
+from bestman_bt.engine.snapshot import BlackboardBackup, backup, from_json, restore, to_json
 from bestman_bt.engine.status import (
     FAILURE,
     IDLE,
@@ -93,7 +100,8 @@ from bestman_bt.engine.status import (
 )
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
 from bestman_bt.engine.tree import Listener, StateChanges, Tree
-from bestman_bt.engine.validation import validate_file
+from bestman_bt.engine.validation import tree_warnings, validate_file
+from bestman_bt.engine.xml.writer import full_tree_xml, palette_xml, tree_to_xml
 
 __all__ = [
     "FAILURE",
@@ -106,21 +114,26 @@ __all__ = [
     "AsyncFallback",
     "AsyncSequence",
     "Blackboard",
+    "BlackboardBackup",
     "BlackboardError",
     "Clock",
     "Condition",
     "ConsumeQueue",
+    "Context",
     "Control",
     "ConversionError",
     "ConverterRegistry",
+    "CoroutineAction",
     "Decorator",
     "Delay",
     "EngineError",
     "Entry",
+    "EntryUse",
     "Fallback",
     "ForEach",
     "ForceFailure",
     "ForceSuccess",
+    "FunctionLeafError",
     "IfThenElse",
     "Inverter",
     "KeepRunningUntilFailure",
@@ -136,6 +149,7 @@ __all__ = [
     "NodeInfo",
     "NodeRegistry",
     "NodeStatus",
+    "Output",
     "Parallel",
     "ParallelAll",
     "PipelineSequence",
@@ -161,6 +175,7 @@ __all__ = [
     "Sequence",
     "SequenceWithMemory",
     "SetBlackboard",
+    "SimulatedRun",
     "SkipUnlessUpdated",
     "Sleep",
     "StateChanges",
@@ -176,6 +191,7 @@ __all__ = [
     "SyncAction",
     "TestNode",
     "TestNodeConfig",
+    "ThreadedAction",
     "Timeout",
     "Tree",
     "TreeLoadError",
@@ -186,11 +202,26 @@ __all__ = [
     "WallClock",
     "WasEntryUpdated",
     "WhileDoElse",
+    "action",
+    "backup",
     "build_tree",
+    "condition",
     "current_states",
+    "entry_uses",
+    "from_json",
+    "full_tree_xml",
     "load_python_tree",
     "load_tree",
+    "palette_xml",
+    "render_dot",
+    "render_ports",
+    "render_svg",
     "render_text",
+    "restore",
+    "simulate",
     "status_name",
+    "to_json",
+    "tree_to_xml",
+    "tree_warnings",
     "validate_file",
 ]

@@ -250,11 +250,15 @@ class Blackboard:
         """Return this blackboard's own slot for ``key``, whatever the remapping says (SubTree literals)."""
         slot = self._slots.get(key)
         if slot is None:
-            middle = f"{self.path}/" if self.path else ""
-            path = f"/{self.store.name}/{middle}{key}"
+            path = self.local_path(key)
             slot = self._slots[key] = Slot(key, path, self.store)
             self.store.show(path)
         return slot
+
+    def local_path(self, key: str) -> str:
+        """Return the name of this blackboard's own entry ``key`` on py_trees' blackboard."""
+        middle = f"{self.path}/" if self.path else ""
+        return f"/{self.store.name}/{middle}{key}"
 
     def get(self, key: str, default: Any = None) -> Any:
         """Return the value of ``key``, or ``default`` while it is missing or empty."""
@@ -284,6 +288,10 @@ class Blackboard:
         slot = self._slots.get(key)
         if slot is not None:
             slot.clear()
+
+    def slots(self) -> list[Slot]:
+        """Return this blackboard's own slots, also those that do not exist yet."""
+        return list(self._slots.values())
 
     def keys(self) -> list[str]:
         """Return the keys of this blackboard's own entries, in the order of their making."""

@@ -156,10 +156,10 @@ class Node(_Base):
 
     def __init__(self, *args: Any, name: str | None = None, **attributes: Any) -> None:
         name, children = split_arguments(type(self), args, name, attributes)
-        self.prepare(name or type(self).__name__, attributes, children)
+        self._set_up(name or type(self).__name__, attributes, children)
 
-    def prepare(self, name: str, attributes: dict[str, Any], children: list[Any]) -> None:
-        """Set what every node has from the start; the loader calls it in place of the constructor."""
+    def _set_up(self, name: str, attributes: dict[str, Any], children: list[Any]) -> None:
+        """Set what every node has from the start."""
         self.name = name
         self._s = 0
         self.attributes = attributes
@@ -482,22 +482,28 @@ class Node(_Base):
 
     # ---- hooks
 
-    def add_pre_tick(self, callback: PreTick) -> None:
-        """Call ``callback(node)`` before each tick; a SUCCESS, FAILURE or SKIPPED from it replaces the tick."""
-        self._hooked().pre.append(callback)
-        self.owner.rebind()
+    def add_pre_tick(self, callback: PreTick, *, rebind: bool = True) -> None:
+        """Call ``callback(node)`` before each tick; a SUCCESS, FAILURE or SKIPPED from it replaces the tick.
 
-    def add_post_tick(self, callback: PostTick) -> None:
+        With ``rebind=False`` it takes effect at the next ``tree.rebind()``: for callbacks on many nodes.
+        """
+        self._hooked().pre.append(callback)
+        if rebind:
+            self.owner.rebind()
+
+    def add_post_tick(self, callback: PostTick, *, rebind: bool = True) -> None:
         """Call ``callback(node, status)`` after each tick; a SUCCESS or FAILURE from it replaces the status."""
         self._hooked().post.append(callback)
-        self.owner.rebind()
+        if rebind:
+            self.owner.rebind()
 
-    def add_tick_monitor(self, callback: PostTick) -> None:
+    def add_tick_monitor(self, callback: PostTick, *, rebind: bool = True) -> None:
         """Call ``callback(node, status)`` after each real tick, before the post-tick callbacks."""
         self._hooked().monitor.append(callback)
-        self.owner.rebind()
+        if rebind:
+            self.owner.rebind()
 
-    def remove_hook(self, callback: Callable[..., Any]) -> None:
+    def remove_hook(self, callback: Callable[..., Any], *, rebind: bool = True) -> None:
         """Remove a callback wherever it was added."""
         hooks = self._hooked()
         for kind in (hooks.pre, hooks.post, hooks.monitor):
@@ -505,7 +511,8 @@ class Node(_Base):
                 kind.remove(callback)
         if not (hooks.pre or hooks.post or hooks.monitor):
             self.hooks = None
-        self.owner.rebind()
+        if rebind:
+            self.owner.rebind()
 
     def _hooked(self) -> Hooks:
         if self.hooks is None:

@@ -71,7 +71,7 @@ class SubstitutionRules:
                 raise SubstitutionError(f"the node '{rule}' that is to replace '{node.path}' is not registered")
             info = found
         other = info.cls.__new__(info.cls)
-        Node.prepare(other, node.name, node.attributes, [])
+        Node._set_up(other, node.name, node.attributes, [])
         other.info, other.uid, other.place, other.line = info, node.uid, node.place, node.line
         if isinstance(rule, TestNodeConfig) and isinstance(other, TestNode):
             other.config = rule

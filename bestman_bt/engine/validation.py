@@ -1,40 +1,134 @@
-"""Checks a tree file without running it: every error that loading would report, and warnings beyond."""
+"""Checks a tree file without running it: every error that loading would report, and warnings beyond.
+
+Warnings: entries that are read but that nothing in the tree writes, children that can never be ticked, SubTree ports
+that shadow an entry outside, trees that nothing uses, attributes that look like misspelt scripts.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from bestman_bt.engine.dataflow import SCRIPT_ATTRIBUTES, EntryUse, entry_uses
+from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.loading import check_documents, load_tree, main_tree_of
-from bestman_bt.engine.registry import NodeRegistry
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.reachability import unreachable_children
+from bestman_bt.engine.registry import NodeRegistry, closest
 from bestman_bt.engine.scripting import ScriptCompiler
-from bestman_bt.engine.xml.documents import read_documents
+from bestman_bt.engine.tree import Tree
+from bestman_bt.engine.xml.documents import Documents, read_documents
+
+_KNOWN_ATTRIBUTES = frozenset((*SCRIPT_ATTRIBUTES, "_autoremap", "_description", "_uid", "_fullpath"))
 
 
 def validate_file(
-    path: str | Path, registry: NodeRegistry | None = None, *, search_path: Iterable[Path] = ()
+    path: str | Path,
+    registry: NodeRegistry | None = None,
+    *,
+    search_path: Iterable[Path] = (),
+    given: Iterable[str] = (),
 ) -> list[Problem]:
-    """Return everything that is wrong with a tree file; empty where nothing is.
+    """Return everything that is wrong with a tree file, errors and warnings; empty where nothing is.
 
-    A file that only holds subtrees, for others to include, is checked too.
+    Args:
+        path: an XML file or a Python file with ``build()``.
+        registry: the nodes that it may name.
+        search_path: folders that it may include from.
+        given: root entries that somebody sets before the tree runs.
     """
     registry = registry or NodeRegistry()
-    if Path(path).suffix == ".py":
-        try:
-            load_tree(path, registry)
-        except TreeLoadError as error:
-            return error.problems
-        return []
+    warnings: list[Problem] = []
     try:
-        documents = read_documents(path, search_path)
+        if Path(path).suffix != ".py":
+            documents = read_documents(path, search_path)
+            check_documents(documents, registry, ScriptCompiler(registry.enums))
+            main = main_tree_of(documents, None)
+            if documents.problems or main is None:
+                return _sorted(documents.problems)
+            warnings.extend(_unused_trees(documents, main))
+        tree = load_tree(path, registry, search_path=search_path)
     except TreeLoadError as error:
-        return error.problems
-    check_documents(documents, registry, ScriptCompiler(registry.enums))
-    main = main_tree_of(documents, None)
-    if not documents.problems and main is not None:
-        try:
-            load_tree(path, registry, search_path=search_path)
-        except TreeLoadError as error:
-            return error.problems
-    return sorted(documents.problems, key=lambda problem: (problem.file, problem.line))
+        return _sorted(error.problems)
+    warnings.extend(tree_warnings(tree, given))
+    return _sorted(warnings)
+
+
+def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
+    """Return what looks wrong in a tree that loads; ``given`` are root entries that somebody sets before."""
+    found = [*_never_written(tree, frozenset(given)), *_shadowing(tree), *_misspelt(tree)]
+    for child, sibling in unreachable_children(tree):
+        message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
+        found.append(_warning(child, "", message))
+    return found
+
+
+def _sorted(problems: list[Problem]) -> list[Problem]:
+    return sorted(set(problems), key=lambda problem: (problem.file, problem.line, problem.message))
+
+
+def _warning(node: Node, field: str, message: str, suggestion: str = "") -> Problem:
+    file = "" if node.place is None else node.place.file
+    return Problem(file, node.line, node.type_id, field, message, suggestion, "warning")
+
+
+def _unused_trees(documents: Documents, main: str) -> Iterator[Problem]:
+    used: set[str] = set()
+    pending = [main]
+    while pending:
+        tree_id = pending.pop()
+        if tree_id in used or tree_id not in documents.trees:
+            continue
+        used.add(tree_id)
+        elements = documents.trees[tree_id].element.iter()
+        pending.extend(e.attributes.get("ID", "") for e in elements if e.tag == "SubTree")
+    for tree_id, definition in documents.trees.items():
+        if tree_id not in used and definition.file == documents.file:
+            line = definition.element.line
+            yield Problem(definition.file, line, "BehaviorTree", "ID", f"tree '{tree_id}' is never used", "", "warning")
+
+
+def _never_written(tree: Tree, given: frozenset[str]) -> Iterator[Problem]:
+    uses = entry_uses(tree)
+    written = {id(use.slot) for use in uses if use.writes}
+    root = {id(tree.blackboard.slot(key)) for key in given}
+    reported: set[tuple[int, int]] = set()
+    for use in uses:
+        if use.writes or id(use.slot) in written or id(use.slot) in root or use.slot.value is not None:
+            continue
+        if (id(use.node), id(use.slot)) in reported:
+            continue
+        reported.add((id(use.node), id(use.slot)))
+        yield _warning(use.node, use.port, f"reads '{{{use.key}}}', which nothing in the tree writes", _hint(use))
+
+
+def _hint(use: EntryUse) -> str:
+    board = use.node.board
+    outer = board.parent
+    if outer is not None and use.key in outer and use.key not in board.remapping:
+        return f"the tree outside has '{use.key}'; map it with {use.key}=\"{{{use.key}}}\""
+    filled = [key for key, value in board.items() if key != use.key and value is not None]
+    hint = closest(use.key, filled)
+    return f"did you mean '{{{hint}}}'?" if hint else ""
+
+
+def _shadowing(tree: Tree) -> Iterator[Problem]:
+    for node in tree.nodes:
+        if not isinstance(node, SubTree) or str(node.attributes.get("_autoremap")).lower() not in ("true", "1"):
+            continue
+        for port, value in node.attributes.items():
+            if port not in ("ID", "name") and port[0] != "_" and key_of(value, port) is None and port in node.board:
+                message = f"the literal shadows the entry '{port}' outside, which _autoremap would share"
+                yield _warning(node, port, message)
+
+
+def _misspelt(tree: Tree) -> Iterator[Problem]:
+    for node in tree.nodes:
+        for attribute in node.attributes:
+            if attribute[0] == "_" and attribute not in _KNOWN_ATTRIBUTES:
+                hint = closest(attribute, _KNOWN_ATTRIBUTES)
+                if hint:
+                    message = "it is no script attribute and does nothing"
+                    yield _warning(node, attribute, message, f"did you mean '{hint}'?")

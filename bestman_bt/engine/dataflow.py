@@ -1,0 +1,135 @@
+"""Who reads and who writes which blackboard entry of a loaded tree, through all remapping."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from bestman_bt.engine.blackboard import Slot
+from bestman_bt.engine.decorators.subtree import SubTree
+from bestman_bt.engine.errors import ScriptError
+from bestman_bt.engine.leaves.blackboard import SetBlackboard, UnsetBlackboard
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.scripting.parser import (
+    Assignment,
+    Binary,
+    Comparison,
+    Expression,
+    Name,
+    Ternary,
+    Unary,
+    parse_script,
+)
+from bestman_bt.engine.tree import Tree
+
+SCRIPT_ATTRIBUTES = (
+    "_failureIf",
+    "_successIf",
+    "_skipIf",
+    "_while",
+    "_onSuccess",
+    "_onFailure",
+    "_onHalted",
+    "_post",
+)
+
+
+@dataclass(frozen=True)
+class EntryUse:
+    """One place where a node reads or writes an entry; ``key`` is the name that the entry has there."""
+
+    slot: Slot
+    node: Node
+    port: str
+    key: str
+    writes: bool
+
+
+def entry_uses(tree: Tree) -> list[EntryUse]:
+    """Return every use of an entry, in the order of the nodes."""
+    return [use for node in tree.nodes for use in _uses_of(tree, node)]
+
+
+def _uses_of(tree: Tree, node: Node) -> Iterator[EntryUse]:
+    board = node.board
+    ports = tree.info_of(node).ports
+    for name, value in node.attributes.items():
+        if name in SCRIPT_ATTRIBUTES:
+            yield from _script_uses(tree, node, name, str(value))
+            continue
+        key = key_of(value, name)
+        port = ports.get(name)
+        if isinstance(node, (SetBlackboard, UnsetBlackboard)) and name in ("output_key", "key") and key is None:
+            yield EntryUse(board.slot(str(value)), node, name, str(value), True)
+        elif key is not None and port is not None and not isinstance(node, SubTree):
+            if port.direction != "output":
+                yield EntryUse(board.slot(key), node, name, key, False)
+            if port.direction != "input":
+                yield EntryUse(board.slot(key), node, name, key, True)
+        elif key is None and port is not None and name in ("code", "if") and tree.info_of(node).builtin:
+            yield from _script_uses(tree, node, name, str(value))
+
+
+def _script_uses(tree: Tree, node: Node, attribute: str, source: str) -> Iterator[EntryUse]:
+    try:
+        statements = parse_script(source)
+    except ScriptError:
+        return
+    for statement in statements:
+        for key, writes in _names(statement):
+            if key not in tree.compiler.enums:
+                yield EntryUse(node.board.slot(key), node, attribute, key, writes)
+
+
+def _names(expression: Expression) -> Iterator[tuple[str, bool]]:
+    """Yield each key in an expression, and whether it is written there."""
+    if isinstance(expression, Name):
+        yield expression.name, False
+    elif isinstance(expression, Assignment):
+        if expression.operator not in (":=", "="):
+            yield expression.name, False
+        yield from _names(expression.value)
+        yield expression.name, True
+    elif isinstance(expression, Unary):
+        yield from _names(expression.operand)
+    elif isinstance(expression, Binary):
+        yield from _names(expression.left)
+        yield from _names(expression.right)
+    elif isinstance(expression, Comparison):
+        for operand in expression.operands:
+            yield from _names(operand)
+    elif isinstance(expression, Ternary):
+        for part in (expression.condition, expression.then, expression.otherwise):
+            yield from _names(part)
+
+
+def render_ports(tree: Tree) -> str:
+    """Return which SubTree maps what to whom, and who reads and writes each entry, as text."""
+    uses = entry_uses(tree)
+    lines: list[str] = []
+    for path, board in tree.blackboards.items():
+        title = tree.subtree_ids[path]
+        lines.append(f"{title} ({path})" if path else title)
+        outer = "" if "/" not in path else path.rpartition("/")[0]
+        for inner, outside in board.remapping.items():
+            where = tree.subtree_ids.get(outer, "")
+            lines.append(f"  {inner} = {{{outside}}} of {where}")
+        if board.autoremap:
+            lines.append("  every other key = the same key outside (_autoremap)")
+        own = {use.slot.key: use.slot for use in uses if use.slot.path == board.local_path(use.slot.key)}
+        for key in sorted({*own, *board.keys()}):
+            slot = board.local_slot(key)
+            writers = sorted({_place(use) for use in uses if use.slot is slot and use.writes})
+            readers = sorted({_place(use) for use in uses if use.slot is slot and not use.writes})
+            kind = board.entry(key).type if slot.exists else "any"
+            value = "" if slot.value is None else f" = {slot.value!r}"
+            lines.append(f"  {key}: {kind}{value}")
+            lines.append(f"    written by {', '.join(writers) or 'nobody in the tree'}")
+            lines.append(f"    read by    {', '.join(readers) or 'nobody in the tree'}")
+    return "\n".join(lines) + "\n"
+
+
+def _place(use: EntryUse) -> str:
+    renamed = "" if use.key == use.slot.key else f" as {use.key}"
+    return f"{use.node.path}.{use.port}{renamed}"

@@ -1,0 +1,84 @@
+"""Statistics of a tree's nodes: ticks, successes, failures, skips, and the time in each state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from bestman_bt.engine.logs.stamped import TransitionLog
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.engine.tree import StateChanges, Tree
+
+
+@dataclass
+class NodeStatistics:
+    """What was observed of one node; times in seconds of the tree's clock."""
+
+    path: str
+    ticks: int = 0
+    transitions: int = 0
+    successes: int = 0
+    failures: int = 0
+    skips: int = 0
+    last_result: int = IDLE
+    last_change: float = 0.0
+    seconds: dict[int, float] = field(default_factory=lambda: {IDLE: 0.0, RUNNING: 0.0, SUCCESS: 0.0, FAILURE: 0.0})
+
+
+class TreeObserver(TransitionLog):
+    """Collects ``NodeStatistics`` between ``open`` and ``close``.
+
+    Counting ticks and skips needs a callback on every node; ``count_ticks=False`` leaves them at zero and costs less.
+    """
+
+    def __init__(self, tree: Tree, *, count_ticks: bool = True) -> None:
+        super().__init__(tree)
+        self.statistics: dict[int, NodeStatistics] = {}
+        self._count_ticks = count_ticks
+        self._now = 0.0
+
+    def __getitem__(self, path: str) -> NodeStatistics:
+        """Return the statistics of the node with this path.
+
+        Raises:
+            KeyError: there is none.
+        """
+        return self.statistics[self._tree.node(path).uid]
+
+    def _begin(self) -> None:
+        now = self._now = self._tree.clock.now()
+        self.statistics = {node.uid: NodeStatistics(node.path, last_change=now) for node in self._tree.nodes}
+        if self._count_ticks:
+            for node in self._tree.nodes:
+                node.add_post_tick(self._count, rebind=False)
+            self._tree.rebind()
+
+    def _end(self) -> None:
+        now = self._tree.clock.now()
+        for uid, statistics in self.statistics.items():
+            statistics.seconds[self._states.get(uid, IDLE)] += now - statistics.last_change
+            statistics.last_change = now
+        if self._count_ticks:
+            for node in self._tree.nodes:
+                node.remove_hook(self._count, rebind=False)
+            self._tree.rebind()
+
+    def _count(self, node: Node, status: int) -> None:
+        statistics = self.statistics[node.uid]
+        statistics.ticks += 1
+        if status == SKIPPED:
+            statistics.skips += 1
+
+    def _listen(self, changes: StateChanges) -> None:
+        stamp = changes.stamp
+        for uid, previous, state in self._with_previous(changes):
+            statistics = self.statistics[uid]
+            statistics.transitions += 1
+            statistics.seconds[previous] += stamp - statistics.last_change
+            statistics.last_change = stamp
+            if state == SUCCESS:
+                statistics.successes += 1
+                statistics.last_result = SUCCESS
+            elif state == FAILURE:
+                statistics.failures += 1
+                statistics.last_result = FAILURE
