@@ -101,6 +101,7 @@ from bestman_bt.engine.status import (
 from bestman_bt.engine.substitution import SubstitutionError, SubstitutionRules
 from bestman_bt.engine.tree import Listener, StateChanges, Tree
 from bestman_bt.engine.validation import tree_warnings, validate_file
+from bestman_bt.engine.xml.document import XmlDocument, XmlElement
 from bestman_bt.engine.xml.writer import full_tree_xml, palette_xml, tree_to_xml
 
 __all__ = [
@@ -202,6 +203,8 @@ __all__ = [
     "WallClock",
     "WasEntryUpdated",
     "WhileDoElse",
+    "XmlDocument",
+    "XmlElement",
     "action",
     "backup",
     "build_tree",

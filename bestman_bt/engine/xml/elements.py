@@ -46,7 +46,9 @@ class Element:
             pending.extend(reversed(element.children))
 
 
-class _Refused(Exception):
+class Refused(Exception):
+    """Something in the XML is refused on purpose."""
+
     def __init__(self, line: int, message: str) -> None:
         self.line = line
         super().__init__(message)
@@ -58,14 +60,7 @@ def parse_xml(text: str | bytes, file: str) -> Element:
     Raises:
         TreeLoadError: it is not well-formed XML, or holds something that is refused.
     """
-    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
-    if len(data) > MAX_BYTES:
-        raise _failure(file, 0, f"the file has {len(data)} bytes; at most {MAX_BYTES} are accepted")
-    if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise _failure(file, 1, "the file holds NUL bytes; it is not XML text")
-    encoding = "utf-8" if isinstance(text, str) else None
-    parser = xml.parsers.expat.ParserCreate(encoding)
-    parser.buffer_text = True
+    parser, data = safe_parser(text, file)
     holder = Element("", {}, 0)
     stack = [holder]
     push, pop = stack.append, stack.pop
@@ -79,29 +74,56 @@ def parse_xml(text: str | bytes, file: str) -> Element:
             parent.children = [element]
         push(element)
         if len(stack) > MAX_DEPTH + 4:
-            raise _Refused(element.line, f"elements are nested deeper than {MAX_DEPTH}")
+            raise Refused(element.line, f"elements are nested deeper than {MAX_DEPTH}")
 
     def end(tag: str) -> None:
         pop()
 
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    run_parser(parser, data, file)
+    return holder.children[0]
+
+
+def safe_parser(text: str | bytes, file: str) -> tuple[xml.parsers.expat.XMLParserType, bytes]:
+    """Return an expat parser that refuses entities and external references, and the bytes to feed it.
+
+    Raises:
+        TreeLoadError: the text is too long or holds NUL bytes.
+    """
+    data = text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
+    if len(data) > MAX_BYTES:
+        raise _failure(file, 0, f"the file has {len(data)} bytes; at most {MAX_BYTES} are accepted")
+    if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise _failure(file, 1, "the file holds NUL bytes; it is not XML text")
+    parser = xml.parsers.expat.ParserCreate("utf-8" if isinstance(text, str) else None)
+    parser.buffer_text = True
+
     def entity(name: str, *rest: Any) -> None:
-        raise _Refused(parser.CurrentLineNumber, f"entity declarations are refused ('{name}')")
+        raise Refused(parser.CurrentLineNumber, f"entity declarations are refused ('{name}')")
 
     def doctype(name: str, system_id: str | None, public_id: str | None, internal: int) -> None:
         if system_id or public_id:
-            raise _Refused(parser.CurrentLineNumber, f"external references are refused ('{system_id or public_id}')")
+            raise Refused(parser.CurrentLineNumber, f"external references are refused ('{system_id or public_id}')")
 
     def external(*rest: Any) -> int:
-        raise _Refused(parser.CurrentLineNumber, "external references are refused")
+        raise Refused(parser.CurrentLineNumber, "external references are refused")
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
     parser.EntityDeclHandler = entity
     parser.StartDoctypeDeclHandler = doctype
     parser.ExternalEntityRefHandler = external
+    return parser, data
+
+
+def run_parser(parser: xml.parsers.expat.XMLParserType, data: bytes, file: str) -> None:
+    """Feed a parser.
+
+    Raises:
+        TreeLoadError: the data is not well-formed XML, or holds something that is refused.
+    """
     try:
         parser.Parse(data, True)
-    except _Refused as refused:
+    except Refused as refused:
         raise _failure(file, refused.line, str(refused)) from None
     except xml.parsers.expat.ExpatError as error:
         what = xml.parsers.expat.errors.messages[error.code]
@@ -109,7 +131,6 @@ def parse_xml(text: str | bytes, file: str) -> Element:
         raise _failure(file, error.lineno, message) from None
     except (LookupError, ValueError, UnicodeError) as error:
         raise _failure(file, parser.CurrentLineNumber, f"not readable as XML: {error}") from None
-    return holder.children[0]
 
 
 def _failure(file: str, line: int, message: str) -> TreeLoadError:
