@@ -121,7 +121,9 @@ class Grasp(Skill):
         self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
 
     def _check_held(self, width: float) -> None:
-        problem = grip_problem(self.skills.gripper.width(), self.skills.gripper.pressing(), width)
+        problem = grip_problem(self.skills.gripper.width(), width)
+        if not problem and not self.skills.gripper.pressing():
+            problem = "the fingers do not press"
         if problem:
             raise SkillFailure(
                 "grasp_failed", f"the hand closed but does not hold the {self.get_input('object')}: {problem}"
@@ -148,7 +150,7 @@ class Holding(SkillCondition):
         held = skills.world.held
         if held is None or held.name != name:
             return "not_holding", f"the hand does not hold the {name}"
-        problem = grip_problem(skills.gripper.width(), skills.gripper.pressing(), held.width)
+        problem = grip_problem(skills.gripper.width(), held.width)
         if problem:
             skills.world.held = None
             return "object_lost", f"the {name} is no longer in the hand: {problem}"
@@ -188,10 +190,13 @@ def grasp_candidates(leaf: Any, belief: ObjectBelief) -> tuple[GraspCandidate, .
     return candidates
 
 
-def grip_problem(width: float, pressing: bool, expected: float) -> str:
-    """Why a closed hand does not hold something ``expected`` metres wide; empty if it does."""
+def grip_problem(width: float, expected: float) -> str:
+    """Why a closed hand does not hold something ``expected`` metres wide; empty if it may.
+
+    The fingers keep closing: without the object between them they would come together.
+    """
     if width < expected - WIDTH_TOLERANCE:
         return f"it closed to {1e3 * width:.0f} mm instead of {1e3 * expected:.0f} mm"
     if width > expected + WIDTH_TOLERANCE:
         return f"it stopped at {1e3 * width:.0f} mm instead of {1e3 * expected:.0f} mm"
-    return "" if pressing else "the fingers do not press"
+    return ""
