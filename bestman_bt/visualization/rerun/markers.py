@@ -46,9 +46,9 @@ def write_goal(recording: rr.RecordingStream, name: str, point: NDArray[np.float
     tip = np.asarray(point, dtype=float)
     recording.log(
         f"{entities.MARKERS}/{entities.part(name)}",
-        rr.Arrows3D(origins=[tip + 0.25 * UP], vectors=[-0.24 * UP], colors=GOAL_COLOR, radii=0.008),
+        rr.Arrows3D(origins=[tip + 0.35 * UP], vectors=[-0.34 * UP], colors=GOAL_COLOR, radii=0.012),
     )
-    write_label(recording, name, tip + 0.27 * UP, label)
+    write_label(recording, name, tip + 0.45 * UP, label)
 
 
 def clear(recording: rr.RecordingStream, name: str) -> None:
