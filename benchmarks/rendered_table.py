@@ -157,14 +157,16 @@ def random_table(
     palette: int | None = None,
     counter: bool | None = None,
     lookalikes: bool = False,
+    models: tuple[ObjectModel, ...] | None = None,
     noise: DepthNoise | None = None,
 ) -> RenderedTable:
     """A table or counter with up to ``known`` known and ``unknown`` unknown objects, at least 2 cm apart.
 
-    ``lookalikes``: unknown objects have the colour of a known one, and differ from each only by 12 mm or more.
+    ``models``: the known ones, in place of ``known_models``. ``lookalikes``: unknown objects have the colour of a
+    known one, and are at most 25 mm larger or smaller, at least 12 mm.
     """
     rng = np.random.default_rng(seed)
-    models = known_models(int(rng.integers(4)) if palette is None else palette)
+    models = models or known_models(int(rng.integers(4)) if palette is None else palette)
     counter = bool(rng.random() < 0.5) if counter is None else counter
     size = (0.6, 1.2) if counter else (0.8, 1.2)
     top = 0.9 if counter else 0.75

@@ -40,11 +40,11 @@ class MultiStartParameters:
 
     spacing: float = 0.003
     coarse_points: int = 120
-    fine_points: int = 350
+    fine_points: int = 250
     yaw_step: float = math.radians(30.0)
     offsets: tuple[float, ...] = (0.0, 0.012, 0.024)
     coarse_iterations: int = 8
-    fine_iterations: int = 4
+    fine_iterations: int = 6
     coarse_scale: float = 0.008
     fine_scale: float = 0.004
     refined: int = 2
@@ -197,11 +197,13 @@ class MultiStart(PoseEstimator):
         p = self.parameters
         pose = start[None]
         some = points[_evenly(len(points), p.fine_points)]
-        local_eye = _into(eye[None], pose)[0, 0]
-        facing = ((local_eye - surface.points) * surface.normals).sum(axis=1) > 0
-        samples, normals = surface.points[facing], surface.normals[facing]
-        tree = cKDTree(samples)
-        for _ in range(p.fine_iterations):
+        # What faces the camera depends on the pose: it is found anew for the second half.
+        for iteration in range(p.fine_iterations):
+            if iteration in (0, p.fine_iterations // 2):
+                towards = _into(eye[None], pose)[0, 0] - surface.points
+                facing = (towards * surface.normals).sum(axis=1) > -0.1 * np.linalg.norm(towards, axis=1)
+                samples, normals = surface.points[facing], surface.normals[facing]
+                tree = cKDTree(samples)
             moved = _into(some, pose)
             offsets, normals_at = _offsets(tree, samples, normals, moved[0])
             residuals, directions, places = _rows(offsets, normals_at, moved[0], p.spacing)
