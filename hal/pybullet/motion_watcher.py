@@ -17,6 +17,7 @@ POSITION_JUMP = 1e-4
 DRIFT = 5e-4
 ROTATION_JUMP = 0.01
 JOINT_JUMP = 0.01
+STUTTER = 1.5
 GRAVITY = 9.81
 FREE_FALL_TOLERANCE = 0.1
 LIMIT_TOLERANCE = 5e-3
@@ -35,6 +36,7 @@ class MotionWatcher:
         built, model = simulation.built, simulation.model
         self._velocity, self._time_step = reader.getBaseVelocity, simulation.parameters.time_step
         self._objects = {body: name for name, body in built.objects.items()}
+        self._robot, self._robot_touches = built.robot, False
         self._names = {**self._objects, built.robot: "robot"}
         self._joint_names = simulation.joint_names
         lower, upper, speed = (np.full(len(self._joint_names), value) for value in (-np.inf, np.inf, np.inf))
@@ -47,6 +49,8 @@ class MotionWatcher:
             lower[slots], upper[slots] = gripper.min_width / count, gripper.max_width / count
             speed[slots] = gripper.max_speed / count
         self._lower, self._upper = lower - LIMIT_TOLERANCE, upper + LIMIT_TOLERANCE
+        self._watched = np.isfinite(speed)  # not the wheels: they slip and stutter, and no pose hangs on them
+        self._top_speed = np.where(self._watched, speed, 0.0)
         self._speed = speed * SPEED_TOLERANCE[0] + SPEED_TOLERANCE[1]
         self._beyond: NDArray[np.bool_] = np.zeros(len(self._joint_names), bool)
         self._too_fast = self._beyond.copy()
@@ -61,7 +65,8 @@ class MotionWatcher:
         self.velocity_limits: list[Finding] = []
 
     def watch(self, observation: Observation, touched: set[int]) -> None:
-        """Take in one observation; ``touched``: the bodies that have contacts now."""
+        """Take in one observation; ``touched``: the bodies that have contacts now, but for wheels on the floor."""
+        self._robot_touches = self._robot in touched or self._robot in self._touched_before
         before = self._before
         if before is None:
             for path in self._paths.values():
@@ -120,9 +125,11 @@ class MotionWatcher:
             self.unexplained_forces.append(Finding(observation.stamp, text))
 
     def _watch_joints(self, before: Observation, observation: Observation, time: float) -> None:
+        """Free joints move smoothly; those of a robot that bumps into something stutter, up to their top speed."""
         old, new = before.joints, observation.joints
         residual = np.abs(new[0] - old[0] - (old[1] + new[1]) * (time / 2.0))
-        jumped = residual > JOINT_JUMP + np.abs(new[1] - old[1]) * time
+        slack = JOINT_JUMP + (STUTTER * time * self._top_speed if self._robot_touches else 0.0)
+        jumped = self._watched & (residual > slack + np.abs(new[1] - old[1]) * time)
         for slot in np.flatnonzero(jumped):
             moved = new[0, slot] - old[0, slot]
             self.jumps.append(Finding(observation.stamp, f"{self._joint_names[slot]} jumped by {moved:.4f}"))

@@ -40,7 +40,7 @@ class PhysicsParameters:
     odometry_calibration: float = 0.005
     command_timeout: float = 0.25
 
-    cylinder_spinning_friction: float = 0.01
+    object_spinning_friction: float = 0.01
     initial_postures: tuple[str, ...] = ("carry", "home")
 
     @property

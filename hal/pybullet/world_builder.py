@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 import pybullet
 
-from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
+from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import PlacedFurniture, PlacedObject, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
@@ -109,12 +109,9 @@ def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsPara
     seen: Sequence[PlacedShape] = model.visual or model.collision
     urdf = body_urdf(placed.name, model.mass, model.collision, [(part, (*model.color, 1.0)) for part in seen], folder)
     body = _load(client, placed.name, urdf, placed.pose, folder, fixed=False)
-    round_sided = any(isinstance(part.shape, Cylinder) for part in model.collision) or model.symmetry_order == 0
+    # Finger pads are soft and touch in a patch; points of contact alone let an object pivot in the hand.
     client.changeDynamics(
-        body,
-        -1,
-        lateralFriction=model.friction,
-        spinningFriction=parameters.cylinder_spinning_friction if round_sided else 0.0,
+        body, -1, lateralFriction=model.friction, spinningFriction=parameters.object_spinning_friction
     )
     return body
 

@@ -1,0 +1,91 @@
+"""What cameras and lidars see is what is there, up to their noise."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Pose
+from hal.api import Camera, JointGroup, Lidar
+from hal.pybullet import GroundTruth, PyBulletRobot
+
+TABLE_TOP = 0.75
+
+
+@pytest.fixture(scope="module")
+def robot(robot_model, table_worlds):
+    with PyBulletRobot(robot_model, table_worlds["box"], seed=2) as robot:
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def truth(robot) -> GroundTruth:
+    return GroundTruth(robot)
+
+
+@pytest.fixture(scope="module")
+def cloud(robot, truth) -> np.ndarray:
+    """Points of one image in the map frame, (N, 3), and their colours."""
+    head = robot.part("head", JointGroup)
+    motion = head.move_to([-0.1, 0.8])
+    while not motion.done:
+        robot.clock.sleep(0.05)
+    camera = robot.part("head_camera", Camera)
+    image = camera.capture()
+    points = image.points().reshape(-1, 3)
+    known = np.isfinite(points[:, 2])
+    return np.column_stack(
+        [truth.frame_pose(camera.optical_frame).apply(points[known]), image.rgb.reshape(-1, 3)[known]]
+    )
+
+
+def test_the_table_is_seen_at_its_height(cloud) -> None:
+    near = cloud[(np.abs(cloud[:, 2] - TABLE_TOP) < 0.02) & (np.abs(cloud[:, 0] - 0.85) < 0.2) & (cloud[:, 1] > 0.05)]
+    assert len(near) > 5000
+    assert np.median(near[:, 2]) == pytest.approx(TABLE_TOP, abs=0.0015)
+    assert 0.0005 < np.std(near[:, 2]) < 0.006
+
+
+def test_the_object_is_seen_where_it_stands(cloud, truth) -> None:
+    pose: Pose = truth.object_pose("box")
+    local = pose.inverse().apply(cloud[:, :3])
+    top = local[(np.abs(local[:, 2] - 0.05) < 0.003) & (np.abs(local[:, 0]) < 0.05) & (np.abs(local[:, 1]) < 0.06)]
+    lower, upper = np.percentile(top[:, :2], 1, axis=0), np.percentile(top[:, :2], 99, axis=0)
+    assert (lower + upper) / 2 == pytest.approx([0.0, 0.0], abs=0.003)
+    assert upper - lower == pytest.approx([0.04, 0.06], abs=0.006)
+
+
+def test_colours_are_those_of_the_object(cloud, truth) -> None:
+    local = truth.object_pose("box").inverse().apply(cloud[:, :3])
+    on_top = cloud[(np.abs(local[:, 2] - 0.05) < 0.006) & (np.abs(local[:, 0]) < 0.015) & (np.abs(local[:, 1]) < 0.02)]
+    red, green, blue = np.median(on_top[:, 3:], axis=0)
+    assert red > 2 * green
+    assert red > 2 * blue
+
+
+def test_the_lidar_measures_the_walls(standing_robot) -> None:
+    scan = standing_robot.part("lidar", Lidar).scan()
+    pose = standing_robot.simulation.link_pose(
+        standing_robot.parts["lidar"]._reader, standing_robot.parts["lidar"].frame
+    )
+    points = pose.apply(np.column_stack([scan.points(), np.zeros(len(scan.points()))]))
+    distance = np.min(np.abs(np.abs(points[:, :2]) - 2.95), axis=1)
+    assert np.isfinite(scan.ranges).mean() > 0.95
+    assert np.median(distance) < 0.02
+    assert np.percentile(distance, 95) < 0.04
+
+
+def test_the_lidar_does_not_see_its_own_robot(robot_model, empty_world) -> None:
+    near_sighted = dataclasses.replace(robot_model.lidars["lidar"], range_min=0.01, range_max=1.5)
+    model = dataclasses.replace(robot_model, lidars={"lidar": near_sighted})
+    with PyBulletRobot(model, empty_world, seed=2) as robot:
+        assert not np.isfinite(robot.part("lidar", Lidar).scan().ranges).any()
+
+
+def test_each_image_has_noise_of_its_own(robot) -> None:
+    camera = robot.part("head_camera", Camera)
+    first, second = camera.capture(), camera.capture()
+    assert np.array_equal(first.rgb, second.rgb)
+    assert not np.array_equal(first.depth, second.depth)
