@@ -34,7 +34,7 @@ class CostmapParameters:
     """
 
     resolution: float = 0.05
-    clearance: float = 0.01
+    clearance: float = 0.005
     furniture_position_error: float = 0.03
     furniture_heading_error: float = math.radians(2.0)
     cost_weight: float = 3.0

@@ -13,13 +13,14 @@ from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollo
 class RotateToHeadingParameters:
     """``max_speed`` rad/s, ``acceleration`` rad/s² (both ways), ``gain`` 1/s close to the heading.
 
-    ``tolerance``: radians. ``still``: rad/s below which the base counts as standing.
+    ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below which the base counts as standing.
     """
 
     max_speed: float = 1.2
     acceleration: float = 1.5
     gain: float = 3.0
-    tolerance: float = 0.004
+    min_speed: float = 0.05
+    tolerance: float = 0.005
     still: float = 0.03
 
 
@@ -51,13 +52,16 @@ class RotateToHeading(PathFollower):
             raise RuntimeError("RotateToHeading.compute was called before reset")
         p = self._parameters
         error = wrap_angle(self._heading - pose.theta)
-        if abs(error) < p.tolerance and abs(velocity.wz) < p.still and abs(self._speed) < p.still:
+        arrived = abs(error) < p.tolerance
+        if arrived and abs(velocity.wz) < p.still and abs(self._speed) < p.still:
             self._speed = 0.0
             return FollowerCommand(Twist2D(), True, 0.0)
         sign = math.copysign(1.0, error)
         if abs(error) > math.pi - 0.2 and self._speed:
             sign = math.copysign(1.0, self._speed)  # half a turn away, noise must not change the direction
-        speed = min(p.max_speed, math.sqrt(p.acceleration * abs(error)), p.gain * abs(error))
+        speed = max(p.min_speed, min(p.max_speed, math.sqrt(p.acceleration * abs(error)), p.gain * abs(error)))
+        if arrived:
+            speed = 0.0
         change = p.acceleration * dt
         self._speed += min(max(sign * speed - self._speed, -change), change)
         return FollowerCommand(Twist2D(wz=self._speed), False, 0.0)

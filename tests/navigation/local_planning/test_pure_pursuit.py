@@ -7,7 +7,7 @@ import pytest
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import GridAStar
-from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters
+from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters, RotateToHeading
 
 DT = 0.025
 
@@ -84,6 +84,19 @@ def test_a_path_of_one_point_is_a_turn_on_the_spot(theta):
     poses, _, end = drive(Path2D([(0, 0)], Pose2D(0.0, 0.0, theta)), Pose2D())
     assert abs(wrap_angle(end.theta - theta)) < math.radians(0.5)
     assert np.abs(poses[:, :2]).max() < 1e-6
+
+
+def test_a_turn_ends_even_where_friction_holds_slow_wheels():
+    follower, pose = RotateToHeading(), Pose2D()
+    follower.turn_to(1.0)
+    for _ in range(200):
+        command = follower.compute(pose, Twist2D(), DT)
+        if command.done:
+            break
+        moves = abs(command.twist.wz) > 0.04
+        pose = pose @ Pose2D(0.0, 0.0, command.twist.wz * DT if moves else 0.0)
+    assert command.done
+    assert abs(pose.theta - 1.0) < math.radians(0.5)
 
 
 def test_a_path_without_points_is_refused():
