@@ -13,7 +13,8 @@ from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollo
 class RotateToHeadingParameters:
     """``max_speed`` rad/s, ``acceleration`` rad/s² (both ways), ``gain`` 1/s close to the heading.
 
-    ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below which the base counts as standing.
+    ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below
+    which the base counts as standing.
     """
 
     max_speed: float = 1.2
