@@ -167,21 +167,17 @@ def test_a_constraint_past_every_wrapper_is_seen(robot, cup, server, judge) -> N
 
 
 def test_an_object_that_follows_an_open_hand_is_seen(robot, cup, judge) -> None:
-    """Fixed to the hand from afar, the cup moves as the hand does, and nothing presses on it."""
+    """Fixed below the finger tips, the cup moves as the hand does, and nothing presses on it."""
+    arm = robot.part("arm", Arm)
+    motion = arm.move_to(robot.model.posture("home", arm.joint_names), 0.5)
+    while not motion.done:
+        robot.clock.sleep(0.05)
     built, client = robot.simulation.built, robot.simulation.client
-    hand = client.getLinkState(built.robot, built.links["panda_hand"])[:2]
-    place = client.getBasePositionAndOrientation(cup)
-    offset = pybullet.multiplyTransforms(*pybullet.invertTransform(*hand), *place)
+    tool = client.getLinkState(built.robot, built.links["panda_grasptarget"])
+    below = pybullet.multiplyTransforms(tool[4], tool[5], [0.0, 0.0, 0.12], [0.0, 0.0, 0.0, 1.0])
+    client.resetBasePositionAndOrientation(cup, *below)
     client.createConstraint(
-        built.robot,
-        built.links["panda_hand"],
-        cup,
-        -1,
-        pybullet.JOINT_FIXED,
-        [0, 0, 0],
-        offset[0],
-        [0, 0, 0],
-        offset[1],
+        built.robot, built.links["panda_grasptarget"], cup, -1, pybullet.JOINT_FIXED, [0, 0, 0], [0, 0, 0.12], [0, 0, 0]
     )
     motion = robot.part("base", MobileBase).move_backward(0.1)
     while not motion.done:

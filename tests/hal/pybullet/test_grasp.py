@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import pybullet
 import pytest
 
 from bestman_bt.evaluation.audit import audit
@@ -59,6 +60,33 @@ def test_slippery_fingers_hold_nothing(robot_model, table_worlds, operator) -> N
         assert hand.truth.object_pose("box").position[2] < 0.81
         assert not hand.gripper.state().object_held
         assert hand.gripper.state().empty
+
+
+def test_an_object_that_sticks_to_the_opened_hand_is_seen(robot_model, table_worlds, operator) -> None:
+    with PyBulletRobot(robot_model, table_worlds["box"], seed=3) as robot:
+        hand = operator(robot)
+        hand.grasp("box")
+        built, client = robot.simulation.built, robot.simulation.client
+        tool = client.getLinkState(built.robot, built.links["panda_grasptarget"])[:2]
+        box = client.getBasePositionAndOrientation(built.objects["box"])
+        glue = pybullet.multiplyTransforms(*pybullet.invertTransform(*tool), *box)
+        client.createConstraint(
+            built.robot,
+            built.links["panda_grasptarget"],
+            built.objects["box"],
+            -1,
+            pybullet.JOINT_FIXED,
+            [0, 0, 0],
+            glue[0],
+            [0, 0, 0],
+            glue[1],
+        )
+        hand.finish(hand.gripper.open())
+        hand.move_vertically(0.1)
+        assert hand.truth.object_pose("box").position[2] > 0.85
+        judged = audit(robot.honesty_record(), ALLOWED)
+        assert judged.object_follows_open_hand >= 1
+        assert judged.grasp_constraints == 1
 
 
 def test_a_held_object_that_is_lost_shows_in_the_state_of_the_gripper(robot_model, table_worlds, operator) -> None:
