@@ -122,6 +122,8 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
         return None
     if len(trees) == 1:
         return next(iter(trees))
+    if not trees and documents.problems:
+        return None
     message = "the file holds no <BehaviorTree>"
     if trees:
         message = f"it is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"

@@ -148,9 +148,11 @@ def indexed_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
                     self.reset_children()
                     self.index = 0
                     return stop
-                else:
+                elif status == SKIPPED:
                     self.index = index = index + 1
                     self.skipped += 1
+                else:
+                    raise odd_status(status, child)
         except NodeError:
             raise
         except Exception as error:

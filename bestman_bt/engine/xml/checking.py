@@ -69,6 +69,8 @@ class Checker:
             count = len(children)
             if count < info.min_children or (info.max_children is not None and count > info.max_children):
                 self._report(element, "", _children_message(info, count))
+            if name == "ReactiveSequence" and sum(child.tag == "AsyncSequence" for child in children) > 1:
+                self._report(element, "", "it cannot have more than one AsyncSequence among its children")
             if attributes:
                 self._check_attributes(element, info)
             for key in info.required:
@@ -132,7 +134,7 @@ class Checker:
             self._check_script(element, key, text)
         elif key == "ID" and element.tag in EXPLICIT:
             return
-        elif key[0] != "_":
+        elif key[0] != "_" and ":" not in key and "." not in key:  # those are no port names, and are ignored
             message, suggestion = unknown_port(info, key)
             self._report(element, "", message, suggestion)
 

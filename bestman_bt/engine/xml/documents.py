@@ -10,6 +10,7 @@ from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.xml.elements import MAX_BYTES, Element, parse_xml
 
 MAX_INCLUDES = 200
+_FORBIDDEN = frozenset("<>&\"'/\\:*?|.")
 
 
 @dataclass(frozen=True)
@@ -161,6 +162,11 @@ class _Reader:
         return None
 
 
+def bad_character(name: str) -> str:
+    """Return the first character that a name of a tree or port must not contain, or an empty text."""
+    return next((c for c in name if c in _FORBIDDEN or ord(c) < 32 or ord(c) == 127), "")
+
+
 def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool) -> None:
     report = documents.problems.append
     tree_id = element.attributes.get("ID", "")
@@ -169,6 +175,10 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
             report(Problem(file, element.line, "BehaviorTree", "ID", "the attribute is missing"))
             return
         tree_id = "BehaviorTree"
+    bad = bad_character(tree_id)
+    if bad or tree_id in ("root", "Root"):
+        what = f"'{tree_id}' cannot be the name of a tree" + (f" (it contains {bad!r})" if bad else "")
+        report(Problem(file, element.line, "BehaviorTree", "ID", what))
     known = documents.trees.get(tree_id)
     if known is not None:
         where = f"{known.file}:{known.element.line}"
@@ -195,6 +205,9 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
                 continue
             if not name:
                 documents.problems.append(Problem(file, port.line, port.tag, "name", "the attribute is missing"))
+                continue
+            if not name[0].isalpha() or bad_character(name) or " " in name or name in ("name", "ID"):
+                documents.problems.append(Problem(file, port.line, port.tag, "name", f"'{name}' is no port name"))
                 continue
             default = port.attributes.get("default") or None
             ports[name] = ModelPort(name, port.tag.removesuffix("_port"), default, port.line)

@@ -1,0 +1,106 @@
+"""The deviations from BehaviorTree.CPP that docs/deviations.md names, one test each."""
+
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.engine import (
+    FAILURE,
+    RUNNING,
+    SUCCESS,
+    ManualClock,
+    NodeError,
+    NodeRegistry,
+    PortInformation,
+    StatefulAction,
+    SyncAction,
+    TreeLoadError,
+    load_tree,
+)
+
+
+class Wait(StatefulAction):
+    def on_start(self) -> int:
+        return RUNNING
+
+    def on_running(self) -> int:
+        return RUNNING
+
+    def on_halted(self) -> None:
+        self.halted_at = self.clock.now()
+
+
+class Show(SyncAction):
+    INPUT_PORTS = {"value": PortInformation(int, False)}
+
+    def on_tick(self) -> int:
+        return SUCCESS
+
+
+def tree(body: str, clock: ManualClock | None = None):
+    registry = NodeRegistry()
+    registry.register(Wait)
+    registry.register(Show)
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="M">{body}</BehaviorTree></root>'
+    return load_tree(text, registry, clock=clock or ManualClock())
+
+
+def test_a_literal_set_into_an_entry_that_an_untyped_port_declared_is_kept() -> None:
+    loaded = tree(
+        '<Sequence><SetBlackboard value="hello" output_key="k"/><SetBlackboard value="{k}" output_key="l"/></Sequence>'
+    )
+    assert loaded.tick_exactly_once() == SUCCESS
+    assert loaded.blackboard["l"] == "hello"
+
+
+def test_double_quoted_strings_are_accepted_in_scripts() -> None:
+    loaded = tree("<Script code='a := \"text\"'/>")
+    loaded.tick_exactly_once()
+    assert loaded.blackboard["a"] == "text"
+
+
+def test_a_timeout_halts_its_child_at_the_next_tick_and_not_before() -> None:
+    clock = ManualClock()
+    loaded = tree('<Timeout msec="100"><Wait name="wait"/></Timeout>', clock)
+    loaded.tick_exactly_once()
+    clock.advance(0.2)
+    assert loaded.node("wait").state == RUNNING
+    assert loaded.tick_exactly_once() == FAILURE
+    assert loaded.node("wait").halted_at == pytest.approx(0.2)
+
+
+def test_division_by_zero_is_an_error() -> None:
+    with pytest.raises(NodeError, match="division by zero"):
+        tree('<Script code="a := 1 / 0"/>').tick_exactly_once()
+
+
+def test_a_literal_must_be_converted_as_a_whole() -> None:
+    with pytest.raises(TreeLoadError, match="'3abc' is not an int"):
+        tree('<Show value="3abc"/>')
+
+
+def test_a_required_port_that_is_missing_is_found_at_load() -> None:
+    with pytest.raises(TreeLoadError, match="port 'num_cycles': it is required but not given"):
+        tree("<Repeat><Wait/></Repeat>")
+
+
+def test_a_synchronous_action_that_returns_running_says_what_to_do() -> None:
+    class Wrong(SyncAction):
+        def on_tick(self) -> int:
+            return RUNNING
+
+    registry = NodeRegistry()
+    registry.register(Wrong)
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Wrong/></Sequence></BehaviorTree></root>'
+    with pytest.raises(NodeError, match="must not return RUNNING; derive it from StatefulAction"):
+        load_tree(text, registry).tick_exactly_once()
+
+
+def test_an_own_entry_named_at_of_an_outer_tree_is_the_same_entry_for_readers_and_writers() -> None:
+    text = (
+        '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><SubTree ID="S" x="{@k}"/></BehaviorTree>'
+        '<BehaviorTree ID="S"><Script code="x := 3"/></BehaviorTree></root>'
+    )
+    loaded = load_tree(text)
+    loaded.tick_exactly_once()
+    assert loaded.blackboard["k"] == 3

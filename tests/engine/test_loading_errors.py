@@ -1,0 +1,184 @@
+"""What is wrong with a tree file is reported all at once, with file, line, node and the closest valid name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import (
+    SUCCESS,
+    NodeRegistry,
+    PortInformation,
+    SyncAction,
+    TreeLoadError,
+    load_tree,
+)
+
+
+class NavigateTo(SyncAction):
+    """Drive."""
+
+    INPUT_PORTS = {
+        "goal": PortInformation(list[float]),
+        "speed": PortInformation(float, False, "m/s", 0.5),
+    }
+    OUTPUT_PORTS = {"pose": PortInformation(list[float], False)}
+
+    def on_tick(self) -> int:
+        return SUCCESS
+
+
+@pytest.fixture
+def registry() -> NodeRegistry:
+    registry = NodeRegistry()
+    registry.register(NavigateTo)
+    return registry
+
+
+def problems(text: str, registry: NodeRegistry) -> list[str]:
+    with pytest.raises(TreeLoadError) as caught:
+        load_tree(text, registry)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def document(body: str, attributes: str = "", more: str = "") -> str:
+    return f'<root BTCPP_format="4"{attributes}>\n<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n{more}</root>'
+
+
+def test_all_errors_of_a_file_come_at_once_in_order_of_their_lines(registry: NodeRegistry) -> None:
+    text = document(
+        '<Sequense>\n<NavigateTo gaol="1;2"/>\n<NavigateTo goal="near" speed="fast"/>\n<SubTree ID="Mian"/>\n</Sequense>'
+    )
+    assert problems(text, registry) == [
+        "<text>:3: <Sequense>: unknown node 'Sequense' (did you mean 'Sequence'?)",
+        "<text>:4: <NavigateTo>: unknown port 'gaol' (did you mean 'goal'?)",
+        "<text>:4: <NavigateTo>: port 'goal': it is required but not given (of type list[float])",
+        "<text>:5: <NavigateTo>: port 'goal': 'near' is not a number",
+        "<text>:5: <NavigateTo>: port 'speed': 'fast' is not a number",
+        "<text>:6: <SubTree> 'ID': there is no tree 'Mian' (did you mean 'Main'?)",
+    ]
+
+
+def test_the_error_of_a_file_names_the_file(registry: NodeRegistry, tmp_path: Path) -> None:
+    path = tmp_path / "fetch.xml"
+    path.write_text(document("<Nope/>"))
+    with pytest.raises(TreeLoadError, match=rf"{path}:3: <Nope>: unknown node 'Nope'"):
+        load_tree(path, registry)
+
+
+def test_a_missing_file_is_said_to_be_missing(tmp_path: Path) -> None:
+    with pytest.raises(TreeLoadError, match="the tree file does not exist"):
+        load_tree(tmp_path / "none.xml")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("<root", "not well-formed XML"),
+        ("<tree/>", "the outermost element must be <root>"),
+        ('<root BTCPP_format="3"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>', "'3' is not supported"),
+        ('<root BTCPP_format="4"/>', "the file holds no <BehaviorTree>"),
+        (document("<AlwaysSuccess/><AlwaysFailure/>"), "must have exactly one root node but has 2"),
+        (document(""), "must have exactly one root node but has 0"),
+        (document("<AlwaysSuccess/>", ' main_tree_to_execute="Other"'), "there is no tree 'Other'"),
+        (
+            document("<AlwaysSuccess/>", "", '<BehaviorTree ID="B"><AlwaysSuccess/></BehaviorTree>'),
+            "it is missing, and the file holds 2 trees: Main, B",
+        ),
+        (
+            document("<AlwaysSuccess/>", "", '<BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree>'),
+            "'Main' is defined already, at <text>:2",
+        ),
+        (document("<Inverter/>"), "must have exactly one child but has 0"),
+        (document("<AlwaysSuccess><AlwaysSuccess/></AlwaysSuccess>"), "must not have children but has 1"),
+        (document("<IfThenElse><AlwaysSuccess/></IfThenElse>"), "must have at least 2 children but has 1"),
+        (document("<Switch2><AlwaysSuccess/></Switch2>"), "must have exactly 3 children but has 1"),
+        (
+            document('<Action ID="Sequence"><AlwaysSuccess/></Action>'),
+            "'Sequence' is no Action (write <Control ID=\"Sequence\">)",
+        ),
+        (document("<Action/>"), "the attribute is missing; it names the node"),
+        (document('<Script code="a := := 3"/>'), "expected operand at position 5 (got ':=')"),
+        (document('<AlwaysSuccess _skipIf="a =="/>'), "expected operand at position 4 (got the end)"),
+        (document('<NavigateTo goal="{g}" pose="here"/>'), "an output port is mapped to an entry, as '{pose}'"),
+        (
+            document('<SubTree ID="A"/>', ' main_tree_to_execute="Main"')[:-7]
+            + '<BehaviorTree ID="A"><SubTree ID="Main"/></BehaviorTree></root>',
+            "the trees call each other in a circle: Main -> A -> Main",
+        ),
+        (
+            document(
+                '<Sequence><SubTree ID="A" name="x"/><SubTree ID="A" name="x"/></Sequence>',
+                ' main_tree_to_execute="Main"',
+                '<BehaviorTree ID="A"><AlwaysSuccess/></BehaviorTree>',
+            ),
+            "there are two SubTrees with the path 'x'",
+        ),
+        (
+            document('<Sequence><NavigateTo goal="{g}"/><Repeat num_cycles="{g}"><AlwaysSuccess/></Repeat></Sequence>'),
+            "entry 'g' is used as int but was declared as list[float]",
+        ),
+        (
+            document(
+                "<ReactiveSequence><AsyncSequence><AlwaysSuccess/></AsyncSequence>"
+                "<AsyncSequence><AlwaysSuccess/></AsyncSequence></ReactiveSequence>"
+            ),
+            "it cannot have more than one AsyncSequence",
+        ),
+        ('<root BTCPP_format="4"><BehaviorTree ID="Sequence"><AlwaysSuccess/></BehaviorTree></root>', "name of a node"),
+        ('<root BTCPP_format="4"><BehaviorTree ID="a/b"><AlwaysSuccess/></BehaviorTree></root>', "it contains '/'"),
+    ],
+)
+def test_bad_input_gives_one_clear_message(text: str, message: str, registry: NodeRegistry) -> None:
+    found = problems(text, registry)
+    assert len(found) == 1
+    assert message in found[0]
+
+
+def test_a_value_type_without_text_form_cannot_be_a_literal() -> None:
+    class Opaque:
+        pass
+
+    class Take(SyncAction):
+        INPUT_PORTS = {"thing": PortInformation(Opaque)}
+
+        def on_tick(self) -> int:
+            return SUCCESS
+
+    registry = NodeRegistry()
+    registry.register(Take)
+    assert (
+        "a Opaque cannot be written as a literal; map an entry, as '{thing}'"
+        in problems(document('<Take thing="x"/>'), registry)[0]
+    )
+
+
+def test_errors_inside_python_trees_name_the_node(tmp_path: Path, registry: NodeRegistry) -> None:
+    path = tmp_path / "tree.py"
+    path.write_text(
+        "from bestman_bt.engine import Repeat, AlwaysSuccess, Sequence\n"
+        "def build():\n    return Sequence([Repeat('again', AlwaysSuccess(), num_cycle=3)])\n"
+    )
+    with pytest.raises(TreeLoadError) as caught:
+        load_tree(path, registry)
+    assert [str(p) for p in caught.value.problems] == [
+        f"{path}: <again>: unknown port 'num_cycle' (did you mean 'num_cycles'?)",
+        f"{path}: <again>: port 'num_cycles': it is required but not given (of type int)",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("x = 1\n", "defines no function build"),
+        ("raise OSError('broken')\n", "fails with OSError: broken"),
+        ("def build():\n    return 3\n", "returned 3; a node is expected"),
+        ("def build(:\n", "fails with SyntaxError"),
+    ],
+)
+def test_a_python_tree_that_does_not_build_says_why(source: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "tree.py"
+    path.write_text(source)
+    with pytest.raises(TreeLoadError, match=message):
+        load_tree(path)
