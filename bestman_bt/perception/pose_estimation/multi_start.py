@@ -20,6 +20,12 @@ from bestman_bt.messages import Box, ObjectModel, Pose
 from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
 from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, Evidence, color_distance, judge
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_surface
+from bestman_bt.perception.pose_estimation.point_to_plane import (
+    gauss_newton,
+    into_model,
+    nearest_offsets,
+    residual_rows,
+)
 from bestman_bt.perception.segmentation.base import Cluster
 from bestman_bt.perception.view import View
 
@@ -167,7 +173,7 @@ class MultiStart(PoseEstimator):
             scale = p.coarse_scale * (2.0 if iteration < p.coarse_iterations // 2 else 1.0)
             normals = surface.normals[nearest]
             residuals = ((moved - surface.points[nearest]) * normals).sum(axis=2)
-            step, _ = _gauss_newton(residuals, normals, moved, starts, scale, bool(turns))
+            step, _ = gauss_newton(residuals, normals, moved, starts, scale, bool(turns))
             starts = starts + step
         nearest, moved = _match(surface, points, starts)
         distances = np.linalg.norm(moved - surface.points[nearest], axis=2)
@@ -200,19 +206,19 @@ class MultiStart(PoseEstimator):
         # What faces the camera depends on the pose: it is found anew for the second half.
         for iteration in range(p.fine_iterations):
             if iteration in (0, p.fine_iterations // 2):
-                towards = _into(eye[None], pose)[0, 0] - surface.points
+                towards = into_model(eye[None], pose)[0, 0] - surface.points
                 facing = (towards * surface.normals).sum(axis=1) > -0.1 * np.linalg.norm(towards, axis=1)
                 samples, normals = surface.points[facing], surface.normals[facing]
                 tree = cKDTree(samples)
-            moved = _into(some, pose)
-            offsets, normals_at = _offsets(tree, samples, normals, moved[0])
-            residuals, directions, places = _rows(offsets, normals_at, moved[0], p.spacing)
-            step, _ = _gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
+            moved = into_model(some, pose)
+            offsets, normals_at = nearest_offsets(tree, samples, normals, moved[0])
+            residuals, directions, places = residual_rows(offsets, normals_at, moved[0], p.spacing)
+            step, _ = gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
             pose = pose + step
-        moved = _into(points, pose)
-        offsets, normals_at = _offsets(tree, samples, normals, moved[0])
-        residuals, directions, places = _rows(offsets, normals_at, moved[0], p.spacing)
-        _, information = _gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
+        moved = into_model(points, pose)
+        offsets, normals_at = nearest_offsets(tree, samples, normals, moved[0])
+        residuals, directions, places = residual_rows(offsets, normals_at, moved[0], p.spacing)
+        _, information = gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
         along = (offsets * normals_at).sum(axis=1)
         distances = np.linalg.norm(offsets, axis=1)
         beside = distances**2 - along**2 > (2 * p.spacing) ** 2
@@ -242,78 +248,11 @@ def _evenly(n: int, limit: int) -> NDArray[np.intp]:
     return np.arange(n) if n <= limit else np.linspace(0, n - 1, limit).astype(np.intp)
 
 
-def _into(points: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (N, 3) in the model frames of S poses (x, y, yaw): (S, N, 3)."""
-    c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
-    dx, dy = points[:, 0] - poses[:, 0:1], points[:, 1] - poses[:, 1:2]
-    return np.stack([c * dx + s * dy, c * dy - s * dx, np.broadcast_to(points[:, 2], dx.shape)], axis=2)
-
-
 def _match(
     surface: ModelSurface, points: NDArray[np.float64], poses: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    moved = _into(points, poses)
+    moved = into_model(points, poses)
     return surface.nearest_samples(moved), moved
-
-
-def _offsets(
-    tree: cKDTree, samples: NDArray[np.float64], normals: NDArray[np.float64], points: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """From the nearest sample to each point, and the normal there: (N, 3) each."""
-    nearest = tree.query(points)[1]
-    return points - samples[nearest], normals[nearest]
-
-
-def _rows(
-    offsets: NDArray[np.float64], normals: NDArray[np.float64], points: NDArray[np.float64], spacing: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Residuals (M,), directions (M, 3), points (M, 3): distances to faces and, beyond a face's end, to the end.
-
-    Without the second kind nothing would hold a box sideways where the camera sees only its front and top.
-    """
-    along = (offsets * normals).sum(axis=1)
-    sideways = offsets - along[:, None] * normals
-    distance = np.linalg.norm(sideways, axis=1)
-    beyond = distance > 0.75 * spacing
-    directions = sideways[beyond] / distance[beyond, None]
-    return (
-        np.concatenate([along, distance[beyond] - 0.5 * spacing]),
-        np.concatenate([normals, directions]),
-        np.concatenate([points, points[beyond]]),
-    )
-
-
-def _gauss_newton(
-    residuals: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    moved: NDArray[np.float64],
-    poses: NDArray[np.float64],
-    scale: float,
-    with_yaw: bool,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """One step for S poses: (S, 3) increments and (S, 3, 3) information (of unit noise).
-
-    ``residuals``: (S, N) along ``normals`` (S, N, 3) at the points ``moved`` (S, N, 3) of the model frame.
-    With m = R(yaw)ᵀ (q - t): ∂m/∂t = -Rᵀ and ∂m/∂yaw = (m_y, -m_x, 0).
-    """
-    c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
-    nx, ny = normals[..., 0], normals[..., 1]
-    jacobian = np.stack(
-        [
-            -(c * nx - s * ny),
-            -(s * nx + c * ny),
-            nx * moved[..., 1] - ny * moved[..., 0] if with_yaw else np.zeros_like(nx),
-        ],
-        axis=2,
-    )
-    weights = 1.0 / (1.0 + (residuals / scale) ** 2)
-    weighted = jacobian * weights[..., None]
-    information = np.swapaxes(jacobian, 1, 2) @ weighted
-    gradient = (weighted * residuals[..., None]).sum(axis=1)
-    damping = np.diag([1e-2, 1e-2, 1e-5 if with_yaw else 1.0])
-    step = -np.linalg.solve(information + damping, gradient[..., None])[..., 0]
-    limit = np.array([0.02, 0.02, 0.35])
-    return np.clip(step, -limit, limit), information + damping
 
 
 def _place(cluster: Cluster, surface: ModelSurface, fit: _Fit) -> Pose:
