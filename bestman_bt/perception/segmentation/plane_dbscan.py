@@ -178,14 +178,16 @@ def _inside(local: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
 
 
 def _above_plane(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
-    above: NDArray[np.float64] = points[:, 2] - points[:, :2] @ plane[:2] - plane[2]
+    above: NDArray[np.float64] = points[:, 2] - plane[0] * points[:, 0] - plane[1] * points[:, 1] - plane[2]
     return above
 
 
 def _least_squares_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
     centre = points.mean(axis=0)
     x, y, z = (points - centre).T
-    slopes = np.linalg.solve([[x @ x, x @ y], [x @ y, y @ y]], [x @ z, y @ z])
+    # Sums, not dot products: BLAS adds in another order with another number of threads.
+    xx, xy, yy, xz, yz = ((a * b).sum() for a, b in ((x, x), (x, y), (y, y), (x, z), (y, z)))
+    slopes = np.linalg.solve([[xx, xy], [xy, yy]], [xz, yz])
     return np.array([slopes[0], slopes[1], centre[2] - slopes @ centre[:2]])
 
 
