@@ -72,7 +72,7 @@ def _load(client: PhysicsClient, name: str, urdf: str, pose: Pose, folder: Path,
             pose.position.tolist(),
             pose.quaternion.tolist(),
             useFixedBase=fixed,
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE if name == "robot" else 0,
+            flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER if name == "robot" else 0,
         )
     except pybullet.error as error:
         raise SimulationError(f"pybullet cannot load {name!r}: {error}") from error
@@ -156,8 +156,9 @@ def _set_up_robot(
                 contactStiffness=parameters.finger_stiffness,
                 contactDamping=parameters.finger_damping,
             )
-            # The anchor of panda.urdf would glue a released object to the opening hand.
-            client.changeDynamics(robot, links[link], frictionAnchor=0)
+            # Without the anchor a held object creeps and pivots by degrees while the base turns. The anchor's force is
+            # bounded by friction like any other; the monitor tells if an object ever follows an open hand.
+            client.changeDynamics(robot, links[link], frictionAnchor=1)
         for joint in gripper.joint_names:
             client.resetJointState(robot, joints[joint], gripper.max_width / len(gripper.joint_names))
         if len(gripper.joint_names) == 2:

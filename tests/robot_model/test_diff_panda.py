@@ -117,7 +117,11 @@ def test_it_stands_level_with_most_of_its_weight_on_the_wheels(robot: RobotModel
             basePosition=[0, 0, -0.5],
             physicsClientId=client,
         )
-        body = pybullet.loadURDF(str(path), flags=pybullet.URDF_USE_INERTIA_FROM_FILE, physicsClientId=client)
+        body = pybullet.loadURDF(
+            str(path),
+            flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER,
+            physicsClientId=client,
+        )
         joints = range(pybullet.getNumJoints(body, physicsClientId=client))
         info = [pybullet.getJointInfo(body, joint, physicsClientId=client) for joint in joints]
         index = {entry[1].decode(): entry[0] for entry in info}
