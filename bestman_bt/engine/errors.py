@@ -37,8 +37,8 @@ class ConversionError(EngineError, ValueError):
 class Problem:
     """One thing that is wrong with a tree file.
 
-    ``severity`` is ``"error"`` or ``"warning"``; only errors stop a tree from loading. ``line`` is 0 where no
-    line is known (trees built in Python).
+    ``field`` is the port or attribute that is meant. ``severity`` is ``"error"`` or ``"warning"``; only errors stop a
+    tree from loading. ``line`` is 0 where no line is known (trees built in Python).
     """
 
     file: str
@@ -51,11 +51,17 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
-        node = f" <{self.node}>" if self.node else ""
-        field = f" '{self.field}'" if self.field else ""
+        parts = [f"{self.severity}:"] if self.severity != "error" else []
+        if self.node:
+            parts.append(f"<{self.node}>")
+        if self.field:
+            is_port = self.field[0].islower() and self.field not in _NO_PORTS
+            parts.append(f"port '{self.field}'" if is_port else f"'{self.field}'")
         hint = f" ({self.suggestion})" if self.suggestion else ""
-        kind = "" if self.severity == "error" else f" {self.severity}:"
-        return f"{place}:{kind}{node}{field}: {self.message}{hint}"
+        return f"{place}: {' '.join(parts)}{': ' if parts else ''}{self.message}{hint}"
+
+
+_NO_PORTS = frozenset(("name", "path", "ros_pkg", "main_tree_to_execute"))
 
 
 class TreeLoadError(EngineError):

@@ -48,14 +48,15 @@ def document(body: str, attributes: str = "", more: str = "") -> str:
 
 def test_all_errors_of_a_file_come_at_once_in_order_of_their_lines(registry: NodeRegistry) -> None:
     text = document(
-        '<Sequense>\n<NavigateTo gaol="1;2"/>\n<NavigateTo goal="near" speed="fast"/>\n<SubTree ID="Mian"/>\n</Sequense>'
+        '<Sequense>\n<NavigateTo gaol="1;2"/>\n<NavigateTo goal="near" speed="fast"/>\n'
+        '<SubTree ID="Mian"/>\n</Sequense>'
     )
     assert problems(text, registry) == [
         "<text>:3: <Sequense>: unknown node 'Sequense' (did you mean 'Sequence'?)",
         "<text>:4: <NavigateTo>: unknown port 'gaol' (did you mean 'goal'?)",
-        "<text>:4: <NavigateTo>: port 'goal': it is required but not given (of type list[float])",
-        "<text>:5: <NavigateTo>: port 'goal': 'near' is not a number",
-        "<text>:5: <NavigateTo>: port 'speed': 'fast' is not a number",
+        "<text>:4: <NavigateTo> port 'goal': it is required but not given (of type list[float])",
+        "<text>:5: <NavigateTo> port 'goal': 'near' is not a number",
+        "<text>:5: <NavigateTo> port 'speed': 'fast' is not a number",
         "<text>:6: <SubTree> 'ID': there is no tree 'Mian' (did you mean 'Main'?)",
     ]
 
@@ -164,7 +165,7 @@ def test_errors_inside_python_trees_name_the_node(tmp_path: Path, registry: Node
         load_tree(path, registry)
     assert [str(p) for p in caught.value.problems] == [
         f"{path}: <again>: unknown port 'num_cycle' (did you mean 'num_cycles'?)",
-        f"{path}: <again>: port 'num_cycles': it is required but not given (of type int)",
+        f"{path}: <again> port 'num_cycles': it is required but not given (of type int)",
     ]
 
 

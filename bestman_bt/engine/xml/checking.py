@@ -75,8 +75,7 @@ class Checker:
                 self._check_attributes(element, info)
             for key in info.required:
                 if key not in attributes:
-                    what = f"port '{key}': it is required but not given"
-                    self._report(element, "", what, f"of type {info.ports[key].type_name}")
+                    self._report(element, key, "it is required but not given", f"of type {info.ports[key].type_name}")
         for child in children:
             self._check(child)
 
@@ -100,7 +99,7 @@ class Checker:
             if key in checks:
                 message = literal_message(info, key, text, self.registry)
                 if message:
-                    self._report(element, "", f"port '{key}': {message}")
+                    self._report(element, key, message)
             elif port.direction == "output":
                 self._report(element, key, _output_message(info, key, text))
             elif key == "code" and info.builtin:
@@ -126,8 +125,7 @@ class Checker:
         if model and element.attributes.get("_autoremap") not in ("true", "1", "True", "TRUE"):
             for port in model.values():
                 if port.default is None and port.name not in element.attributes:
-                    what = f"port '{port.name}': the TreeNodesModel of '{tree_id}' says it is mandatory"
-                    self._report(element, "", what)
+                    self._report(element, port.name, f"the TreeNodesModel of '{tree_id}' says it is mandatory")
 
     def _check_other(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         if key in SCRIPTS:
@@ -212,7 +210,7 @@ def check_values(
             else:
                 message = literal_message(info, key, value, registry)
                 if message:
-                    report("", f"port '{key}': {message}", "")
+                    report(key, message, "")
     for key in info.required:
         if key not in attributes:
-            report("", f"port '{key}': it is required but not given", f"of type {info.ports[key].type_name}")
+            report(key, "it is required but not given", f"of type {info.ports[key].type_name}")
