@@ -1,0 +1,1 @@
+"""The ``bestman-bt`` command, one file per verb."""

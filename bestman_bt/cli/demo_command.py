@@ -1,0 +1,26 @@
+"""Runs fetch_cup with a recording and pictures; the folder that it names holds all of them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.options import Json, Seed
+from bestman_bt.cli.run_command import execute, exit_code
+from bestman_bt.configuration import load_run
+from bestman_bt.runtime import prepare
+
+DEMO_SEED = 7
+
+
+def command(
+    seed: Seed = DEMO_SEED,
+    runs: Annotated[Path, typer.Option(help="Where the run folder is made.")] = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Fetch a cup in simulation and show what happened."""
+    setup = prepare(load_run("fetch_cup", seed=seed, record=True))
+    sys.exit(exit_code(execute(setup, runs, pictures=True, as_json=as_json)))

@@ -1,0 +1,75 @@
+"""The command line: verbs are imported when they are used, so that the small ones answer at once."""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib import import_module
+
+import click
+import typer
+from typer.core import TyperGroup
+
+VERBS = {
+    "demo": "fetch a cup in simulation and show what happened",
+    "run": "run a tree or a task once and judge it",
+    "eval": "run a task over many seeds and summarise",
+    "show": "print a tree",
+    "nodes": "list the nodes that trees may use, with their ports",
+    "validate": "check tree files without running them",
+    "stop": "stop the robots of all running executors",
+    "version": "print the versions of this package and of what it stands on",
+}
+
+
+class Verbs(TyperGroup):
+    """Finds ``bestman_bt.cli.<verb>:command`` when a verb is asked for."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All verbs, in the order of use."""
+        return list(VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the verb's module; a misspelt verb is answered by the closest one."""
+        if cmd_name not in VERBS:
+            from bestman_bt.registry import suggestion
+
+            ctx.fail(f"unknown command {cmd_name!r}; {suggestion(cmd_name, list(VERBS))}")
+        module = import_module(f"bestman_bt.cli.{cmd_name}_command")
+        verb = typer.Typer(add_completion=False, rich_markup_mode=None)
+        verb.command(name=cmd_name, help=VERBS[cmd_name].capitalize() + ".", epilog=module.__doc__)(module.command)
+        return typer.main.get_command(verb)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the verbs without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(VERBS.items()))
+
+
+app = typer.Typer(
+    cls=Verbs,
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Behavior-tree task execution for mobile manipulators.",
+)
+
+
+@app.callback()
+def root() -> None:
+    """Behavior-tree task execution for mobile manipulators."""
+
+
+def main() -> None:
+    """Entry point. Exit codes: 0 success, 1 not, 2 the input was wrong and nothing was started, 130 cancelled."""
+    # Products of small arrays are slower on several threads, and their last bits depend on how many there are.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from bestman_bt.cli.input_errors import input_errors
+
+    with input_errors():
+        app(prog_name="bestman-bt")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

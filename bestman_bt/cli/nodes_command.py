@@ -1,0 +1,42 @@
+"""Example: bestman-bt nodes NavigateTo."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.options import Plugins
+from bestman_bt.engine import NodeInfo
+from bestman_bt.runtime.plugins import node_registry
+
+KINDS = ("Action", "Condition", "Control", "Decorator", "SubTree")
+
+
+def command(
+    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Only these nodes.")] = None,
+    plugins: Plugins = None,
+) -> None:
+    """List the nodes that trees may use, with their ports."""
+    registry = node_registry([str(plugin) for plugin in plugins or ()])
+    infos = [registry.info(name) for name in names] if names else registry.manifest()
+    for kind in KINDS:
+        of_kind = [info for info in infos if info.kind == kind]
+        if of_kind:
+            print(f"{kind}s" if kind != "SubTree" else kind)
+            for info in of_kind:
+                _tell(info)
+            print()
+    sys.stdout.flush()
+
+
+def _tell(info: NodeInfo) -> None:
+    print(f"  {info.name}: {info.description.splitlines()[0] if info.description else ''}")
+    for port in info.ports.values():
+        facts = [port.direction, port.type_name]
+        if port.required:
+            facts.append("required")
+        elif port.default is not None:
+            facts.append(f"default {port.default}")
+        print(f"      {port.name} ({', '.join(facts)}): {port.description}")

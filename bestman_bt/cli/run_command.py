@@ -1,0 +1,86 @@
+"""Examples: bestman-bt run fetch_cup --seed 7 --record; bestman-bt run my_tree.xml --scene kitchen."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
+from bestman_bt.cli.run_view import RunView, summary
+from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run, task_of_tree
+from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.run_folder import make_run_folder
+from bestman_bt.runtime import Setup, prepare
+
+
+def command(
+    tree: Annotated[
+        str | None, typer.Argument(metavar="[TREE]", help="A shipped tree, or an XML or Python file.")
+    ] = None,
+    task: Annotated[str | None, typer.Option(help="A shipped task or a YAML file.")] = None,
+    scene: Scene = None,
+    robot: Robot = None,
+    seed: Seed = 0,
+    settings: Settings = None,
+    plugins: Plugins = None,
+    record: Annotated[bool, typer.Option("--record", help="Write recording.rrd for the Rerun viewer.")] = False,
+    pictures: Annotated[bool, typer.Option("--pictures", help="Render start.png, grasp.png and end.png.")] = False,
+    runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
+    as_json: Json = False,
+) -> None:
+    """Run a tree or a task once."""
+    config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
+    result = execute(prepare(config), runs, pictures, as_json)
+    sys.exit(exit_code(result))
+
+
+def execute(setup: Setup, runs: Path, pictures: bool, as_json: bool) -> RunResult:
+    """Run with a live view, print the summary or the document, and return the result."""
+    folder = make_run_folder(setup.config, runs)
+    with RunView(setup.config.name, quiet=False) as view:
+        result = run_episode(setup, folder, pictures, view.watch)
+    if as_json:
+        print(json.dumps(result.to_document(), allow_nan=False))
+    summary(result, setup, folder)
+    return result
+
+
+def exit_code(result: RunResult) -> int:
+    """0 success, 1 not, 130 cancelled."""
+    if result.outcome is Outcome.CANCELLED:
+        return 130
+    return 0 if result.success else 1
+
+
+def _configuration(
+    tree: str | None,
+    task: str | None,
+    scene: str | None,
+    robot: str | None,
+    seed: int,
+    settings: list[str] | None,
+    plugins: list[Path] | None,
+    record: bool,
+) -> RunConfig:
+    if (tree is None) == (task is None):
+        message = "give a tree or --task, one of them" if tree is None else "give a tree or --task, not both"
+        raise ConfigurationError([Problem("bestman-bt run", None, "", message)])
+    if tree is not None:
+        task = task_of_tree(tree)
+        if task is None:
+            scene, robot = scene or "kitchen", robot or "diff_panda"
+    return load_run(
+        task,
+        tree=tree,
+        scene=scene,
+        robot=robot,
+        seed=seed,
+        settings=settings or (),
+        plugins=[str(plugin) for plugin in plugins or ()],
+        record=record,
+    )

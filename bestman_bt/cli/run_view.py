@@ -1,0 +1,104 @@
+"""A run on the terminal: the live tree while it goes on, the summary at its end; all on standard error."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from bestman_bt.engine import StateChanges, Tree
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.runtime import Session, Setup
+from bestman_bt.visualization import describe_changes, describe_tree
+from bestman_bt.visualization.terminal import LiveTree
+
+CONSOLE = Console(stderr=True)
+
+
+class RunView:
+    """Shows a running tree: redrawn in place on a terminal, one line per event elsewhere."""
+
+    def __init__(self, title: str, quiet: bool = False) -> None:
+        self._title = title
+        self._quiet = quiet
+        self._live: Live | None = None
+
+    def __enter__(self) -> RunView:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
+        """Attach to a tree; returns what to call after each tick."""
+        shown = LiveTree(describe_tree(tree), self._title)
+        clock, start, wall_start = session.robot.clock, session.robot.clock.now(), time.perf_counter()
+        on_terminal = CONSOLE.is_terminal
+        if on_terminal and not self._quiet:
+            self._live = Live(shown, console=CONSOLE, auto_refresh=False, vertical_overflow="crop")
+            self._live.start()
+
+        def on_changes(changes: StateChanges) -> None:
+            for event in shown.apply(describe_changes(tree, changes)):
+                if not on_terminal and not self._quiet:
+                    CONSOLE.print(str(event), highlight=False, markup=False, soft_wrap=True)
+
+        drawn = 0.0
+
+        def after_tick() -> None:
+            nonlocal drawn
+            now = time.perf_counter()
+            shown.set_time(clock.now() - start, now - wall_start)
+            if self._live is not None and now - drawn > 0.15:
+                drawn = now
+                for node in tree.nodes:
+                    if node.feedback_message:
+                        shown.tell(node.uid, node.feedback_message)
+                self._live.refresh()
+
+        tree.subscribe(on_changes)
+        return after_tick
+
+
+def summary(result: RunResult, setup: Setup, folder: Path) -> None:
+    """Print how a run ended."""
+    goal = setup.config.task.goal
+    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+    look = {
+        Outcome.SUCCESS: "[bold green]success",
+        Outcome.FAILURE: "[bold red]failure",
+        Outcome.CANCELLED: "[bold yellow]cancelled",
+        Outcome.ERROR: "[bold red]error",
+    }[result.outcome]
+    table.add_row(f"{result.task}, seed {result.seed}", look)
+    if goal is not None and result.success:
+        table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
+    if result.failure is not None:
+        where = f"{result.failure.node}: " if result.failure.node else ""
+        table.add_row("why", f"{where}{result.failure.why} ({result.failure.error_code})")
+    if "place_error_mm" in result.metrics and result.success:
+        turn = f", tilt {result.metrics['tilt_deg']:.1f}°" if "tilt_deg" in result.metrics else ""
+        table.add_row("place error", f"{result.metrics['place_error_mm']:.1f} mm{turn}")
+    table.add_row(
+        "time",
+        f"{result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s, {result.real_time_factor:.1f} × real time",
+    )
+    if result.audit:
+        counts = ", ".join(
+            f"{name.replace('_', ' ')} {result.audit[name]}"
+            for name in ("teleports", "grasp_constraints", "ground_truth_reads", "collisions")
+        )
+        table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
+    table.add_row("files", str(folder))
+    for path in sorted(folder.iterdir()):
+        table.add_row("", path.name)
+    CONSOLE.print()
+    CONSOLE.print(table, highlight=False)

@@ -1,0 +1,40 @@
+"""Example: bestman-bt validate trees/*.xml. Exit code 2 if a file has errors; warnings alone are fine."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.options import Plugins
+from bestman_bt.configuration import ConfigurationError, find_data
+from bestman_bt.engine.validation import validate_file
+from bestman_bt.runtime.plugins import node_registry
+
+GIVEN = ("object", "source", "target", "goal")
+"""Root entries that a task fills before the first tick."""
+
+
+def command(
+    files: Annotated[list[str], typer.Argument(metavar="FILE…", help="Shipped trees, or XML or Python files.")],
+    plugins: Plugins = None,
+) -> None:
+    """Check tree files without running them."""
+    registry = node_registry([str(plugin) for plugin in plugins or ()])
+    errors = 0
+    for file in files:
+        try:
+            path = find_data("tree", file)
+        except ConfigurationError as error:
+            print(error, file=sys.stderr)
+            errors += 1
+            continue
+        problems = validate_file(path, registry, given=GIVEN)
+        for problem in problems:
+            print(problem, file=sys.stderr)
+        faulty = sum(problem.severity == "error" for problem in problems)
+        errors += faulty
+        if not faulty:
+            print(f"{path}: ok")
+    sys.exit(2 if errors else 0)
