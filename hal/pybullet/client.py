@@ -93,7 +93,7 @@ class PhysicsClient:
         self._sealed = False
         self._running = False
         self._robot: int | None = None
-        self._bound: dict[str, Callable[..., Any]] = {}
+        self._bound: set[str] = set()
         self.counts: Counter[str] = Counter()
         self.calls: Counter[str] = Counter()
 
@@ -123,13 +123,13 @@ class PhysicsClient:
         if self.connected:
             _FUNCTIONS["disconnect"](physicsClientId=self._id)
         self._id = -1
-        self._bound.clear()
+        self._unbind()
 
     def seal(self, robot: int) -> None:
         """The scene is built: count from now on. ``robot``: the body whose joints are encoders."""
         self._robot = robot
         self._sealed = True
-        self._bound.clear()
+        self._unbind()
 
     def start_running(self) -> None:
         """Time runs under the caller's control: readers opened from now on are counted."""
@@ -172,13 +172,17 @@ class PhysicsClient:
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name.startswith("_") or name not in _FUNCTIONS:
             raise AttributeError(f"pybullet has no function {name!r}")
-        bound = self._bound.get(name)
-        if bound is None:
-            bound = self.function(name)
-            if self._sealed and name in GUARDED:
-                bound = self._counted(name, bound)
-            self._bound[name] = bound
+        bound = self.function(name)
+        if self._sealed and name in GUARDED:
+            bound = self._counted(name, bound)
+        self._bound.add(name)
+        self.__dict__[name] = bound  # the next call finds it without coming here
         return bound
+
+    def _unbind(self) -> None:
+        for name in self._bound:
+            del self.__dict__[name]
+        self._bound.clear()
 
     def _counted(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
         def counted(*arguments: Any, **keywords: Any) -> Any:

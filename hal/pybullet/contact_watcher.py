@@ -32,7 +32,7 @@ class ContactWatcher:
         )
         self._running: dict[tuple[str, str], ContactIncident] = {}
         self._ended: list[ContactIncident] = []
-        self._deepest: dict[tuple[str, str], Penetration] = {}
+        self._deepest: dict[tuple[int, int, int, int], tuple[float, float]] = {}
         self.robot_forces: defaultdict[int, float] = defaultdict(float)
         self.touched: set[int] = set()
 
@@ -41,7 +41,7 @@ class ContactWatcher:
         forces: defaultdict[tuple[int, int, int, int], float] = defaultdict(float)
         robot, floor, rolling = self._robot, self._floor, self._rolling
         for contact in observation.contacts:
-            body_a, body_b, link_a, link_b, distance, force = *contact[1:5], contact[8], contact[9]
+            _, body_a, body_b, link_a, link_b, _, _, _, distance, force, *_ = contact
             if body_b == robot:
                 body_a, body_b, link_a, link_b = body_b, body_a, link_b, link_a
             if body_a == robot and body_b == floor and link_a in rolling:
@@ -49,7 +49,10 @@ class ContactWatcher:
             if force > 0.0:
                 forces[body_a, link_a, body_b, link_b] += force
             if distance < 0.0:
-                self._note_depth(body_a, link_a, body_b, link_b, -distance, observation.stamp)
+                pair = (body_a, link_a, body_b, link_b)
+                deepest = self._deepest.get(pair)
+                if deepest is None or distance < deepest[0]:
+                    self._deepest[pair] = (distance, observation.stamp)
         self._note_forces(forces, observation.stamp)
 
     def incidents(self) -> tuple[ContactIncident, ...]:
@@ -58,7 +61,11 @@ class ContactWatcher:
 
     def penetrations(self) -> tuple[Penetration, ...]:
         """The deepest overlap of each pair, deepest first."""
-        return tuple(sorted(self._deepest.values(), key=lambda overlap: -overlap.depth))
+        overlaps = [
+            Penetration(self._name(body_a, link_a), self._name(body_b, link_b), -distance, stamp)
+            for (body_a, link_a, body_b, link_b), (distance, stamp) in self._deepest.items()
+        ]
+        return tuple(sorted(overlaps, key=lambda overlap: -overlap.depth))
 
     def _note_forces(self, forces: dict[tuple[int, int, int, int], float], stamp: float) -> None:
         """First who holds what, then what the robot and the held objects press on."""
@@ -95,12 +102,6 @@ class ContactWatcher:
         else:
             peak = max(running.peak_force, force)
             self._running[pair] = ContactIncident(first, second, running.roles, running.start, stamp, peak)
-
-    def _note_depth(self, body_a: int, link_a: int, body_b: int, link_b: int, depth: float, stamp: float) -> None:
-        pair = (self._name(body_a, link_a), self._name(body_b, link_b))
-        deepest = self._deepest.get(pair)
-        if deepest is None or depth > deepest.depth:
-            self._deepest[pair] = Penetration(*pair, depth, stamp)
 
     def _name(self, body: int, link: int) -> str:
         if body == self._robot:

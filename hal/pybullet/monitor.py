@@ -11,6 +11,7 @@ from hal.pybullet.open_hand_watcher import OpenHandWatcher
 from hal.pybullet.simulation import Simulation
 from hal.pybullet.tamper_watcher import TamperWatcher
 
+ALL_CONTACTS_EVERY = 15
 FULL_CHECK_EVERY = 60
 
 
@@ -55,11 +56,12 @@ class HonestyMonitor:
         )
 
     def _look(self) -> None:
-        observation = self._observer.observe()
-        self._contacts.watch(observation)
-        touched = self._contacts.touched
-        self._motions.watch(observation, touched)
-        self._open_hand.watch(observation, self._contacts.robot_forces)
+        motions, contacts = self._motions, self._contacts
+        complete = self._looks % ALL_CONTACTS_EVERY == 0
+        observation = self._observer.observe(motions.awake, complete)
+        contacts.watch(observation)
+        motions.watch(observation, contacts.touched, contacts.robot_forces, complete)
+        self._open_hand.watch(observation, contacts.robot_forces)
         self._tampering.watch_constraints(observation.stamp)
         self._looks += 1
         if self._looks % FULL_CHECK_EVERY == 0:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,15 @@ from hal.pybullet.honesty_record import Finding
 from hal.pybullet.observation import BodyState, Observation
 from hal.pybullet.simulation import Simulation
 
+# Metres, radians, seconds. A body is integrated in every step while it is awake; one that rests has WAKING to begin to
+# fall or roll within one look, and HIT if something else may have hit it.
+AWAKE_SPEED = 2e-3
+AWAKE_TIME = 0.25
+WAKING = 5e-4
+HIT = 1e-3
 POSITION_JUMP = 1e-4
 DRIFT = 5e-4
+DRIFT_DECAY = 0.98
 ROTATION_JUMP = 0.01
 JOINT_JUMP = 0.01
 STUTTER = 1.5
@@ -55,8 +63,10 @@ class MotionWatcher:
         self._beyond: NDArray[np.bool_] = np.zeros(len(self._joint_names), bool)
         self._too_fast = self._beyond.copy()
         self._before: Observation | None = None
-        self._drift: dict[int, NDArray[np.float64]] = {body: np.zeros(3) for body in self._names}
-        self._paths: dict[int, list[float]] = {body: [0.0] * 4 for body in self._names}
+        self._drift: dict[int, list[float]] = {body: [0.0] * 3 for body in self._names}
+        self.awake: list[int] = list(self._names)
+        self._awake_until = dict.fromkeys(self._names, 0.0)
+        self._paths: dict[int, list[float]] = {}
         self._afloat: dict[int, int] = dict.fromkeys(self._objects, 0)
         self._touched_before: set[int] = set(self._objects)
         self.jumps: list[Finding] = []
@@ -64,51 +74,82 @@ class MotionWatcher:
         self.joint_limits: list[Finding] = []
         self.velocity_limits: list[Finding] = []
 
-    def watch(self, observation: Observation, touched: set[int]) -> None:
-        """Take in one observation; ``touched``: the bodies that have contacts now, but for wheels on the floor."""
+    def watch(
+        self, observation: Observation, touched: set[int], robot_forces: Mapping[int, float], complete: bool
+    ) -> None:
+        """Take in one observation.
+
+        ``touched``: the bodies that have contacts now, but for wheels on the floor, or of those only the awake ones
+        where the look is not ``complete``. ``robot_forces``: the robot's normal force on each body that it touches.
+        """
         self._robot_touches = self._robot in touched or self._robot in self._touched_before
         before = self._before
-        if before is None:
-            for path in self._paths.values():
-                path[:] = [0.0] * 4
-        else:
+        if before is not None:
             time = observation.stamp - before.stamp
+            undisturbed = not self._robot_touches and not any(body in self._objects for body in self.awake)
             for body in self._names:
-                self._watch_body(body, before.bodies[body], observation.bodies[body], observation.stamp)
+                self._watch_body(
+                    body, before.bodies[body], observation.bodies[body], time, undisturbed, observation.stamp
+                )
             for body in self._objects:
-                self._watch_free_fall(body, before.bodies[body], observation, time, touched)
+                if body in self._paths:
+                    self._watch_free_fall(body, before.bodies[body], observation, time, touched)
+                elif complete:
+                    self._watch_rest(body, observation.stamp, touched)
             self._watch_joints(before, observation, time)
         self._watch_limits(observation)
         self._before, self._touched_before = observation, touched
+        self._wake(observation, robot_forces)
 
     def integrate(self) -> None:
-        """Take in the velocities after one physics step; the pose has just moved by them."""
+        """Take in the velocities after one physics step; the poses have just moved by them."""
         velocity, step = self._velocity, self._time_step
         for body, path in self._paths.items():
-            (x, y, z), angular = velocity(body)
+            (x, y, z), (a, b, c) = velocity(body)
             path[0] += x * step
             path[1] += y * step
             path[2] += z * step
-            path[3] += math.hypot(*angular) * step
+            path[3] += (a * a + b * b + c * c) ** 0.5 * step
 
-    def _watch_body(self, body: int, old: BodyState, new: BodyState, stamp: float) -> None:
-        name, path = self._names[body], self._paths[body]
-        residual = [new.position[k] - old.position[k] - path[k] for k in range(3)]
-        turn, path[:] = path[3], [0.0] * 4
-        if math.hypot(*residual) > POSITION_JUMP:
-            distance = 1e3 * math.dist(old.position, new.position)
-            self.jumps.append(Finding(stamp, f"{name} jumped by {distance:.1f} mm"))
-            self._drift[body][:] = 0.0
-            return
+    def _wake(self, observation: Observation, robot_forces: Mapping[int, float]) -> None:
+        """Bodies that moved or that the robot touched a moment ago are integrated in every step until the next look."""
+        for body, state in observation.bodies.items():
+            speed = math.hypot(*state.linear) + 0.1 * math.hypot(*state.angular)
+            if body == self._robot or body in robot_forces or speed > AWAKE_SPEED:
+                self._awake_until[body] = observation.stamp + AWAKE_TIME
+        self.awake = [body for body, end in self._awake_until.items() if end > observation.stamp]
+        self._paths = {body: [0.0, 0.0, 0.0, 0.0] for body in self.awake}
+
+    def _watch_body(
+        self, body: int, old: BodyState, new: BodyState, time: float, undisturbed: bool, stamp: float
+    ) -> None:
+        """An integrated body has moved along its path; one that rested has not, unless something may have hit it."""
+        path = self._paths.get(body)
+        slack = 0.0
+        if path is None:
+            path = [0.5 * time * (u + v) for u, v in zip(old.linear, new.linear, strict=True)]
+            path.append(time * (math.hypot(*old.angular) + math.hypot(*new.angular)))
+            slack = WAKING if undisturbed else HIT + time * math.hypot(*new.linear)
         drift = self._drift[body]
-        drift += residual
-        if drift @ drift > DRIFT**2:
-            self.jumps.append(Finding(stamp, f"{name} crept by {1e3 * float(np.linalg.norm(drift)):.1f} mm"))
-            drift[:] = 0.0
-        cosine = abs(sum(a * b for a, b in zip(old.quaternion, new.quaternion, strict=True)))
-        turned = 2.0 * math.acos(min(1.0, cosine))
-        if turned > ROTATION_JUMP + turn:
-            self.jumps.append(Finding(stamp, f"{name} turned by {math.degrees(turned):.1f} degrees at once"))
+        (x, y, z), (x0, y0, z0) = new.position, old.position
+        rx, ry, rz = x - x0 - path[0], y - y0 - path[1], z - z0 - path[2]
+        if math.hypot(rx, ry, rz) > POSITION_JUMP + slack:
+            distance = 1e3 * math.dist(old.position, new.position)
+            self.jumps.append(Finding(stamp, f"{self._names[body]} jumped by {distance:.1f} mm"))
+            drift[:] = (0.0, 0.0, 0.0)
+            return
+        if slack <= WAKING:
+            drift[0] = DRIFT_DECAY * drift[0] + rx
+            drift[1] = DRIFT_DECAY * drift[1] + ry
+            drift[2] = DRIFT_DECAY * drift[2] + rz
+            if math.hypot(*drift) > DRIFT:
+                self.jumps.append(Finding(stamp, f"{self._names[body]} crept by {1e3 * math.hypot(*drift):.1f} mm"))
+                drift[:] = (0.0, 0.0, 0.0)
+        (a, b, c, d), (a0, b0, c0, d0) = new.quaternion, old.quaternion
+        turned = 2.0 * math.acos(min(1.0, abs(a * a0 + b * b0 + c * c0 + d * d0)))
+        if turned > ROTATION_JUMP + path[3] + 20.0 * slack:
+            text = f"{self._names[body]} turned by {math.degrees(turned):.1f} degrees at once"
+            self.jumps.append(Finding(stamp, text))
 
     def _watch_free_fall(
         self, body: int, old: BodyState, observation: Observation, time: float, touched: set[int]
@@ -124,11 +165,17 @@ class MotionWatcher:
             text = f"{self._objects[body]} touches nothing and does not fall freely"
             self.unexplained_forces.append(Finding(observation.stamp, text))
 
+    def _watch_rest(self, body: int, stamp: float, touched: set[int]) -> None:
+        """What rests, rests on something."""
+        self._afloat[body] = 0 if body in touched else self._afloat[body] + 1
+        if self._afloat[body] == 2:
+            self.unexplained_forces.append(Finding(stamp, f"{self._objects[body]} rests on nothing and does not fall"))
+
     def _watch_joints(self, before: Observation, observation: Observation, time: float) -> None:
-        """Free joints move smoothly; those of a robot that bumps into something stutter, up to their top speed."""
+        """Motors and bumps make joints stutter between two looks, but not faster than their top speed."""
         old, new = before.joints, observation.joints
         residual = np.abs(new[0] - old[0] - (old[1] + new[1]) * (time / 2.0))
-        slack = JOINT_JUMP + (STUTTER * time * self._top_speed if self._robot_touches else 0.0)
+        slack = JOINT_JUMP + STUTTER * time * self._top_speed
         jumped = self._watched & (residual > slack + np.abs(new[1] - old[1]) * time)
         for slot in np.flatnonzero(jumped):
             moved = new[0, slot] - old[0, slot]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Collection, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +13,10 @@ from hal.pybullet.simulation import Simulation
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+Contact = tuple[Any, ...]
 
 
-@dataclass(frozen=True)
-class BodyState:
+class BodyState(NamedTuple):
     """Pose of a body's centre of mass in the map frame and its velocity."""
 
     position: Vector
@@ -25,8 +25,7 @@ class BodyState:
     angular: Vector
 
 
-@dataclass(frozen=True, eq=False)
-class Observation:
+class Observation(NamedTuple):
     """``bodies``: objects and the robot's root link, by body id. ``contacts``: as pybullet gives them.
 
     ``joints``: rows position, velocity, effort of the driven joints. ``fingers``: link index → position (3,).
@@ -34,7 +33,7 @@ class Observation:
 
     stamp: float
     bodies: dict[int, BodyState]
-    contacts: tuple[tuple[Any, ...], ...]
+    contacts: Sequence[Contact]
     joints: NDArray[np.float64]
     fingers: dict[int, Vector]
 
@@ -55,15 +54,28 @@ class Observer:
         self._contacts = reader.getContactPoints
         self._links = reader.getLinkStates
 
-    def observe(self) -> Observation:
-        """Look now."""
+    def observe(self, awake: Collection[int], everything: bool) -> Observation:
+        """Look now; contacts of the robot and of the ``awake`` objects, or of ``everything``."""
         simulation = self._simulation
-        bodies = {body: BodyState(*self._pose(body), *self._velocity(body)) for body in self._bodies}
+        pose, velocity = self._pose, self._velocity
+        bodies = {body: BodyState(*pose(body), *velocity(body)) for body in self._bodies}
         links = self._links(self._robot, self._fingers) if self._fingers else ()
+        contacts = self._contacts() if everything else self._contacts_of(awake)
         return Observation(
             stamp=simulation.steps * simulation.parameters.time_step,
             bodies=bodies,
-            contacts=self._contacts(),
+            contacts=contacts,
             joints=simulation.joint_states(),
             fingers={index: state[0] for index, state in zip(self._fingers, links, strict=True)},
         )
+
+    def _contacts_of(self, awake: Collection[int]) -> Sequence[Contact]:
+        """Each contact once: of the robot first, then of each awake object with what has not been asked."""
+        robot = self._robot
+        contacts: list[Contact] = list(self._contacts(bodyA=robot))
+        asked = {robot}
+        for body in awake:
+            if body not in asked:
+                contacts += [c for c in self._contacts(bodyA=body) if c[1] not in asked and c[2] not in asked]
+                asked.add(body)
+        return contacts

@@ -27,6 +27,18 @@ class ScenePhotographer:
 
     def __init__(self, robot: PyBulletRobot) -> None:
         self._reader = robot.simulation.client.reader(ReadPurpose.RECORDING)
+        self._objects = robot.simulation.built.objects
+        self._robot = robot.simulation.built.robot
+
+    def visible(self, viewpoint: Viewpoint, name: str, width: int = 160, height: int = 120) -> tuple[float, float]:
+        """Shares of a small picture that show an object and the robot."""
+        view = pybullet.computeViewMatrix(viewpoint.eye, viewpoint.target, [0.0, 0.0, 1.0])
+        projection = pybullet.computeProjectionMatrixFOV(viewpoint.field_of_view, width / height, 0.05, 30.0)
+        image = self._reader.getCameraImage(
+            width, height, viewMatrix=view, projectionMatrix=projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER
+        )
+        bodies = np.asarray(image[4], dtype=np.int64).reshape(-1)
+        return float(np.mean(bodies == self._objects[name])), float(np.mean(bodies == self._robot))
 
     def picture(
         self, viewpoint: Viewpoint, width: int = 960, height: int = 720, oversampling: int = 2

@@ -190,7 +190,7 @@ def test_an_object_that_follows_an_open_hand_is_seen(robot, cup, judge) -> None:
 def test_an_object_that_hangs_in_the_air_is_seen(robot, cup, server, judge) -> None:
     hidden, push = _unguarded(robot, "resetBasePositionAndOrientation"), _unguarded(robot, "applyExternalForce")
     hidden(cup, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0], physicsClientId=server)
-    for _ in range(60):
+    for _ in range(240):
         push(cup, -1, [0.0, 0.0, 0.2 * 9.81], [0.0, 0.0, 0.0], pybullet.LINK_FRAME, physicsClientId=server)
         robot.clock.sleep(robot.simulation.parameters.time_step)
     judged = judge()
