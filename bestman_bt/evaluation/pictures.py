@@ -6,10 +6,16 @@ import math
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from bestman_bt.messages import Pose
 from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, Viewpoint
+
+CLOSE = 1.5
+"""Metres between robot and object up to which a picture closes in on both."""
+ENOUGH = 0.003
+"""Share of the picture at which the object is seen well enough."""
 
 
 class Pictures:
@@ -22,29 +28,49 @@ class Pictures:
         self._walls = robot.world.walls
 
     def take(self, name: str, subject: str | None = None) -> Path:
-        """Render ``<name>.png``: the robot and the object ``subject`` from the side that shows both."""
+        """Render ``<name>.png``: the robot and the object ``subject`` from where both are seen best."""
         base = self._truth.base_pose()
-        target = base.position + np.array([0.0, 0.0, 0.7])
         if subject is not None and subject in self._truth.object_names:
             thing = self._truth.object_pose(subject).position
-            if np.linalg.norm((thing - target)[:2]) < 1.5:
-                target = (thing + target) / 2
+            if np.linalg.norm((thing - base.position)[:2]) < CLOSE:
+                return self._save(name, self._close_up(base, thing, subject))
+        return self._save(name, self._overview())
+
+    def _save(self, name: str, viewpoint: Viewpoint) -> Path:
         path = self._folder / f"{name}.png"
-        Image.fromarray(self._photographer.picture(Viewpoint(self._eye(base, target), tuple(map(float, target))))).save(
-            path
-        )
+        Image.fromarray(self._photographer.picture(viewpoint)).save(path)
         return path
 
-    def _eye(self, base: Pose, target: np.ndarray) -> tuple[float, float, float]:
-        """Beside and a little behind the robot, on the side with more room."""
-        xs = [x for wall in self._walls for x in (wall.start[0], wall.end[0])]
-        ys = [y for wall in self._walls for y in (wall.start[1], wall.end[1])]
-        middle = np.array([(min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2])
-        best, room = (0.0, 0.0, 0.0), -math.inf
-        for side in (-1.0, 1.0):
-            direction = base.rotation[:2, :2] @ np.array([-0.45, side])
-            eye = target[:2] + 2.3 * direction / np.linalg.norm(direction)
-            closeness = -float(np.linalg.norm(eye - middle))
-            if closeness > room:
-                best, room = (float(eye[0]), float(eye[1]), 2.0), closeness
+    def _overview(self) -> Viewpoint:
+        """All rooms, from above the longer side."""
+        xs, ys = self._wall_ends()
+        x, y = (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2
+        width = max(max(xs) - min(xs), 4.0)
+        return Viewpoint((x, min(ys) - 0.32 * width, 0.62 * width), (x, y - 0.2, 0.4), 52.0)
+
+    def _close_up(self, base: Pose, thing: NDArray[np.float64], subject: str) -> Viewpoint:
+        """From the direction, around robot and object, in which the object is hidden least."""
+        middle = (base.position + thing) / 2
+        target = (float(middle[0]), float(middle[1]), float(thing[2]))
+        best, most = None, -1.0
+        for turn in np.arange(0.0, 2.0 * math.pi, math.pi / 6):
+            direction = base.rotation[:2, :2] @ np.array([math.cos(turn), math.sin(turn)])
+            for height in (0.55, 0.9):
+                eye = (target[0] + 1.75 * direction[0], target[1] + 1.75 * direction[1], target[2] + height)
+                viewpoint = Viewpoint((float(eye[0]), float(eye[1]), float(eye[2])), target)
+                of_thing, of_robot = self._photographer.visible(viewpoint, subject)
+                score = min(of_thing, ENOUGH) / ENOUGH + 0.5 * min(of_robot, 0.2) / 0.2
+                if not self._inside_the_rooms(eye[0], eye[1]):
+                    score -= 0.4
+                if score > most:
+                    best, most = viewpoint, score
+        assert best is not None
         return best
+
+    def _inside_the_rooms(self, x: float, y: float) -> bool:
+        xs, ys = self._wall_ends()
+        return min(xs) < x < max(xs) and min(ys) < y < max(ys)
+
+    def _wall_ends(self) -> tuple[list[float], list[float]]:
+        ends = [end for wall in self._walls for end in (wall.start, wall.end)] or [(-2.0, -2.0), (2.0, 2.0)]
+        return [x for x, _ in ends], [y for _, y in ends]
