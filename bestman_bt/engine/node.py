@@ -542,7 +542,9 @@ class Node(_Base):
                 self.halt_node()
             self.reset_status()
         if new_status is PyTreesStatus.INVALID:
-            self._s = 0
+            for node in self.iterate():
+                if isinstance(node, Node):
+                    node._s = IDLE
         else:
             self._s = from_py_trees(new_status)
 

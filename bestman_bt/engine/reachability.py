@@ -6,13 +6,16 @@ from collections.abc import Iterator
 from typing import Final
 
 from bestman_bt.engine import controls, decorators
+from bestman_bt.engine.leaves.base import Leaf
 from bestman_bt.engine.leaves.constants import AlwaysFailure, AlwaysSuccess
 from bestman_bt.engine.leaves.script import Script
+from bestman_bt.engine.leaves.test_node import TestNode
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.engine.tree import Tree
 
 _ALL: Final = frozenset((RUNNING, SUCCESS, FAILURE, SKIPPED))
+_DONE: Final = frozenset((SUCCESS, FAILURE))
 _CONDITIONS: Final = (("_failureIf", FAILURE), ("_successIf", SUCCESS), ("_skipIf", SKIPPED), ("_while", SKIPPED))
 _SEQUENCES: Final = (controls.Sequence, controls.AsyncSequence, controls.SequenceWithMemory, controls.ReactiveSequence)
 _FALLBACKS: Final = (controls.Fallback, controls.AsyncFallback, controls.ReactiveFallback)
@@ -38,6 +41,8 @@ def _core_results(node: Node) -> frozenset[int]:
         return _in_order(node, go=SUCCESS, stop=FAILURE)
     if isinstance(node, _FALLBACKS):
         return _in_order(node, go=FAILURE, stop=SUCCESS)
+    if isinstance(node, Leaf) and not isinstance(node, TestNode):
+        return _DONE if node.NEVER_RUNS else _DONE | {RUNNING}  # leaves that skip by themselves are rare
     return _ALL
 
 

@@ -223,6 +223,8 @@ class Tree:
         finally:
             if self._log:
                 self._publish()
+        for node in self.nodes:
+            node._s = IDLE
         self.status = IDLE
 
     # ---- py_trees' side

@@ -58,7 +58,9 @@ def validate_file(
 
 def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
     """Return what looks wrong in a tree that loads; ``given`` are root entries that somebody sets before."""
-    found = [*_never_written(tree, frozenset(given)), *_shadowing(tree), *_misspelt(tree)]
+    uses = entry_uses(tree)
+    written = {id(use.slot) for use in uses if use.writes}
+    found = [*_never_written(tree, uses, written, given), *_shadowing(tree, written), *_misspelt(tree)]
     for child, sibling in unreachable_children(tree):
         message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
         found.append(_warning(child, "", message))
@@ -90,37 +92,37 @@ def _unused_trees(documents: Documents, main: str) -> Iterator[Problem]:
             yield Problem(definition.file, line, "BehaviorTree", "ID", f"tree '{tree_id}' is never used", "", "warning")
 
 
-def _never_written(tree: Tree, given: frozenset[str]) -> Iterator[Problem]:
-    uses = entry_uses(tree)
-    written = {id(use.slot) for use in uses if use.writes}
+def _never_written(tree: Tree, uses: list[EntryUse], written: set[int], given: Iterable[str]) -> Iterator[Problem]:
     root = {id(tree.blackboard.slot(key)) for key in given}
     reported: set[tuple[int, int]] = set()
     for use in uses:
         if use.writes or id(use.slot) in written or id(use.slot) in root or use.slot.value is not None:
             continue
-        if (id(use.node), id(use.slot)) in reported:
-            continue
-        reported.add((id(use.node), id(use.slot)))
-        yield _warning(use.node, use.port, f"reads '{{{use.key}}}', which nothing in the tree writes", _hint(use))
+        if (id(use.node), id(use.slot)) not in reported:
+            reported.add((id(use.node), id(use.slot)))
+            message = f"reads '{{{use.key}}}', which nothing in the tree writes"
+            yield _warning(use.node, use.port, message, _hint(use, written))
 
 
-def _hint(use: EntryUse) -> str:
+def _hint(use: EntryUse, written: set[int]) -> str:
     board = use.node.board
     outer = board.parent
-    if outer is not None and use.key in outer and use.key not in board.remapping:
+    if outer is not None and use.key not in board.remapping and id(outer.slot(use.key)) in written:
         return f"the tree outside has '{use.key}'; map it with {use.key}=\"{{{use.key}}}\""
-    filled = [key for key, value in board.items() if key != use.key and value is not None]
-    hint = closest(use.key, filled)
+    known = [slot.key for slot in board.slots() if slot is not use.slot and id(slot) in written]
+    hint = closest(use.key, known)
     return f"did you mean '{{{hint}}}'?" if hint else ""
 
 
-def _shadowing(tree: Tree) -> Iterator[Problem]:
+def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
     for node in tree.nodes:
         if not isinstance(node, SubTree) or str(node.attributes.get("_autoremap")).lower() not in ("true", "1"):
             continue
         for port, value in node.attributes.items():
-            if port not in ("ID", "name") and port[0] != "_" and key_of(value, port) is None and port in node.board:
-                message = f"the literal shadows the entry '{port}' outside, which _autoremap would share"
+            if port in ("ID", "name") or port[0] == "_" or key_of(value, port) is not None:
+                continue
+            if id(node.board.slot(port)) in written:
+                message = "the literal shadows the entry of this name outside, which _autoremap would share"
                 yield _warning(node, port, message)
 
 

@@ -1,0 +1,181 @@
+"""File logs and statistics: what they hold, and that a tree without them pays nothing."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, Tree, load_tree
+from bestman_bt.engine.logs import (
+    BtLogWriter,
+    ChromeTraceWriter,
+    JsonLinesWriter,
+    LogError,
+    SqliteWriter,
+    TreeObserver,
+    read_btlog,
+    read_json_lines,
+)
+
+HERE = Path(__file__).parent
+XML = """<root BTCPP_format="4" main_tree_to_execute="Main">
+<BehaviorTree ID="Main"><Sequence name="seq"><Script name="init" code="x := 1"/><SubTree ID="Sub" name="sub"/>
+<AlwaysSuccess name="no" _skipIf="x == 1"/></Sequence></BehaviorTree>
+<BehaviorTree ID="Sub"><Sleep name="nap" msec="100"/></BehaviorTree></root>"""
+
+TRANSITIONS = [
+    (0.0, "seq", RUNNING),
+    (0.0, "init", SUCCESS),
+    (0.0, "sub", RUNNING),
+    (0.0, "sub/nap", RUNNING),
+    (0.1, "sub/nap", SUCCESS),
+    (0.1, "sub/nap", IDLE),
+    (0.1, "sub", SUCCESS),
+    (0.1, "init", IDLE),
+    (0.1, "sub", IDLE),
+    (0.1, "seq", SUCCESS),
+    (0.1, "seq", IDLE),
+]
+
+
+@pytest.fixture
+def tree() -> Tree:
+    return load_tree(XML, clock=ManualClock(5.0))
+
+
+def run(tree: Tree) -> None:
+    assert tree.tick_while_running(period=0.05) == SUCCESS
+
+
+def test_a_genuine_log_of_behaviortree_cpp_is_read() -> None:
+    log = read_btlog(HERE / "sample.btlog")
+    assert len(log.transitions) == 647
+    assert (log.transitions[0].uid, log.transitions[0].status) == (1, RUNNING)
+    assert log.transitions[0].time == pytest.approx(1081e-6)
+    assert log.start == pytest.approx(1795235937.930504)
+    assert log.xml.startswith('<root BTCPP_format="4">')
+
+
+def test_a_btlog_holds_every_transition_with_the_trees_time(tree: Tree, tmp_path: Path) -> None:
+    with BtLogWriter(tree, tmp_path / "run.btlog", start=1000.0):
+        run(tree)
+    log = read_btlog(tmp_path / "run.btlog")
+    found = [(t.time, tree.nodes[t.uid - 1].path, t.status) for t in log]
+    assert found == [(pytest.approx(time), path, status) for time, path, status in TRANSITIONS]
+    assert log.start == 1000.0
+
+
+def test_the_xml_of_a_btlog_has_the_form_of_groot2s(tree: Tree, tmp_path: Path) -> None:
+    with BtLogWriter(tree, tmp_path / "run.btlog"):
+        pass
+    xml = read_btlog(tmp_path / "run.btlog").xml
+    assert xml.startswith(
+        '<root BTCPP_format="4">\n'
+        '    <BehaviorTree ID="Main" _fullpath="">\n'
+        '        <Sequence name="seq" _uid="1">\n'
+        '            <Script name="init" _uid="2" code="x := 1"/>\n'
+        '            <SubTree ID="Sub" _fullpath="sub" _uid="3"/>\n'
+        '            <AlwaysSuccess name="no" _uid="5" _skipIf="x == 1"/>\n'
+        "        </Sequence>\n"
+        "    </BehaviorTree>\n"
+        '    <BehaviorTree ID="Sub" _fullpath="sub">\n'
+        '        <Sleep name="nap" _uid="4" msec="100"/>\n'
+        "    </BehaviorTree>\n"
+        "    <TreeNodesModel>\n"
+    )
+
+
+def test_a_log_that_was_cut_off_is_read_up_to_there(tmp_path: Path) -> None:
+    data = (HERE / "sample.btlog").read_bytes()
+    (tmp_path / "cut.btlog").write_bytes(data[:-4])
+    assert len(read_btlog(tmp_path / "cut.btlog").transitions) == 646
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda data: b"PK" + data, "is no .btlog file"),
+        (lambda data: data[:18] + b"\x02" + data[19:], "has the .btlog version 2"),
+        (lambda data: data[:400], "cut off within its XML"),
+        (lambda data: data[:20], "damaged"),
+        (lambda data: data[:-1] + b"\x63", "the status 99"),
+    ],
+)
+def test_what_is_no_btlog_is_refused(damage, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.btlog"
+    path.write_bytes(damage((HERE / "sample.btlog").read_bytes()))
+    with pytest.raises(LogError, match=message):
+        read_btlog(path)
+
+
+def test_json_lines_hold_paths_and_both_states(tree: Tree, tmp_path: Path) -> None:
+    with JsonLinesWriter(tree, tmp_path / "run.jsonl"):
+        run(tree)
+    records = read_json_lines(tmp_path / "run.jsonl")
+    assert len(records) == len(TRANSITIONS)
+    assert records[3] == {"time": 5.0, "uid": 4, "path": "sub/nap", "from": "IDLE", "to": "RUNNING"}
+    assert records[4]["from"] == "RUNNING"
+
+
+def test_sqlite_keeps_sessions_with_their_durations(tree: Tree, tmp_path: Path) -> None:
+    for _ in range(2):
+        with SqliteWriter(tree, tmp_path / "run.db"):
+            run(tree)
+    with sqlite3.connect(tmp_path / "run.db") as database:
+        assert database.execute("SELECT count(*) FROM Definitions").fetchone() == (2,)
+        assert database.execute("SELECT fullpath FROM Nodes WHERE session_id = 1 AND node_uid = 4").fetchone() == (
+            "sub/nap",
+        )
+        rows = database.execute(
+            "SELECT state, duration FROM Transitions WHERE session_id = 2 AND node_uid = 4 ORDER BY rowid"
+        ).fetchall()
+    assert rows == [(RUNNING, 0), (SUCCESS, 100_000), (IDLE, 0)]
+
+
+def test_a_chrome_trace_has_a_slice_for_each_time_a_node_ran(tree: Tree, tmp_path: Path) -> None:
+    with ChromeTraceWriter(tree, tmp_path / "run.json"):
+        run(tree)
+    events = json.loads((tmp_path / "run.json").read_text())
+    nap = [(e["ph"], e["ts"]) for e in events if e.get("tid") == 4 and e["ph"] in "BE"]
+    assert nap == [("B", pytest.approx(5.0e6)), ("E", pytest.approx(5.1e6))]
+    assert sum(e["ph"] == "B" for e in events) == sum(e["ph"] == "E" for e in events) == 3
+
+
+def test_a_chrome_trace_closed_in_the_middle_ends_its_slices(tree: Tree, tmp_path: Path) -> None:
+    with ChromeTraceWriter(tree, tmp_path / "run.json"):
+        tree.tick_exactly_once()
+    events = json.loads((tmp_path / "run.json").read_text())
+    assert sum(e["ph"] == "B" for e in events) == sum(e["ph"] == "E" for e in events) == 3
+
+
+def test_statistics_count_ticks_results_skips_and_time(tree: Tree) -> None:
+    with TreeObserver(tree) as observer:
+        run(tree)
+        run(tree)
+    nap, skipped = observer["sub/nap"], observer["no"]
+    assert (nap.ticks, nap.successes, nap.failures, nap.transitions) == (6, 2, 0, 6)
+    assert nap.seconds[RUNNING] == pytest.approx(0.2)
+    assert (skipped.ticks, skipped.skips, skipped.transitions) == (2, 2, 0)
+    assert nap.last_result == SUCCESS
+    with pytest.raises(KeyError, match="there is no node 'other'"):
+        observer["other"]
+
+
+def test_a_closed_log_leaves_the_tree_as_it_was(tree: Tree, tmp_path: Path) -> None:
+    before = [node.run.__qualname__ for node in tree.nodes]
+    with JsonLinesWriter(tree, tmp_path / "a.jsonl"), TreeObserver(tree), BtLogWriter(tree, tmp_path / "a.btlog"):
+        tree.tick_exactly_once()
+    assert [node.run.__qualname__ for node in tree.nodes] == before
+    assert all(node.log is None and node.hooks is None for node in tree.nodes)
+
+
+def test_a_listener_attached_in_mid_run_sees_the_changes_from_then_on(tree: Tree) -> None:
+    tree.tick_exactly_once()
+    seen: list[tuple[int, int]] = []
+    tree.subscribe(seen.extend)
+    tree.clock.sleep(0.2)
+    tree.tick_exactly_once()
+    assert [(tree.nodes[uid - 1].path, state) for uid, state in seen] == [(p, s) for t, p, s in TRANSITIONS if t > 0]

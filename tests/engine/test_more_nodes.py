@@ -1,0 +1,371 @@
+"""Nodes beyond the recorded cases: Nav2's, ForEach, queues, ManualSelector, threads, coroutines, functions, timing."""
+
+from __future__ import annotations
+
+import io
+import threading
+import time
+from collections import deque
+from typing import Any
+
+import pytest
+
+from bestman_bt.engine import (
+    FAILURE,
+    RUNNING,
+    SKIPPED,
+    SUCCESS,
+    AlwaysFailure,
+    AlwaysSuccess,
+    ConsumeQueue,
+    Context,
+    CoroutineAction,
+    Delay,
+    Fallback,
+    ForEach,
+    FunctionLeafError,
+    LoopInt,
+    ManualClock,
+    ManualSelector,
+    NodeError,
+    NodeRegistry,
+    Output,
+    PipelineSequence,
+    PopFromQueue,
+    PortInformation,
+    QueueSize,
+    RateController,
+    RecoveryNode,
+    RoundRobin,
+    ScriptCondition,
+    Sequence,
+    SetBlackboard,
+    StatefulAction,
+    SyncAction,
+    ThreadedAction,
+    Timeout,
+    TreeLoadError,
+    WasEntryUpdated,
+    action,
+    build_tree,
+    condition,
+    load_tree,
+)
+
+LETTERS = {"R": RUNNING, "S": SUCCESS, "F": FAILURE, "K": SKIPPED}
+
+
+class Plan(StatefulAction):
+    """One letter a tick; the last repeats."""
+
+    INPUT_PORTS = {"plan": PortInformation(str)}
+
+    def on_load(self) -> None:
+        self.ticks = 0
+        self.halts = 0
+
+    def on_start(self) -> int:
+        return self.on_running()
+
+    def on_running(self) -> int:
+        plan = self.get_input("plan")
+        self.ticks += 1
+        return LETTERS[plan[min(self.ticks, len(plan)) - 1]]
+
+    def on_halted(self) -> None:
+        self.halts += 1
+
+
+class Again(Plan):
+    """The same, asked anew at every tick, also after a result."""
+
+    def on_tick(self) -> int:
+        return self.on_running()
+
+
+def ticks(tree: Any, count: int) -> list[int]:
+    return [tree.tick_exactly_once() for _ in range(count)]
+
+
+def test_a_pipeline_goes_on_ticking_the_children_it_has_passed() -> None:
+    a, b, c = Again("a", plan="RSRS"), Again("b", plan="RRS"), Again("c", plan="RS")
+    tree = build_tree(PipelineSequence([a, b, c]))
+    assert ticks(tree, 5) == [RUNNING, RUNNING, RUNNING, RUNNING, SUCCESS]
+    assert (a.ticks, b.ticks, c.ticks) == (5, 4, 2)
+
+
+def test_a_pipeline_waits_for_the_first_child_until_it_was_passed_once() -> None:
+    a, b = Again("a", plan="RRS"), Again("b", plan="R")
+    ticks(build_tree(PipelineSequence([a, b])), 4)
+    assert (a.ticks, b.ticks) == (4, 2)
+
+
+def test_a_pipeline_fails_with_any_child_and_halts_the_others() -> None:
+    a, b = Again("a", plan="SSF"), Plan("b", plan="R")
+    tree = build_tree(PipelineSequence([a, b]))
+    assert ticks(tree, 3) == [RUNNING, RUNNING, FAILURE]
+    assert b.halts == 1
+
+
+def test_round_robin_goes_on_with_the_next_child() -> None:
+    a, b, c = Plan("a", plan="S"), Plan("b", plan="FS"), Plan("c", plan="S")
+    tree = build_tree(RoundRobin([a, b, c]))
+    assert ticks(tree, 3) == [SUCCESS, SUCCESS, SUCCESS]
+    assert (a.ticks, b.ticks, c.ticks) == (2, 1, 1)
+
+
+def test_round_robin_fails_when_all_children_failed_in_turn() -> None:
+    tree = build_tree(RoundRobin([AlwaysFailure(), AlwaysFailure()]))
+    assert ticks(tree, 2) == [FAILURE, FAILURE]
+
+
+def test_a_recovery_node_retries_after_each_recovery() -> None:
+    act, recover = Plan("act", plan="FRFS"), Plan("recover", plan="RS")
+    tree = build_tree(RecoveryNode([act, recover], number_of_retries=2))
+    assert ticks(tree, 4) == [RUNNING, RUNNING, SUCCESS, SUCCESS]
+    assert (act.ticks, recover.ticks) == (5, 3)
+
+
+def test_a_recovery_node_fails_when_its_retries_are_used_up_or_the_recovery_fails() -> None:
+    assert build_tree(RecoveryNode([AlwaysFailure(), AlwaysSuccess()])).tick_exactly_once() == FAILURE
+    assert build_tree(RecoveryNode([AlwaysFailure(), AlwaysFailure()])).tick_exactly_once() == FAILURE
+
+
+def test_a_rate_controller_in_a_pipeline_ticks_its_child_at_its_rate() -> None:
+    clock, child = ManualClock(), Again("child", plan="S")
+    tree = build_tree(PipelineSequence([RateController(child, hz=2.0), Plan("drive", plan="R")]), clock=clock)
+    times = []
+    for _ in range(12):
+        before = child.ticks
+        tree.tick_exactly_once()
+        if child.ticks > before:
+            times.append(round(clock.now(), 3))
+        clock.advance(0.125)
+    assert times == [0.0, 0.5, 1.0]
+
+
+def test_for_each_runs_its_child_for_every_item() -> None:
+    seen: list[Any] = []
+
+    class Note(SyncAction):
+        INPUT_PORTS = {"item": PortInformation(Any), "index": PortInformation(int)}
+
+        def on_tick(self) -> int:
+            seen.append((self.get_input("index"), self.get_input("item")))
+            return SUCCESS
+
+    tree = build_tree(ForEach(Note(item="{it}", index="{i}"), items="{poses}", item="{it}", index="{i}"))
+    tree.blackboard.set("poses", ["a", "b", "c"])
+    assert tree.tick_once() == SUCCESS
+    assert seen == [(0, "a"), (1, "b"), (2, "c")]
+
+
+def test_for_each_ends_at_the_first_failure_and_succeeds_without_items() -> None:
+    tree = build_tree(ForEach(ScriptCondition(code="it != 'b'"), items="{list}", item="{it}", index="{i}"))
+    tree.blackboard.set("list", ["a", "b", "c"])
+    assert tree.tick_once() == FAILURE
+    assert tree.blackboard["i"] == 1
+    tree.blackboard.set("list", [])
+    assert tree.tick_once() == SUCCESS
+
+
+def test_queues_are_emptied_in_place_by_loops_and_queue_nodes() -> None:
+    tree = build_tree(
+        Sequence(
+            [
+                QueueSize(queue="{q}", size="{size}"),
+                PopFromQueue(queue="{q}", popped_item="{first}"),
+                ConsumeQueue(ScriptCondition(code="now < 9"), queue="{q}", popped_item="{now}"),
+            ]
+        )
+    )
+    queue = deque([1, 2, 3])
+    tree.blackboard.set("q", queue)
+    assert tree.tick_exactly_once() == SUCCESS
+    assert (tree.blackboard["size"], tree.blackboard["first"], tree.blackboard["now"], list(queue)) == (3, 1, 3, [])
+    assert tree.tick_exactly_once() == FAILURE
+
+
+def test_a_loop_reads_a_list_once_and_a_deque_at_every_item() -> None:
+    tree = build_tree(LoopInt(AlwaysSuccess(), queue="{q}", value="{v}"))
+    tree.blackboard.set("q", [4, 5])
+    assert ticks(tree, 3) == [RUNNING, RUNNING, SUCCESS]
+    assert (tree.blackboard["v"], tree.blackboard["q"]) == (5, [4, 5])
+    tree.blackboard.unset("q")
+    tree.blackboard.set("q", deque([6]))
+    assert ticks(tree, 2) == [RUNNING, SUCCESS]
+    assert list(tree.blackboard["q"]) == []
+
+
+def test_a_loop_over_something_else_is_an_error() -> None:
+    tree = build_tree(LoopInt(AlwaysSuccess(), queue="{q}", value="{v}"))
+    tree.blackboard.set("q", 3)
+    with pytest.raises(NodeError, match="expected a list of items but got 3"):
+        tree.tick_exactly_once()
+    with pytest.raises(TreeLoadError, match="'x' is not an int"):
+        build_tree(LoopInt(AlwaysSuccess(), queue="1;x"))
+
+
+def test_an_entry_that_was_set_counts_as_updated_once() -> None:
+    tree = build_tree(Sequence([WasEntryUpdated(entry="{e}"), SetBlackboard(value="{e}", output_key="copy")]))
+    assert tree.tick_exactly_once() == FAILURE
+    tree.blackboard.set("e", 3.5)
+    assert ticks(tree, 2) == [SUCCESS, FAILURE]
+    assert tree.blackboard["copy"] == 3.5
+
+
+@pytest.mark.parametrize(("answers", "expected"), [("2\n", FAILURE), ("s\n", SUCCESS), ("x\n9\n1\n", SUCCESS)])
+def test_a_manual_selector_does_what_is_answered(answers: str, expected: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    questions = io.StringIO()
+    monkeypatch.setattr(ManualSelector, "QUESTIONS", questions)
+    monkeypatch.setattr(ManualSelector, "ANSWERS", io.StringIO(answers))
+    tree = build_tree(ManualSelector("choose", [AlwaysSuccess("yes"), AlwaysFailure("no")]))
+    assert tree.tick_exactly_once() == expected
+    assert "choose: which child (1 yes, 2 no)" in questions.getvalue()
+
+
+def test_a_manual_selector_repeats_its_last_choice_and_needs_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ManualSelector, "QUESTIONS", io.StringIO())
+    monkeypatch.setattr(ManualSelector, "ANSWERS", io.StringIO("2\n"))
+    tree = build_tree(ManualSelector([AlwaysSuccess(), AlwaysFailure()], repeat_last_selection=True))
+    assert ticks(tree, 2) == [FAILURE, FAILURE]
+    other = build_tree(ManualSelector([AlwaysSuccess(), AlwaysFailure()]))
+    with pytest.raises(NodeError, match="no terminal to ask"):
+        other.tick_exactly_once()
+
+
+class Count(ThreadedAction):
+    """Counts until it is asked to stop."""
+
+    def prepare(self) -> int:
+        return int(self.context)
+
+    def on_work(self, inputs: int) -> int:
+        self.worker = threading.get_ident()
+        for _ in range(inputs):
+            if self.halt_requested:
+                return FAILURE
+            time.sleep(0.001)
+        return SUCCESS
+
+
+def test_a_threaded_action_works_off_the_tick_thread_and_wakes_the_loop() -> None:
+    tree = build_tree(Count(), context=3)
+    start = time.monotonic()
+    assert tree.tick_while_running(period=30.0) == SUCCESS
+    assert time.monotonic() - start < 10.0
+    assert tree.root.worker != threading.get_ident()
+
+
+def test_halting_a_threaded_action_leaves_no_thread_behind() -> None:
+    before = threading.active_count()
+    tree = build_tree(Count(), context=100_000)
+    assert tree.tick_exactly_once() == RUNNING
+    tree.halt()
+    assert threading.active_count() == before
+
+
+def test_what_a_thread_raises_is_raised_by_the_tick() -> None:
+    class Broken(ThreadedAction):
+        def on_work(self, inputs: Any) -> int:
+            raise OSError("no arm")
+
+    with pytest.raises(NodeError, match=r"\[Broken\]: OSError: no arm"):
+        build_tree(Broken()).tick_while_running(period=5.0)
+
+
+def test_a_coroutine_pauses_between_ticks_and_cleans_up_on_halt() -> None:
+    class Wave(CoroutineAction):
+        async def run_async(self) -> int:
+            self.calls = ["begin"]
+            try:
+                await self.next_tick()
+                self.calls.append("second")
+                await self.sleep(0.5)
+                self.calls.append("slept")
+                await self.until(lambda: bool(self.board.get("go")))
+            finally:
+                self.calls.append("clean")
+            return SUCCESS
+
+    clock = ManualClock()
+    tree = build_tree(Wave(), clock=clock)
+    tree.blackboard.set("go", True)
+    assert tree.tick_while_running(period=0.2) == SUCCESS
+    assert tree.root.calls == ["begin", "second", "slept", "clean"]
+    assert clock.now() == pytest.approx(0.8)
+    tree.tick_exactly_once()
+    tree.halt()
+    assert tree.root.calls == ["begin", "clean"]
+
+
+def test_a_coroutine_that_returns_no_status_is_an_error() -> None:
+    class Nothing(CoroutineAction):
+        async def run_async(self) -> int:
+            return None  # type: ignore[return-value]
+
+    with pytest.raises(NodeError, match=r"run_async\(\) returned None"):
+        build_tree(Nothing()).tick_exactly_once()
+
+
+@action
+def add_numbers(a: int, b: int = 1, *, total: Output[int], world: Context) -> bool:
+    """Add two numbers."""
+    world.append((a, b))
+    total.set(a + b)
+    return True
+
+
+@condition(name="IsNear")
+def near(distance: int, limit: float = 0.5) -> bool:
+    return distance < limit
+
+
+def test_functions_become_leaves_with_ports_from_their_signatures() -> None:
+    registry = NodeRegistry()
+    registry.register(add_numbers)
+    registry.register(near)
+    info = registry.info("AddNumbers")
+    assert (info.kind, registry.info("IsNear").kind, info.description) == ("Action", "Condition", "Add two numbers.")
+    assert {p.name: (p.direction, p.data_type, p.required) for p in info.ports.values()} == {
+        "a": ("input", int, True),
+        "b": ("input", int, False),
+        "total": ("output", int, False),
+    }
+    calls: list[Any] = []
+    text = (
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><AddNumbers a="4" total="{t}"/>'
+        '<IsNear distance="{t}" limit="9"/><IsNear distance="{t}"/></Sequence></BehaviorTree></root>'
+    )
+    tree = load_tree(text, registry, context=calls)
+    assert tree.tick_exactly_once() == FAILURE
+    assert (tree.blackboard["t"], calls) == (5, [(4, 1)])
+
+
+def test_a_function_whose_parameters_are_no_ports_is_refused() -> None:
+    with pytest.raises(FunctionLeafError, match="'rest' cannot become a port"):
+
+        @action
+        def wrong(*rest: int) -> bool:
+            return True
+
+
+def test_a_function_that_returns_something_else_is_an_error() -> None:
+    @action
+    def odd() -> str:
+        return "done"
+
+    with pytest.raises(NodeError, match="its function returned 'done'"):
+        build_tree(odd()).tick_exactly_once()
+
+
+def test_timeout_and_delay_read_the_clock_at_the_tick() -> None:
+    clock = ManualClock()
+    slow = Plan("slow", plan="R")
+    tree = build_tree(Fallback([Timeout(Delay(slow, delay_msec=100), msec=250), AlwaysSuccess()]), clock=clock)
+    results = []
+    for _ in range(4):
+        results.append(tree.tick_exactly_once())
+        clock.advance(0.1)
+    assert results == [RUNNING, RUNNING, RUNNING, SUCCESS]
+    assert (slow.ticks, slow.halts) == (2, 1)

@@ -1,0 +1,250 @@
+"""What `validate` finds beyond the load errors, the substitution rules, the views of a tree, and simulated runs."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from bestman_bt.engine import (
+    FAILURE,
+    RUNNING,
+    SUCCESS,
+    NodeRegistry,
+    PortInformation,
+    StatefulAction,
+    SubstitutionError,
+    SubstitutionRules,
+    TestNodeConfig,
+    current_states,
+    load_tree,
+    render_dot,
+    render_ports,
+    render_svg,
+    render_text,
+    simulate,
+    validate_file,
+)
+
+
+class Grasp(StatefulAction):
+    INPUT_PORTS = {"target": PortInformation(str)}
+    OUTPUT_PORTS = {"width": PortInformation(float, False)}
+
+    def on_start(self) -> int:
+        raise AssertionError("there is no robot in a test")
+
+
+@pytest.fixture
+def registry() -> NodeRegistry:
+    registry = NodeRegistry()
+    registry.register(Grasp)
+    return registry
+
+
+def file(tmp_path: Path, main: str, more: str = "") -> Path:
+    path = tmp_path / "tree.xml"
+    path.write_text(
+        f'<root BTCPP_format="4" main_tree_to_execute="Main">\n<BehaviorTree ID="Main">\n{main}\n</BehaviorTree>\n'
+        f"{more}</root>"
+    )
+    return path
+
+
+def found(path: Path, registry: NodeRegistry, **options: object) -> list[str]:
+    return [str(problem).replace(str(path), "tree.xml") for problem in validate_file(path, registry, **options)]
+
+
+def test_a_tree_without_fault_has_no_problems(tmp_path: Path, registry: NodeRegistry) -> None:
+    body = '<Sequence><Script code="cup := \'mug\'"/><Grasp target="{cup}" width="{w}"/></Sequence>'
+    assert found(file(tmp_path, body), registry) == []
+
+
+def test_errors_are_listed_without_raising(tmp_path: Path, registry: NodeRegistry) -> None:
+    assert found(file(tmp_path, "<Grap/>"), registry) == [
+        "tree.xml:3: <Grap>: unknown node 'Grap' (did you mean 'Grasp'?)"
+    ]
+
+
+def test_an_entry_that_is_read_and_never_written_is_a_warning(tmp_path: Path, registry: NodeRegistry) -> None:
+    path = file(tmp_path, '<Sequence><Grasp target="{cup}"/><ScriptCondition code="ready == 1"/></Sequence>')
+    assert found(path, registry) == [
+        "tree.xml:3: warning: <Grasp> port 'target': reads '{cup}', which nothing in the tree writes",
+        "tree.xml:3: warning: <ScriptCondition> port 'code': reads '{ready}', which nothing in the tree writes",
+    ]
+    assert found(path, registry, given=["cup", "ready"]) == []
+
+
+def test_a_port_that_was_not_mapped_into_a_subtree_is_suggested(tmp_path: Path, registry: NodeRegistry) -> None:
+    path = file(
+        tmp_path,
+        '<Sequence><Script code="cup := \'mug\'"/><SubTree ID="Pick"/></Sequence>',
+        '<BehaviorTree ID="Pick"><Grasp target="{cup}"/></BehaviorTree>',
+    )
+    (warning,) = found(path, registry)
+    assert "the tree outside has 'cup'; map it with cup=\"{cup}\"" in warning
+
+
+def test_children_that_can_never_be_ticked_are_a_warning(tmp_path: Path, registry: NodeRegistry) -> None:
+    body = (
+        "<Sequence>\n<Fallback>\n<ForceSuccess><Grasp target='a'/></ForceSuccess>\n<AlwaysSuccess name='late'/>\n"
+        "</Fallback>\n<AlwaysFailure name='stop'/>\n<Grasp target='b'/>\n<AlwaysSuccess _skipIf='1 == 1'/></Sequence>"
+    )
+    messages = found(file(tmp_path, body), registry)
+    assert [m.split(" warning: ")[0] for m in messages] == ["tree.xml:6:", "tree.xml:9:", "tree.xml:10:"]
+    assert "it can never be ticked: 'stop' before it ends or blocks its parent" in messages[1]
+
+
+def test_unused_trees_shadowing_literals_and_misspelt_scripts_are_warnings(
+    tmp_path: Path, registry: NodeRegistry
+) -> None:
+    path = file(
+        tmp_path,
+        '<Sequence><Script code="speed := 1" _skipif="1"/><SubTree ID="A" _autoremap="true" speed="2"/></Sequence>',
+        '<BehaviorTree ID="A"><Script code="speed += 1"/></BehaviorTree>\n'
+        '<BehaviorTree ID="B"><AlwaysSuccess/></BehaviorTree>',
+    )
+    messages = found(path, registry)
+    assert len(messages) == 3
+    assert any("port 'speed': the literal shadows the entry of this name outside" in m for m in messages)
+    assert any("'_skipif': it is no script attribute and does nothing (did you mean '_skipIf'?)" in m for m in messages)
+    assert any("tree 'B' is never used" in m for m in messages)
+
+
+TREE = """<root BTCPP_format="4" main_tree_to_execute="Main">
+<BehaviorTree ID="Main"><Sequence name="fetch"><Script name="init" code="cup := 'mug'"/>
+<SubTree ID="Pick" name="pick" target="{cup}" width="{opening}"/><ScriptCondition code="opening &gt; 0"/></Sequence></BehaviorTree>
+<BehaviorTree ID="Pick"><Fallback><Grasp name="first" target="{target}" width="{width}"/>
+<Grasp name="second" target="{target}" width="{width}"/></Fallback></BehaviorTree></root>"""
+
+
+def rules() -> SubstitutionRules:
+    return (
+        SubstitutionRules()
+        .add("first", TestNodeConfig(return_status=FAILURE, async_delay=1.0))
+        .add("pick/sec*", TestNodeConfig(success_script="width := 0.04", async_delay=0.5))
+    )
+
+
+def test_a_tree_runs_without_its_robot_in_simulated_time(registry: NodeRegistry) -> None:
+    run = simulate(TREE, registry, substitutions=rules(), period=0.25)
+    assert run.succeeded
+    assert run.seconds == pytest.approx(1.5)
+    assert run.tree.blackboard["opening"] == 0.04
+    assert run.visited("pick/second")
+    assert [(t, p) for t, p, s in run.changes if s == FAILURE] == [(pytest.approx(1.0), "pick/first")]
+
+
+def test_a_simulated_run_ends_at_its_limit(registry: NodeRegistry) -> None:
+    endless = SubstitutionRules({"Grasp": TestNodeConfig(async_delay=1e9)})
+    run = simulate(TREE, registry, substitutions=endless, limit=2.0)
+    assert run.status == RUNNING
+    assert run.seconds < 2.1
+    assert all(node.state == 0 for node in run.tree.nodes)
+
+
+def test_rules_are_read_from_behaviortree_cpps_json(registry: NodeRegistry) -> None:
+    text = json.dumps(
+        {
+            "TestNodeConfigs": {"bad": {"return_status": "FAILURE", "async_delay": 500}},
+            "SubstitutionRules": {"pick/first": "bad", "second": "AlwaysFailure"},
+        }
+    )
+    run = simulate(TREE, registry, substitutions=SubstitutionRules.from_json(text), period=0.5)
+    assert (run.status, run.seconds) == (FAILURE, pytest.approx(0.5))
+
+
+def test_a_scripted_result_knows_the_statuses(registry: NodeRegistry) -> None:
+    config = TestNodeConfig(return_status_script="cup == 'mug' ? FAILURE : SUCCESS")
+    run = simulate(
+        TREE.replace('target="{cup}"', 'target="{cup}" cup="{cup}"'),
+        registry,
+        substitutions=SubstitutionRules({"Grasp": config}),
+    )
+    assert run.status == FAILURE
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[", "not JSON"),
+        ("{}", "'SubstitutionRules'"),
+        ('{"TestNodeConfigs": {"a": {}}, "SubstitutionRules": {}}', "must contain return_status"),
+        ('{"TestNodeConfigs": {"a": {"return_status": "DONE"}}, "SubstitutionRules": {}}', "is 'DONE'; accepted are"),
+        ('{"TestNodeConfigs": {"a": {"status": 1}}, "SubstitutionRules": {}}', "unknown fields"),
+        ('{"TestNodeConfigs": {"a": 3}, "SubstitutionRules": {}}', "must be an object but is 3"),
+    ],
+)
+def test_rules_that_are_not_well_formed_are_refused(text: str, message: str) -> None:
+    with pytest.raises(SubstitutionError, match=message):
+        SubstitutionRules.from_json(text)
+
+
+def test_a_rule_that_names_an_unknown_node_is_refused(registry: NodeRegistry) -> None:
+    with pytest.raises(SubstitutionError, match="'Nothing' that is to replace 'pick/first' is not registered"):
+        load_tree(TREE, registry, substitutions=SubstitutionRules({"first": "Nothing"}))
+
+
+def test_the_text_view_shows_structure_ports_and_states(registry: NodeRegistry) -> None:
+    run = simulate(TREE, registry, substitutions=rules())
+    assert render_text(run.tree, ports=False) == (
+        "Sequence 'fetch'\n"
+        "├── Script 'init'\n"
+        "├── SubTree Pick 'pick'\n"
+        "│   └── Fallback\n"
+        "│       ├── TestNode 'first'\n"
+        "│       └── TestNode 'second'\n"
+        "└── ScriptCondition\n"
+    )
+    lines = render_text(run.tree, current_states(run.tree)).splitlines()
+    assert lines[4] == "│       ├── ✗ TestNode 'first'  target={target} width={width}  [FAILURE]"
+
+
+def test_the_svg_is_well_formed_and_shows_every_node_inside_the_picture(registry: NodeRegistry) -> None:
+    tree = load_tree(TREE, registry)
+    svg = ElementTree.fromstring(render_svg(tree, current_states(tree)))
+    space = "{http://www.w3.org/2000/svg}"
+    width, height = float(svg.get("width", 0)), float(svg.get("height", 0))
+    boxes = [group.find(f"{space}rect") for group in svg.iter(f"{space}g")]
+    assert len(boxes) == len(tree.nodes)
+    frames = [tuple(float(box.get(k)) for k in ("x", "y", "width", "height")) for box in boxes]
+    assert all(x >= 0 and y >= 0 and x + w <= width and y + h <= height for x, y, w, h in frames)
+    for i, (x, y, w, h) in enumerate(frames):
+        for x2, y2, w2, h2 in frames[i + 1 :]:
+            assert x + w <= x2 or x2 + w2 <= x or y + h <= y2 or y2 + h2 <= y
+
+
+def test_the_dot_view_has_a_line_for_each_node_and_edge(registry: NodeRegistry) -> None:
+    tree = load_tree(TREE, registry)
+    dot = render_dot(tree)
+    assert len(re.findall(r"^  n\d+ \[", dot, re.M)) == len(tree.nodes)
+    assert len(re.findall(r" -> ", dot)) == len(tree.nodes) - 1
+
+
+def test_the_port_map_tells_who_maps_writes_and_reads_what(registry: NodeRegistry) -> None:
+    assert render_ports(load_tree(TREE, registry)) == (
+        "Main\n"
+        "  cup: str\n"
+        "    written by init.code\n"
+        "    read by    pick/first.target as target, pick/second.target as target\n"
+        "  opening: float\n"
+        "    written by pick/first.width as width, pick/second.width as width\n"
+        "    read by    ScriptCondition::7.code\n"
+        "Pick (pick)\n"
+        "  target = {cup} of Main\n"
+        "  width = {opening} of Main\n"
+    )
+
+
+def test_a_validated_python_tree_reports_its_errors(tmp_path: Path, registry: NodeRegistry) -> None:
+    path = tmp_path / "tree.py"
+    path.write_text(
+        "from bestman_bt.engine import Repeat, AlwaysSuccess\ndef build():\n    return Repeat(AlwaysSuccess())\n"
+    )
+    assert [p.field for p in validate_file(path, registry)] == ["num_cycles"]
+    path.write_text("from bestman_bt.engine import AlwaysSuccess\ndef build():\n    return AlwaysSuccess()\n")
+    assert validate_file(path, registry) == []
+    assert load_tree(path).tick_exactly_once() == SUCCESS
