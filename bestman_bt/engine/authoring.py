@@ -116,6 +116,7 @@ class _Adopter(Builder):
             self._check(node, info)
         existing = list(node.children)
         node = self.install(node, info, place)
+        self.depth = max(self.depth, depth)
         if len(self.tree.nodes) > MAX_NODES or depth > MAX_DEPTH:
             self._refuse_size(node)
         if not isinstance(node, PyTreesBehaviour):

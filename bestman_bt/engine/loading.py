@@ -163,6 +163,7 @@ class Builder:
         self.problems = problems
         self.documents = documents
         self.substitutions = substitutions
+        self.depth = 0
 
     def finish(self, root: Node | None) -> None:
         """Hand the root over to the tree.
@@ -173,7 +174,7 @@ class Builder:
         _raise_if_any(self.problems)
         assert root is not None
         self.tree.compiler.forget()
-        self.tree.complete(root)
+        self.tree.complete(root, self.depth)
 
     def build(self, element: Element, place: Place, depth: int = 1) -> Node:
         """Make the node of an element and all below it."""
@@ -201,6 +202,8 @@ class Builder:
             node = self.substitutions.replace(node, self.tree)
             attributes = node.attributes
         nodes.append(node)
+        if depth > self.depth:
+            self.depth = depth
         if node.uid > MAX_NODES or depth > MAX_DEPTH:
             self._refuse_size(node)
         entries = element.entries

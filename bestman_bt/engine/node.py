@@ -181,7 +181,12 @@ class Node(_Base):
 
     def halt(self) -> None:
         """Interrupt the node: children first, then itself."""
-        self.reset_children()
+        for child in self.nodes_below():
+            code = child._s
+            if code > 0:
+                if code == RUNNING:
+                    child.halt_node()
+                child.reset_status()
         self.reset_status()
 
     @property

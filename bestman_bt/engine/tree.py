@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from py_trees.behaviour import Behaviour
 from py_trees.blackboard import Blackboard as PyTreesBlackboard
@@ -20,6 +21,11 @@ from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 if TYPE_CHECKING:
     from bestman_bt.engine.registry import NodeInfo, NodeRegistry
     from bestman_bt.engine.scripting import ScriptCompiler
+
+
+FRAMES_PER_LEVEL: Final = 8
+"""Most Python frames that one node takes while it is ticked or halted."""
+FRAMES_AROUND: Final = 500
 
 
 class StateChanges(Sequence["tuple[int, int]"]):
@@ -87,9 +93,15 @@ class Tree:
             raise EngineError("the tree is empty")
         return self._root
 
-    def complete(self, root: Node) -> None:
-        """Take the root and choose what every node is called by."""
+    def complete(self, root: Node, depth: int) -> None:
+        """Take the root and choose what every node is called by.
+
+        The interpreter's recursion limit is raised where a tree of this depth, with hooks and conditions, needs it.
+        """
         self._root = root
+        needed = FRAMES_PER_LEVEL * depth + FRAMES_AROUND
+        if needed > sys.getrecursionlimit():
+            sys.setrecursionlimit(needed)
         self.blackboard.store.now = self.clock.now()
         self.rebind()
 

@@ -116,7 +116,8 @@ def test_unused_trees_shadowing_literals_and_misspelt_scripts_are_warnings(
 
 TREE = """<root BTCPP_format="4" main_tree_to_execute="Main">
 <BehaviorTree ID="Main"><Sequence name="fetch"><Script name="init" code="cup := 'mug'"/>
-<SubTree ID="Pick" name="pick" target="{cup}" width="{opening}"/><ScriptCondition code="opening &gt; 0"/></Sequence></BehaviorTree>
+<SubTree ID="Pick" name="pick" target="{cup}" width="{opening}"/><ScriptCondition code="opening &gt; 0"/></Sequence>
+</BehaviorTree>
 <BehaviorTree ID="Pick"><Fallback><Grasp name="first" target="{target}" width="{width}"/>
 <Grasp name="second" target="{target}" width="{width}"/></Fallback></BehaviorTree></root>"""
 
