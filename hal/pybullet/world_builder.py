@@ -19,6 +19,9 @@ from hal.pybullet.parameters import PhysicsParameters
 WALL_COLOR: Color = (0.87, 0.87, 0.83, 1.0)
 FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)
 FLOOR_SIZE = 30.0
+# Without this flag a cylinder becomes a prism of 32 sides, 1 mm thicker all around.
+BODY_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER
+ROBOT_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ def _load(client: PhysicsClient, name: str, urdf: str, pose: Pose, folder: Path,
             pose.position.tolist(),
             pose.quaternion.tolist(),
             useFixedBase=fixed,
-            flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER if name == "robot" else 0,
+            flags=ROBOT_FLAGS if name == "robot" else BODY_FLAGS,
         )
     except pybullet.error as error:
         raise SimulationError(f"pybullet cannot load {name!r}: {error}") from error
