@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, hand_contacts, move_free, open_hand
-from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
 from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget
@@ -91,13 +91,25 @@ class Grasp(Skill):
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, required=False, description="the grasps that are left")}
     DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))
 
+    def on_load(self) -> None:
+        """Nothing has failed yet."""
+        self._last_failure: Exception | None = None
+
     def execute(self) -> Steps:
         """Open, approach, close, lift."""
-        skills = self.skills
         name: str = self.get_input("object")
         grasps: list[PlannedGrasp] = self.get_input("grasps")
         if not grasps:
-            raise SkillFailure("no_grasp", f"no planned grasp of the {name} is left")
+            raise self._last_failure or SkillFailure("no_grasp", f"no planned grasp of the {name} is left")
+        try:
+            yield from self._take(name, grasps)
+        except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+            self._last_failure = failure
+            raise
+        self._last_failure = None
+
+    def _take(self, name: str, grasps: list[PlannedGrasp]) -> Steps:
+        skills = self.skills
         grasp, rest = grasps[0], grasps[1:]
         self.set_output("grasps", rest)
         skills.world.held = None

@@ -118,10 +118,15 @@ class FindStandPose(Skill):
         )
 
     def _world_at(self, stand: Pose2D) -> CollisionWorld:
-        """What the arm will have around it there; the target itself does not count."""
+        """What the arm will have around it there, but for the target itself and for what stands in a goal's way.
+
+        What is in the way there is for the one to tell who looks at the place.
+        """
         skills = self.skills
         there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), held=None)
         ignore = [self.get_input("object") or ""]
+        if self.get_input("goal") is not None:
+            ignore += [*skills.world.objects, *(n for n in skills.world.obstacles if not n.endswith("/surface"))]
         scene = planning_scene_from_world_model(
             there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=ignore
         )
