@@ -84,18 +84,6 @@ def test_a_required_port_that_is_missing_is_found_at_load() -> None:
         tree("<Repeat><Wait/></Repeat>")
 
 
-def test_a_synchronous_action_that_returns_running_says_what_to_do() -> None:
-    class Wrong(SyncAction):
-        def on_tick(self) -> int:
-            return RUNNING
-
-    registry = NodeRegistry()
-    registry.register(Wrong)
-    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Wrong/></Sequence></BehaviorTree></root>'
-    with pytest.raises(NodeError, match="must not return RUNNING; derive it from StatefulAction"):
-        load_tree(text, registry).tick_exactly_once()
-
-
 def test_an_own_entry_named_at_of_an_outer_tree_is_the_same_entry_for_readers_and_writers() -> None:
     text = (
         '<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M"><SubTree ID="S" x="{@k}"/></BehaviorTree>'
@@ -104,3 +92,22 @@ def test_an_own_entry_named_at_of_an_outer_tree_is_the_same_entry_for_readers_an
     loaded = load_tree(text)
     loaded.tick_exactly_once()
     assert loaded.blackboard["k"] == 3
+
+
+def test_an_integer_that_does_not_fit_is_refused_at_load() -> None:
+    with pytest.raises(TreeLoadError, match="does not fit into 64 bits"):
+        tree('<Script code="a := 99999999999999999999"/>')
+
+
+def test_two_trees_of_one_id_are_refused() -> None:
+    text = '<root BTCPP_format="4">' + '<BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree>' * 2 + "</root>"
+    with pytest.raises(TreeLoadError, match="'M' is defined already"):
+        load_tree(text)
+
+
+def test_a_tree_may_have_spaces_in_its_id_and_the_explicit_form_stands_anywhere() -> None:
+    text = (
+        '<root BTCPP_format="4" main_tree_to_execute="Pick Up"><BehaviorTree ID="Pick Up">'
+        '<ReactiveSequence><Action ID="AlwaysSuccess"/></ReactiveSequence></BehaviorTree></root>'
+    )
+    assert load_tree(text).tick_exactly_once() == SUCCESS

@@ -259,3 +259,15 @@ def test_a_class_with_its_own_constructor_is_made_with_its_name() -> None:
     tree.tick_exactly_once()
     tree.tick_exactly_once()
     assert (tree.root.name, tree.root.count) == ("c", 4)
+
+
+def test_a_synchronous_action_that_returns_running_says_what_to_do() -> None:
+    class Wrong(SyncAction):
+        def on_tick(self) -> int:
+            return RUNNING
+
+    registry = NodeRegistry()
+    registry.register(Wrong)
+    text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Wrong/></Sequence></BehaviorTree></root>'
+    with pytest.raises(NodeError, match="must not return RUNNING; derive it from StatefulAction"):
+        load_tree(text, registry).tick_exactly_once()
