@@ -33,7 +33,7 @@ def command(
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:
-    """Run a tree or a task once."""
+    """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
     config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
     result = execute(prepare(config), runs, pictures, as_json)
     sys.exit(exit_code(result))
@@ -67,10 +67,9 @@ def _configuration(
     plugins: list[Path] | None,
     record: bool,
 ) -> RunConfig:
-    if (tree is None) == (task is None):
-        message = "give a tree or --task, one of them" if tree is None else "give a tree or --task, not both"
-        raise ConfigurationError([Problem("bestman-bt run", None, "", message)])
-    if tree is not None:
+    if tree is None and task is None:
+        raise ConfigurationError([Problem("bestman-bt run", None, "", "give a tree, or --task, or both")])
+    if tree is not None and task is None:
         task = task_of_tree(tree)
         if task is None:
             scene, robot = scene or "kitchen", robot or "diff_panda"
