@@ -34,7 +34,7 @@ class SimulatedGripper(Gripper):
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._indices: list[int] = []
         self._target = model.max_width
-        self._closing = False
+        self._closing = self._blocked = False
         self._still_for = 0.0
         self._left = 0.0
 
@@ -53,8 +53,7 @@ class SimulatedGripper(Gripper):
         width = self.width()
         moving = self._connection.motion is not None
         at_target = abs(width - self._target) < AT_TARGET
-        blocked = self._closing and not moving and not at_target and self._still_for >= STILL_TIME
-        held = blocked and width > self._target + BLOCKED_MARGIN
+        held = self._blocked and not moving and width > self._target + BLOCKED_MARGIN
         return GripperState(moving, at_target, held, self._closing and at_target and not moving)
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
@@ -71,6 +70,7 @@ class SimulatedGripper(Gripper):
         present = self.width()
         self._closing = width < present
         self._target = float(width)
+        self._blocked = False
         self._still_for = 0.0
         self._left = abs(present - width) / speed + 1.0
         self._send(float(force), float(speed))
@@ -95,7 +95,8 @@ class SimulatedGripper(Gripper):
         self._connection.attach(simulation)
         self._slots = simulation.slots(self._model.joint_names)
         self._indices = simulation.indices(self._model.joint_names)
-        self._target, self._closing, self._still_for = self.width(), False, 0.0
+        self._target, self._still_for = self.width(), 0.0
+        self._closing = self._blocked = False
         self._send(min(self._parameters.gripper_force, self._model.max_force), self._model.max_speed)
         simulation.controls.append(self._control)
 
@@ -105,18 +106,18 @@ class SimulatedGripper(Gripper):
 
     def _control(self) -> None:
         motion = self._connection.motion
-        if motion is None and not self._closing:
+        if motion is None:
+            # Fingers that press tremble; only when they have closed, the object is gone.
+            self._blocked = self._blocked and self.width() > self._target + BLOCKED_MARGIN
             return
         speed = abs(float(self._connection.simulation.joint_states()[1, self._slots].sum()))
         period = self._parameters.control_period
         self._still_for = self._still_for + period if speed < STILL_SPEED else 0.0
-        if motion is None:
-            return
         self._left -= period
         if abs(self.width() - self._target) < AT_TARGET and speed < STILL_SPEED:
-            self._still_for = 0.0 if not self._closing else self._still_for
             motion.succeed()
         elif self._still_for >= STILL_TIME:
+            self._blocked = self._closing
             motion.succeed()
         elif self._left < 0.0:
             text = f"the width is {self.width():.4f} m, asked were {self._target:.4f} m"
