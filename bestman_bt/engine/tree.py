@@ -83,6 +83,8 @@ class Tree:
         self._log: list[Any] | None = None
         self._visited: list[Node] | None = None
         self._visitors: list[VisitorBase] = []
+        self._bound = False
+        self._plain = False  # bound, and without visitors
 
     # ---- what the loader does
 
@@ -103,16 +105,24 @@ class Tree:
         if needed > sys.getrecursionlimit():
             sys.setrecursionlimit(needed)
         self.blackboard.store.now = self.clock.now()
-        self.rebind()
 
     def info_of(self, node: Node) -> NodeInfo:
         """Return what the registry knows of a node's class."""
         return node.info if node.info is not None else self.registry.info_of_class(type(node))
 
     def rebind(self) -> None:
-        """Choose each node's ``run`` anew, after a listener, a visitor or a hook came or went."""
+        """Choose each node's ``run`` anew, after a listener, a visitor or a hook came or went.
+
+        Before the first tick there is nothing to do: that tick chooses.
+        """
+        if self._bound:
+            self._bind()
+
+    def _bind(self) -> None:
         for node in reversed(self.nodes):
             node.bind(self._log, self._visited)
+        self._bound = True
+        self._plain = self._visited is None and not self._visitors
 
     # ---- looking around
 
@@ -188,9 +198,9 @@ class Tree:
         return False
 
     def _tick(self) -> int:
-        if self._visited is not None or self._visitors:
-            return self._tick_visited()
-        return self._tick_bound()
+        if self._plain:
+            return self._tick_bound()
+        return self._tick_visited()
 
     def _tick_bound(self) -> int:
         root = self.root
@@ -225,6 +235,8 @@ class Tree:
 
     def halt(self) -> None:
         """Interrupt everything that runs, deepest first, and run the ``_onHalted`` scripts."""
+        if not self._bound:
+            self._bind()
         self._begin()
         try:
             root = self.root
@@ -261,6 +273,7 @@ class Tree:
     def add_visitor(self, visitor: VisitorBase) -> None:
         """Show every node that a tick visits to a py_trees visitor, after the tick."""
         self._visitors.append(visitor)
+        self._plain = False
 
     def remove_visitor(self, visitor: VisitorBase) -> None:
         """Detach a py_trees visitor; without any, ticks cost nothing more than before."""
@@ -269,14 +282,14 @@ class Tree:
     def _visit(self) -> list[Node]:
         if self._visited is None:
             self._visited = []
-            self.rebind()
+            self._bind()
         self._visited.clear()
         return self._visited
 
     def _tick_visited(self) -> int:
         if not self._visitors:
             self._visited = None
-            self.rebind()
+            self._bind()
             return self._tick_bound()
         visited = self._visit()
         for visitor in self._visitors:

@@ -165,6 +165,7 @@ def test_statistics_count_ticks_results_skips_and_time(tree: Tree) -> None:
 
 
 def test_a_closed_log_leaves_the_tree_as_it_was(tree: Tree, tmp_path: Path) -> None:
+    tree.tick_exactly_once()
     before = [node.run.__qualname__ for node in tree.nodes]
     with JsonLinesWriter(tree, tmp_path / "a.jsonl"), TreeObserver(tree), BtLogWriter(tree, tmp_path / "a.btlog"):
         tree.tick_exactly_once()

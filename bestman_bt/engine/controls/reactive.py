@@ -66,53 +66,67 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
 
 
 def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
+    idle_after_go, idle_after_stop = -go, -stop
+
     def tick(self: Any) -> int:
         log = self.log
+        append = log.append
         if self._s != RUNNING:
             self._s = RUNNING
-            log.append(self.ev[1])
-        index = 0
-        skipped: list[int] = []
+            append(self.ev[1])
+        skipped: list[int] | None = None
         child = self
         try:
-            for run, child, went in self.traced_pairs:
+            for run, child, went, index in self.traced_pairs:
                 status = run()
                 if status == go:
                     if child._s != go:
-                        log.append(went)
-                    child._s = -go
-                    index += 1
-                elif status == RUNNING or status == stop:
-                    if status == RUNNING and child.NEVER_RUNS:
-                        child.refuse_running()
-                    if child._s != status:
-                        log.append(child.ev[status])
-                    self.settle(status, child, index, skipped)
-                    return RUNNING if status == RUNNING else stop
+                        append(went)
+                    child._s = idle_after_go
+                elif status == RUNNING:
+                    if child._s != RUNNING:
+                        if child.NEVER_RUNS:
+                            child.refuse_running()
+                        append(child.ev[RUNNING])
+                        child._s = RUNNING
+                    log.extend(self.idles[:index] if skipped is None else self.idle_events(index, skipped))
+                    if self.runner is not child:
+                        self.replace_runner(child)
+                    return RUNNING
+                elif status == stop:
+                    if child._s != stop:
+                        append(child.ev[stop])
+                    child._s = idle_after_stop
+                    log.extend(self.idles[: index + 1] if skipped is None else self.idle_events(index + 1, skipped))
+                    if self.runner is not None:
+                        self.replace_runner(None)
+                    return stop
                 elif status == SKIPPED:
                     if child._s > 0:
                         self.halt_child(child)
+                    if skipped is None:
+                        skipped = []
                     skipped.append(index)
-                    index += 1
                 else:
                     raise odd_status(status, child)
         except NodeError:
             raise
         except Exception as error:
             raise wrapped(error, child) from error
-        log.extend(self.idle_events(index, skipped) if skipped else self.idles)
-        runner = self.runner
-        if runner is not None:
-            self.halt_child(runner)
-            self.runner = None
-        return SKIPPED if len(skipped) == index else go
+        if skipped is None:
+            log.extend(self.idles)
+        else:
+            log.extend(self.idle_events(len(self.idles), skipped))
+        if self.runner is not None:
+            self.replace_runner(None)
+        return SKIPPED if skipped is not None and len(skipped) == len(self.idles) else go
 
     return tick
 
 
 class _Reactive(Control):
     runner: Node | None = None
-    traced_pairs: list[tuple[Tick, Node, int]]
+    traced_pairs: list[tuple[Tick, Node, int, int]]
     idles: tuple[int, ...]
     GO: int
 
@@ -120,30 +134,18 @@ class _Reactive(Control):
         """Prepare the events of a tick in which everything goes on, while somebody listens."""
         super().bind_children(log)
         if log is not None:
-            self.traced_pairs = [(run, child, child.ev[self.GO]) for run, child in self.pairs]
+            self.traced_pairs = [(run, child, child.ev[self.GO], i) for i, (run, child) in enumerate(self.pairs)]
             self.idles = tuple(child.ev[0] for _, child in self.pairs)
 
     def idle_events(self, count: int, skipped: list[int]) -> list[int]:
         """Return the events of the first ``count`` children becoming idle, but for those skipped."""
         return [event for i, event in enumerate(self.idles[:count]) if i not in skipped]
 
-    def settle(self, status: int, child: Node, index: int, skipped: list[int]) -> None:
-        """End a traced tick at a child that runs or stops the node."""
-        log = self.log
-        assert log is not None
-        if status == RUNNING:
-            child._s = RUNNING
-            running: Node | None = child
-            log.extend(self.idle_events(index, skipped))
-        else:
-            child._s = -status
-            running = None
-            log.extend(self.idle_events(index + 1, skipped))
-        runner = self.runner
-        if runner is not running:
-            if runner is not None:
-                self.halt_child(runner)
-            self.runner = running
+    def replace_runner(self, child: Node | None) -> None:
+        """Halt the child that ran until now, and remember the one that runs."""
+        if self.runner is not None:
+            self.halt_child(self.runner)
+        self.runner = child
 
     def halt(self) -> None:
         """Forget the running child and halt it."""
