@@ -276,8 +276,9 @@ def _compare_with_constant(slot: Slot, operator: str, constant: float, enums: Ma
     def general() -> bool:
         value = slot.value
         if value is None:
-            state = "is not initialized" if slot.exists else "does not exist"
-            raise ScriptError(f"variable not found: {slot.key} {state}")
+            if slot.exists:
+                raise ScriptError(f"the entry '{slot.key}' has no value yet")
+            raise ScriptError(f"variable not found: {slot.key}")
         a, b = operations.comparable(value, constant, enums)
         return compare(a, b)
 
