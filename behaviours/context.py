@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.computation import Computation, TimeSource
+from behaviours.failure import Failure
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
@@ -30,9 +30,6 @@ from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.world_model import WorldModel
-
-if TYPE_CHECKING:
-    from behaviours.skill import Failure
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
@@ -42,7 +43,7 @@ class NavigateTo(Skill):
 
     def _plan(self, goal: Pose2D) -> Path2D | PlanningFailure:
         skills = self.skills
-        footprint = Footprint(skills.base.description.footprint)
+        footprint = Footprint(np.array(skills.base.description.footprint))
         costmap = Costmap.from_map(skills.world.map, footprint)
         return skills.algorithms.global_planning.plan(skills.world.base.pose, goal, costmap)
 

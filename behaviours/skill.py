@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeAlias
 
@@ -10,6 +10,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.computation import Job
 from behaviours.context import SkillContext
+from behaviours.failure import Failure
 from bestman_bt.control import ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, StatefulAction
 from bestman_bt.manipulation.errors import ManipulationError
@@ -28,16 +29,6 @@ Steps: TypeAlias = Generator[Awaitable, Any, None]
 """What ``execute`` returns: it yields what to wait for and receives its result."""
 
 ALGORITHM_ERRORS = (ManipulationError, PerceptionError)
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Why a leaf failed: ``node`` is its path in the tree, ``stamp`` seconds on the robot's clock."""
-
-    node: str
-    error_code: str
-    why: str
-    stamp: float
 
 
 class SkillFailure(Exception):
@@ -63,7 +54,7 @@ class Declaration:
 class Explained:
     """Shared by skills and conditions: the context, and failures that are told with a code and in words."""
 
-    OUTPUT_PORTS: ClassVar = {
+    OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
         "error_code": PortInformation(str, required=False, description="why it failed, for programs; empty if not"),
         "error_message": PortInformation(str, required=False, description="why it failed, in words"),
     }

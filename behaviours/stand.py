@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.grasp import grasp_candidates
@@ -66,7 +67,7 @@ class FindStandPose(Skill):
         self.set_output("stand", best)
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
-    def _alternatives(self) -> tuple[list[tuple[Pose, ...]], np.ndarray]:
+    def _alternatives(self) -> tuple[Sequence[Sequence[Pose]], NDArray[np.float64]]:
         """Tool poses in the map frame, and the target (x, y) that they serve."""
         skills = self.skills
         goal: Pose | None = self.get_input("goal")
@@ -85,7 +86,7 @@ class FindStandPose(Skill):
         height = self._middle()[2] + HAND_ABOVE
         return _top_down(np.array([*target, height])), target
 
-    def _middle(self) -> np.ndarray:
+    def _middle(self) -> NDArray[np.float64]:
         furniture, surface = find_surface(self.skills, self.get_input("surface"))
         return (furniture.pose.to_pose() @ surface.pose).position
 
@@ -95,7 +96,7 @@ class FindStandPose(Skill):
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
     def _rank(
-        self, furniture: MapFurniture, alternatives: Sequence[Sequence[Pose]], target: np.ndarray
+        self, furniture: MapFurniture, alternatives: Sequence[Sequence[Pose]], target: NDArray[np.float64]
     ) -> tuple[StandPose, ...]:
         skills = self.skills
         corners = np.array(skills.base.description.footprint)
@@ -133,6 +134,6 @@ class FindStandPose(Skill):
         return skills.arm_world(scene)
 
 
-def _top_down(position: np.ndarray) -> list[tuple[Pose, ...]]:
+def _top_down(position: NDArray[np.float64]) -> list[tuple[Pose, ...]]:
     """Tool poses that point straight down, at six turns of the hand."""
     return [(Pose.from_xyz_rpy(position, (np.pi, 0.0, turn)),) for turn in np.arange(6) * np.pi / 3]

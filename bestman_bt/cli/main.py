@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import sys
 from importlib import import_module
+from typing import Any
 
-import click
 import typer
 from typer.core import TyperGroup
 
@@ -25,11 +24,11 @@ VERBS = {
 class Verbs(TyperGroup):
     """Finds ``bestman_bt.cli.<verb>:command`` when a verb is asked for."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
+    def list_commands(self, ctx: Any) -> list[str]:
         """All verbs, in the order of use."""
         return list(VERBS)
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Import the verb's module; a misspelt verb is answered by the closest one."""
         if cmd_name not in VERBS:
             from bestman_bt.registry import suggestion
@@ -40,7 +39,7 @@ class Verbs(TyperGroup):
         verb.command(name=cmd_name, help=VERBS[cmd_name].capitalize() + ".", epilog=module.__doc__)(module.command)
         return typer.main.get_command(verb)
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the verbs without importing them."""
         with formatter.section("Commands"):
             formatter.write_dl(list(VERBS.items()))
@@ -72,4 +71,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from behaviours.skill import Failure
+from behaviours.failure import Failure
 from bestman_bt.configuration import RunConfig
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter

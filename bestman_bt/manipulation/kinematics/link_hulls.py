@@ -42,4 +42,5 @@ def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:
         ring = shape.radius * np.column_stack([np.cos(turn), np.sin(turn)])
         ends = (-shape.halfLength, shape.halfLength)
         return np.vstack([np.column_stack([ring, np.full(_TURNS, z)]) for z in ends])
-    return np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    corners: NDArray[np.float64] = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
+    return corners
