@@ -30,20 +30,21 @@ def command(
     plugins: Plugins = None,
     record: Annotated[bool, typer.Option("--record", help="Write recording.rrd for the Rerun viewer.")] = False,
     pictures: Annotated[bool, typer.Option("--pictures", help="Render start.png, grasp.png and end.png.")] = False,
+    gui: Annotated[bool, typer.Option("--gui", help="Show the simulator's window.")] = False,
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
     config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
-    result = execute(prepare(config), runs, pictures, as_json)
+    result = execute(prepare(config), runs, pictures, as_json, gui)
     sys.exit(exit_code(result))
 
 
-def execute(setup: Setup, runs: Path, pictures: bool, as_json: bool) -> RunResult:
+def execute(setup: Setup, runs: Path, pictures: bool, as_json: bool, gui: bool = False) -> RunResult:
     """Run with a live view, print the summary or the document, and return the result."""
     folder = make_run_folder(setup.config, runs)
     with RunView(setup.config.name, quiet=False) as view:
-        result = run_episode(setup, folder, pictures, view.watch)
+        result = run_episode(setup, folder, pictures, view.watch, gui)
     if as_json:
         print(json.dumps(result.to_document(), allow_nan=False))
     summary(result, setup, folder)

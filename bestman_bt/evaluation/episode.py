@@ -45,7 +45,11 @@ class _Observers:
 
 
 def run_episode(
-    config: RunConfig | Setup, folder: Path | None = None, pictures: bool = False, watch: Watcher | None = None
+    config: RunConfig | Setup,
+    folder: Path | None = None,
+    pictures: bool = False,
+    watch: Watcher | None = None,
+    gui: bool = False,
 ) -> RunResult:
     """Run a task once and judge it.
 
@@ -58,7 +62,7 @@ def run_episode(
     observers = _Observers(folder if pictures else None)
     wall_start = time.perf_counter()
     with ExitStack() as stack:
-        session = stack.enter_context(open_session(setup, observers.attach))
+        session = stack.enter_context(open_session(setup, observers.attach, gui))
         tree = session.load()
         after_tick = _after_tick(stack, session, tree, observers, folder, watch)
         executor = session.executor(tree, after_tick)

@@ -123,17 +123,20 @@ def load_for(setup: Setup, tree: str | Path | Node | None = None, **options: Any
 
 
 @contextmanager
-def open_session(config: RunConfig | Setup, prepare_robot: Callable[[Robot], None] | None = None) -> Iterator[Session]:
+def open_session(
+    config: RunConfig | Setup, prepare_robot: Callable[[Robot], None] | None = None, gui: bool = False
+) -> Iterator[Session]:
     """Connect the configured robot; it is stopped and disconnected at the end, whatever happens.
 
-    ``prepare_robot``: called right after connecting, before time runs (for evaluation and recording).
+    ``prepare_robot``: called right after connecting, before time runs (for evaluation and recording). ``gui``: show the
+    driver's own window, if it has one.
     """
     setup = prepare(config) if isinstance(config, RunConfig) else config
     try:
         driver = DRIVERS.resolve(setup.config.driver)
     except UnknownNameError as error:
         raise ConfigurationError([Problem("--driver", None, "", str(error))]) from error
-    robot: Robot = driver(setup.robot_model, setup.world, seed=setup.config.seed)
+    robot: Robot = driver(setup.robot_model, setup.world, seed=setup.config.seed, gui=gui)
     with robot:
         if prepare_robot is not None:
             prepare_robot(robot)
@@ -155,6 +158,7 @@ def session(
     settings: Iterable[str] = (),
     plugins: Iterable[str] = (),
     driver: str = "pybullet",
+    gui: bool = False,
 ) -> Iterator[Session]:
     """A session in one line: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
 
@@ -163,7 +167,7 @@ def session(
     config = load_run(
         task or "fetch_cup", scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver
     )
-    with open_session(config) as opened:
+    with open_session(config, gui=gui) as opened:
         yield opened
 
 
