@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -35,6 +36,8 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
+    if gui and not os.environ.get("DISPLAY"):
+        raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
     config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
     result = execute(prepare(config), runs, pictures, as_json, gui)
     sys.exit(exit_code(result))
