@@ -33,7 +33,10 @@ class SetBlackboard(SyncAction):
                 raise self.error(f"port 'value': there is no entry '{source_key}'")
             value = source.value
             if not target.exists:
+                target.exists = True
                 target.kind = source.kind
+        elif not target.exists and value is not None:
+            target.kind = type(value)
         if value is None:
             return FAILURE
         try:
