@@ -45,14 +45,16 @@ def _load(plugin: str, registry: NodeRegistry) -> Problem | None:
                 registry.register(value)
         if hasattr(module, "register"):
             module.register(registry)
-    except Exception as error:  # noqa: BLE001 - a plug-in may raise anything; it is told with its file and line
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - a plug-in may raise anything; told with file and line
         sys.modules.pop(name, None)
         return Problem(str(path), _line_in(error, path), "", f"the plug-in raised {type(error).__name__}: {error}")
     return None
 
 
-def _line_in(error: Exception, path: Path) -> int | None:
-    if isinstance(error, SyntaxError) and error.lineno is not None:
+def _line_in(error: BaseException, path: Path) -> int | None:
+    """The last line of the plug-in that the error has passed."""
+    plugin = path.resolve()
+    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).resolve() == plugin:
         return error.lineno
-    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path]
+    lines = [f.lineno for f in traceback.extract_tb(error.__traceback__) if Path(f.filename).resolve() == plugin]
     return lines[-1] if lines else None
