@@ -92,7 +92,7 @@ def test_an_assignment_keeps_the_type_of_the_entry(source: str, result: Any) -> 
         ("1.5 & 2", "needs whole 64-bit numbers"),
         ("-'a'", "does not apply"),
         ("5 && 1", "is no condition"),
-        ("'' ? 1 : 2", "is no condition"),
+        ("'' ? 1 : 2", "is not a number"),
         ("'a' < 1", "is not a number"),
     ],
 )

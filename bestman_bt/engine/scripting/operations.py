@@ -41,9 +41,9 @@ def number_of_text(text: str, enums: Mapping[str, int]) -> float:
 
 
 def ternary_truth(value: Any) -> bool:
-    """Return which branch of ``?:`` a condition takes; a string that is not empty counts as true."""
-    if isinstance(value, str) and value:
-        return True
+    """Return which branch of ``?:`` a condition takes; a string counts by the number that it begins with."""
+    if isinstance(value, str):
+        return number_of_text(value, {}) != 0
     if isinstance(value, (int, float)):
         return value != 0
     raise ScriptError(f"{_shown(value)} is no condition of '?:'")
