@@ -69,7 +69,9 @@ class PyBulletRobot(Robot):
 
     @property
     def world(self) -> World:
-        """The world that was asked for: for evaluation, never for skills."""
+        """The world that was asked for, with the true poses at the start: reading it once time runs is counted."""
+        if self._simulation is not None:
+            self._simulation.client.note_truth_read("PyBulletRobot.world")
         return self._world
 
     @property
@@ -104,6 +106,8 @@ class PyBulletRobot(Robot):
             for part in self._parts.values():
                 part.attach(simulation)
         except BaseException:
+            for part in self._parts.values():
+                part.detach()
             client.disconnect()
             raise
         self._simulation = simulation

@@ -24,7 +24,7 @@ class Simulation:
     """
 
     def __init__(self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> None:
-        self.client, self.model, self.world, self.parameters = client, model, world, parameters
+        self.client, self.model, self.parameters = client, model, parameters
         self.built: BuiltWorld = build_world(client, model, world, parameters)
         self.steps = 0
         self.controls: list[Callable[[], None]] = []

@@ -67,6 +67,11 @@ def test_reading_the_truth_before_time_runs_is_evaluation_and_later_is_cheating(
     assert not judged.honest
 
 
+def test_looking_at_the_drawn_world_during_a_run_is_counted(robot, judge) -> None:
+    assert robot.world.objects
+    assert judge().ground_truth_reads == 1
+
+
 def test_a_view_of_the_truth_made_in_time_is_free() -> None:
     with PyBulletRobot(load_robot_model("diff_panda"), draw_world(load_scene("kitchen"), 7), seed=7) as robot:
         truth = GroundTruth(robot)
