@@ -11,7 +11,7 @@ import typer
 from bestman_bt.cli.options import Json, Seed
 from bestman_bt.cli.run_command import execute, exit_code
 from bestman_bt.configuration import load_run
-from bestman_bt.runtime import prepare
+from bestman_bt.evaluation.episode import prepare_episode
 
 DEMO_SEED = 7
 
@@ -22,5 +22,5 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
-    setup = prepare(load_run("fetch_cup", seed=seed, record=True))
+    setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
     sys.exit(exit_code(execute(setup, runs, pictures=True, as_json=as_json)))

@@ -13,10 +13,10 @@ import typer
 from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.cli.run_view import RunView, summary
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run, task_of_tree
-from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
-from bestman_bt.runtime import Setup, prepare
+from bestman_bt.runtime import Setup
 
 
 def command(
@@ -39,7 +39,7 @@ def command(
     if gui and not os.environ.get("DISPLAY"):
         raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
     config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
-    result = execute(prepare(config), runs, pictures, as_json, gui)
+    result = execute(prepare_episode(config), runs, pictures, as_json, gui)
     sys.exit(exit_code(result))
 
 

@@ -14,6 +14,7 @@ import yaml
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 
 FieldPath = tuple[str | int, ...]
+Origins = Mapping[FieldPath, tuple[str, int | None]]
 
 _MAX_VALUES = 100_000  # aliases can make a short text mean more than a machine holds
 _BOOLEAN, _TIME, _FLOAT = (f"tag:yaml.org,2002:{name}" for name in ("bool", "timestamp", "float"))
@@ -36,7 +37,7 @@ class Document:
     """Nested plain ``data`` with ``origins``: field path → (source, line); the root path is ``()``."""
 
     data: dict[str, Any]
-    origins: Mapping[FieldPath, tuple[str, int | None]] = field(default_factory=dict)
+    origins: Origins = field(default_factory=dict)
 
     def origin(self, path: FieldPath) -> tuple[str, int | None]:
         """Source and line of the value at ``path``, or of the nearest value around it."""
@@ -167,7 +168,7 @@ def _merge(
     above: Mapping[str, Any],
     path: FieldPath,
     origins: dict[FieldPath, tuple[str, int | None]],
-    above_origins: Mapping[FieldPath, tuple[str, int | None]],
+    above_origins: Origins,
 ) -> None:
     for key, value in above.items():
         here = (*path, key)

@@ -13,7 +13,7 @@ import yaml
 
 from bestman_bt.configuration.checked import check, override
 from bestman_bt.configuration.data import find_data
-from bestman_bt.configuration.document import Document, parse_value, read_document
+from bestman_bt.configuration.document import Document, FieldPath, Origins, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
@@ -25,6 +25,7 @@ class RunConfig:
 
     ``name``: of the task, in results and folders. ``scene_settings``, ``robot_settings``: dotted keys → values for
     ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API.
+    ``origins``: where the task's fields were written, for messages; not part of the run.
     """
 
     name: str
@@ -34,6 +35,12 @@ class RunConfig:
     record: bool = False
     scene_settings: Mapping[str, Any] = field(default_factory=dict)
     robot_settings: Mapping[str, Any] = field(default_factory=dict)
+    origins: Origins = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def problem(self, path: FieldPath, message: str) -> Problem:
+        """A fault of the task's field at ``path``, with the file and line, or the option, that gave it."""
+        origins = {(): (f"task {self.name}", None), **self.origins}
+        return Document({}, origins).problem(path, message)
 
 
 def load_run(
@@ -75,7 +82,8 @@ def load_run(
         raise ConfigurationError(problems)
     name = Path(str(merged.tree if task is None else task)).stem
     run = RunConfig(name, merged, seed, driver, record, inner["scene"], inner["robot"])
-    return check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)
+    run = check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)
+    return _remembering(run, document.origins)
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
@@ -106,7 +114,13 @@ def read_run(path: Path) -> RunConfig:
     """Read what ``dump_run`` wrote; raises ConfigurationError."""
     document = read_document(path)
     run = check(document, RunConfig)
-    check_task(document.below("task"))
+    task = document.below("task")
+    check_task(task)
+    return _remembering(run, task.origins)
+
+
+def _remembering(run: RunConfig, origins: Origins) -> RunConfig:
+    object.__setattr__(run, "origins", dict(origins))
     return run
 
 
@@ -121,7 +135,7 @@ def _below(values: Mapping[str, Any], kind: str) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """Dataclasses, mappings and tuples as dictionaries and lists."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

@@ -12,13 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.configuration import RunConfig
-from bestman_bt.evaluation.episode import run_episode
-from bestman_bt.evaluation.predicates import find_predicate
+from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.summary import summarize
 from bestman_bt.evaluation.versions import versions
-from bestman_bt.runtime import prepare
 
 
 def run_batch(
@@ -31,10 +29,9 @@ def run_batch(
     """Run seeds ``config.seed`` … ``config.seed + episodes - 1`` and summarise them.
 
     ``folder``: each run gets its folder there. ``on_result``: told of each result as it comes, in the order of seeds.
-    Everything that can be checked is checked before the first episode; raises as ``prepare``.
+    Everything that can be checked is checked before the first episode; raises as ``prepare_episode``.
     """
-    prepare(config)
-    find_predicate(config.task, f"task {config.name}")
+    prepare_episode(config)
     configs = [replace(config, seed=config.seed + i) for i in range(episodes)]
     start = time.perf_counter()
     results: list[RunResult] = []

@@ -44,6 +44,12 @@ class _Observers:
                 self.pictures = Pictures(robot, self.truth, self._folder)
 
 
+def prepare_episode(config: RunConfig) -> Setup:
+    """Check everything that a judged run needs; nothing is started. Raises as ``prepare``."""
+    find_predicate(config)
+    return prepare(config)
+
+
 def run_episode(
     config: RunConfig | Setup,
     folder: Path | None = None,
@@ -54,11 +60,11 @@ def run_episode(
     """Run a task once and judge it.
 
     ``folder``: receives ``result.json``, ``transitions.btlog`` and, where the configuration asks for it,
-    ``recording.rrd``; ``pictures``: also ``start.png``, ``grasp.png`` and ``end.png``. Raises as ``prepare``, before
-    anything is started.
+    ``recording.rrd``; ``pictures``: also ``start.png``, ``grasp.png`` and ``end.png``. Raises as ``prepare_episode``,
+    before anything is started.
     """
-    setup = prepare(config) if isinstance(config, RunConfig) else config
-    predicate = find_predicate(setup.config.task, f"task {setup.config.name}")
+    setup = prepare_episode(config) if isinstance(config, RunConfig) else config
+    predicate = find_predicate(setup.config)
     observers = _Observers(folder if pictures else None)
     wall_start = time.perf_counter()
     with ExitStack() as stack:

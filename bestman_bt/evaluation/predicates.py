@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError, Problem, TaskConfig
+from bestman_bt.configuration import ConfigurationError, RunConfig
 from bestman_bt.messages import Pose, wrap_angle
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime import Session
@@ -65,16 +65,17 @@ def placed(session: Session, truth: GroundTruth, clock: Clock) -> Verdict:
 PREDICATES: dict[str, Predicate] = {"placed": placed}
 
 
-def find_predicate(task: TaskConfig, source: str) -> Predicate | None:
+def find_predicate(config: RunConfig) -> Predicate | None:
     """The task's predicate; None where it names none. ConfigurationError for an unknown name or a missing goal."""
-    if task.predicate is None:
+    name = config.task.predicate
+    if name is None:
         return None
-    if task.predicate not in PREDICATES:
-        message = f"unknown predicate {task.predicate!r}; {suggestion(task.predicate, list(PREDICATES))}"
-        raise ConfigurationError([Problem(source, None, "predicate", message)])
-    if task.goal is None:
-        raise ConfigurationError([Problem(source, None, "goal", f"the predicate {task.predicate!r} needs a goal")])
-    return PREDICATES[task.predicate]
+    if name not in PREDICATES:
+        message = f"unknown predicate {name!r}; {suggestion(name, list(PREDICATES))}"
+        raise ConfigurationError([config.problem(("predicate",), message)])
+    if config.task.goal is None:
+        raise ConfigurationError([config.problem(("goal",), f"is missing: the predicate {name!r} needs a goal")])
+    return PREDICATES[name]
 
 
 def _errors(pose: Pose, asked: Pose, symmetry_order: int) -> dict[str, float]:

@@ -3,7 +3,8 @@
 from bestman_bt.runtime.control_channel import ControlChannel, ControlError, request, running_executors
 from bestman_bt.runtime.executor import Ending, Execution, Executor
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.robot_session import Session, Setup, load_for, open_session, prepare, session
+from bestman_bt.runtime.robot_session import Session, open_session, session
+from bestman_bt.runtime.setup import Setup, load_for, prepare
 
 __all__ = [
     "ControlChannel",

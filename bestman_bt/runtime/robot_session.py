@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -12,32 +11,22 @@ from typing import Any
 import numpy as np
 
 from behaviours.computation import InlineComputation
-from behaviours.context import Algorithms, SkillContext
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, find_data, load_run
+from behaviours.context import SkillContext
+from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.wheeled import BaseController
-from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
+from bestman_bt.engine import Node, Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
-from bestman_bt.messages import Pose2D
-from bestman_bt.perception.detection import ModelRegistration
-from bestman_bt.registry import DRIVERS, UnknownNameError
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.runtime.algorithms import make_algorithm
+from bestman_bt.registry import DRIVERS
+from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
 from bestman_bt.runtime.executor import Execution, Executor
-from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.scene import World, draw_world, load_scene, semantic_map
+from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
-from bestman_bt.world_model import BasePose, WorldModel
 from hal.api import Arm, Camera, Gripper, JointGroup, Lidar, MobileBase, Robot
-
-START_POSITION_ERROR = 0.03
-START_HEADING_ERROR = math.radians(1.2)
-"""How far the pose that the robot is told at the start may be off: metres each way, radians."""
 
 COMPUTATION_COSTS = {
     "detection": 0.25,
@@ -49,17 +38,6 @@ COMPUTATION_COSTS = {
     "global_planning": 0.05,
 }
 """Seconds that each computation takes on the robot's computer, in simulated time."""
-
-
-@dataclass(frozen=True)
-class Setup:
-    """What a configuration amounts to, all of it checked before anything is started."""
-
-    config: RunConfig
-    registry: NodeRegistry
-    robot_model: RobotModel
-    world: World
-    world_model: WorldModel
 
 
 @dataclass
@@ -93,35 +71,6 @@ class Session:
         return self.executor(self.load(tree), after_tick).run()
 
 
-def prepare(config: RunConfig) -> Setup:
-    """Load and check everything that a run needs; nothing is started.
-
-    Raises ConfigurationError, TreeLoadError or SceneError.
-    """
-    registry = node_registry(config.task.plugins)
-    robot_model = load_robot_model(config.task.robot, config.robot_settings)
-    scene = load_scene(config.task.scene, config.scene_settings)
-    world = draw_world(scene, config.seed)
-    world_model = WorldModel(
-        map=semantic_map(world), models=dict(scene.models), base=_told_start(world.robot_start, config.seed)
-    )
-    setup = Setup(config, registry, robot_model, world, world_model)
-    _check_goal(setup)
-    load_for(setup)
-    _algorithms(setup)
-    return setup
-
-
-def load_for(setup: Setup, tree: str | Path | Node | None = None, **options: Any) -> Tree:
-    """Load a tree with the nodes of a setup; raises TreeLoadError or ConfigurationError."""
-    source = setup.config.task.tree if tree is None else tree
-    if isinstance(source, Node):
-        return build_tree(source, registry=setup.registry, **options)
-    if isinstance(source, str) and source.lstrip().startswith("<"):
-        return load_tree(source, setup.registry, **options)
-    return load_tree(find_data("tree", source), setup.registry, **options)
-
-
 @contextmanager
 def open_session(
     config: RunConfig | Setup, prepare_robot: Callable[[Robot], None] | None = None, gui: bool = False
@@ -132,10 +81,7 @@ def open_session(
     driver's own window, if it has one.
     """
     setup = prepare(config) if isinstance(config, RunConfig) else config
-    try:
-        driver = DRIVERS.resolve(setup.config.driver)
-    except UnknownNameError as error:
-        raise ConfigurationError([Problem("--driver", None, "", str(error))]) from error
+    driver = DRIVERS.resolve(setup.config.driver)
     robot: Robot = driver(setup.robot_model, setup.world, seed=setup.config.seed, gui=gui)
     with robot:
         if prepare_robot is not None:
@@ -171,34 +117,6 @@ def session(
         yield opened
 
 
-def _told_start(start: Pose2D, seed: int) -> BasePose:
-    """Where the robot is told to be at the start: roughly, as an operator would."""
-    dx, dy, turn = np.random.default_rng([seed, 1]).uniform(-1.0, 1.0, 3)
-    told = Pose2D(
-        start.x + START_POSITION_ERROR * float(dx),
-        start.y + START_POSITION_ERROR * float(dy),
-        start.theta + START_HEADING_ERROR * float(turn),
-    )
-    return BasePose(told, START_POSITION_ERROR, START_HEADING_ERROR, 0.0)
-
-
-def _check_goal(setup: Setup) -> None:
-    goal = setup.config.task.goal
-    if goal is None:
-        return
-    source = f"task {setup.config.name}"
-    problems = []
-    if goal.name not in setup.world.goals:
-        known = ", ".join(setup.world.goals) or "none"
-        problems.append(Problem(source, None, "goal.name", f"the scene has no goal {goal.name!r}; it has {known}"))
-    try:
-        setup.world_model.map.surface(goal.surface)
-    except KeyError as error:
-        problems.append(Problem(source, None, "goal.surface", str(error.args[0])))
-    if problems:
-        raise ConfigurationError(problems)
-
-
 def _entries(setup: Setup) -> dict[str, Any]:
     goal = setup.config.task.goal
     if goal is None:
@@ -211,34 +129,19 @@ def _entries(setup: Setup) -> dict[str, Any]:
     }
 
 
-def _algorithms(setup: Setup) -> Algorithms:
-    task, model = setup.config.task, setup.robot_model
-    detection = ModelRegistration(
-        segmentation=make_algorithm(task, "segmentation"), pose_estimator=make_algorithm(task, "pose_estimation")
-    )
-    return Algorithms(
-        detection=detection,
-        grasp_pose=make_algorithm(task, "grasp_pose"),
-        kinematics=make_algorithm(task, "kinematics", model),
-        collision=make_algorithm(task, "collision", model),
-        motion_planning=TimedMotionPlanner(make_algorithm(task, "motion_planning"), make_algorithm(task, "trajectory")),
-        global_planning=make_algorithm(task, "global_planning"),
-    )
-
-
 def _skills(setup: Setup, robot: Robot) -> SkillContext:
-    task, model, world = setup.config.task, setup.robot_model, replace(setup.world_model)
+    config, model, world = setup.config, setup.robot_model, replace(setup.world_model)
     world.objects, world.obstacles = {}, {}
     clock = robot.clock
     forward = ForwardKinematics(model)
     joints = JointStateSensor(robot.parts, model)
-    camera = _only(robot, Camera)
+    camera = _first(robot, Camera)
     base = BaseController(
-        _only(robot, MobileBase),
+        _first(robot, MobileBase),
         clock,
-        LidarSensor(_only(robot, Lidar), forward),
-        make_algorithm(task, "localization", world.map),
-        make_algorithm(task, "local_planning"),
+        LidarSensor(_first(robot, Lidar), forward),
+        make_localizer(config, world.map),
+        make_local_planner(config),
         world,
     )
     return SkillContext(
@@ -246,24 +149,20 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         robot=model,
         world=world,
         base=base,
-        arm=ArmController(_only(robot, Arm), clock),
-        gripper=GripperController(_only(robot, Gripper)),
-        head=HeadController(_only(robot, JointGroup, Arm), forward, joints, camera.optical_frame),
+        arm=ArmController(_first(robot, Arm), clock),
+        gripper=GripperController(_first(robot, Gripper)),
+        head=HeadController(_first(robot, JointGroup, Arm), forward, joints, camera.optical_frame),
         camera=RGBDSensor(camera, forward, joints, world),
         joints=joints,
-        algorithms=_algorithms(setup),
+        algorithms=make_algorithms(config, model),
         computation=InlineComputation(clock),
         costs=COMPUTATION_COSTS,
-        rng=np.random.default_rng([setup.config.seed, 2]),
+        rng=np.random.default_rng([config.seed, 2]),
     )
 
 
-def _only(robot: Robot, kind: type[Any], but: type[Any] | None = None) -> Any:
-    """The first part of a kind."""
-    for part in robot.parts.values():
-        if isinstance(part, kind) and (but is None or not isinstance(part, but)):
-            return part
-    kinds = ", ".join(sorted({part.kind for part in robot.parts.values()}))
-    raise ConfigurationError(
-        [Problem("robot", None, "parts", f"the skills need a {kind.kind}; this robot has only {kinds}")]
+def _first(robot: Robot, kind: type[Any], but: type[Any] | None = None) -> Any:
+    """The first part of a kind; ``prepare`` has seen that there is one."""
+    return next(
+        part for part in robot.parts.values() if isinstance(part, kind) and (but is None or not isinstance(part, but))
     )

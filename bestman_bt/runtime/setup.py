@@ -1,0 +1,119 @@
+"""What a configuration amounts to, all of it checked before anything is started."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, find_data
+from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
+from bestman_bt.messages import Pose2D
+from bestman_bt.registry import DRIVERS, UnknownNameError, suggestion
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
+from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.scene import World, draw_world, load_scene, semantic_map
+from bestman_bt.world_model import BasePose, WorldModel
+
+START_POSITION_ERROR = 0.03
+START_HEADING_ERROR = math.radians(1.2)
+"""How far the pose that the robot is told at the start may be off: metres each way, radians."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A configuration with everything that it names."""
+
+    config: RunConfig
+    registry: NodeRegistry
+    robot_model: RobotModel
+    world: World
+    world_model: WorldModel
+
+
+def prepare(config: RunConfig) -> Setup:
+    """Load and check everything that a run needs; nothing is started.
+
+    Raises ConfigurationError, TreeLoadError or SceneError.
+    """
+    registry = node_registry(config.task.plugins)
+    robot_model = load_robot_model(config.task.robot, config.robot_settings)
+    scene = load_scene(config.task.scene, config.scene_settings)
+    world = draw_world(scene, config.seed)
+    world_model = WorldModel(
+        map=semantic_map(world), models=dict(scene.models), base=_told_start(world.robot_start, config.seed)
+    )
+    setup = Setup(config, registry, robot_model, world, world_model)
+    problems = [*_driver_problems(config), *_robot_problems(setup), *_goal_problems(setup)]
+    if problems:
+        raise ConfigurationError(problems)
+    load_for(setup)
+    make_algorithms(config, robot_model)
+    make_localizer(config, world_model.map)
+    make_local_planner(config)
+    return setup
+
+
+def load_for(setup: Setup, tree: str | Path | Node | None = None, **options: Any) -> Tree:
+    """Load a tree with the nodes of a setup; raises TreeLoadError or ConfigurationError."""
+    source = setup.config.task.tree if tree is None else tree
+    if isinstance(source, Node):
+        return build_tree(source, registry=setup.registry, **options)
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        return load_tree(source, setup.registry, **options)
+    return load_tree(find_data("tree", source), setup.registry, **options)
+
+
+def _told_start(start: Pose2D, seed: int) -> BasePose:
+    """Where the robot is told to be at the start: roughly, as an operator would."""
+    dx, dy, turn = np.random.default_rng([seed, 1]).uniform(-1.0, 1.0, 3)
+    told = Pose2D(
+        start.x + START_POSITION_ERROR * float(dx),
+        start.y + START_POSITION_ERROR * float(dy),
+        start.theta + START_HEADING_ERROR * float(turn),
+    )
+    return BasePose(told, START_POSITION_ERROR, START_HEADING_ERROR, 0.0)
+
+
+def _driver_problems(config: RunConfig) -> Iterable[Problem]:
+    try:
+        DRIVERS.resolve(config.driver)
+    except UnknownNameError as error:
+        yield Problem("driver", None, "", str(error))
+
+
+def _robot_problems(setup: Setup) -> Iterable[Problem]:
+    """The skills command one part of each of these kinds."""
+    model = setup.robot_model
+    needed = {
+        "mobile base": model.bases,
+        "arm": model.arms,
+        "gripper": model.grippers,
+        "pan-tilt head": model.joint_groups,
+        "camera": model.cameras,
+        "lidar": model.lidars,
+    }
+    for kind, parts in needed.items():
+        if not parts:
+            yield Problem(str(setup.config.task.robot), None, "parts", f"the skills need a {kind}, this robot has none")
+
+
+def _goal_problems(setup: Setup) -> Iterable[Problem]:
+    goal, config, known = setup.config.task.goal, setup.config, setup.world_model
+    if goal is None:
+        return
+    furniture = known.map.furniture
+    surfaces = [*furniture, *(f"{name}/{s.name}" for name, piece in furniture.items() for s in piece.surfaces)]
+    for field, value, names, what in (
+        ("name", goal.name, list(setup.world.goals), "the scene has no goal"),
+        ("object", goal.object, list(known.models), "the robot knows no object"),
+        ("source", goal.source, surfaces, "the map has no surface"),
+        ("surface", goal.surface, surfaces, "the map has no surface"),
+    ):
+        if value not in names:
+            yield config.problem(("goal", field), f"{what} {value!r}; {suggestion(value, names)}")
