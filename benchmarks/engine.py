@@ -40,7 +40,7 @@ from bestman_bt.engine import (
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "engine" / "bench_trees"
 TREES = ("wide100", "widemem100", "chain50", "mixed1000", "scripts100")
 TARGETS = {"wide100": 0.25, "widemem100": 1.0, "chain50": 0.8, "mixed1000": 0.40, "scripts100": 1.3}
-BATCH_SECONDS = 0.05
+BATCH_SECONDS = 0.01
 
 
 class Ok(SyncAction):
@@ -152,7 +152,7 @@ def measure(ticks: dict[str, Callable[[], Any] | None], rounds: int) -> dict[str
             start = time.perf_counter()
             tick()
             once = max(time.perf_counter() - start, 2e-7)
-            counts[name] = max(3, int(BATCH_SECONDS / once))
+            counts[name] = max(2, int(BATCH_SECONDS / once))
     for _ in range(rounds):
         for name, tick in ticks.items():
             if tick is None:
@@ -225,7 +225,7 @@ def run(trees: list[str], rounds: int) -> dict[str, Any]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--rounds", type=int, default=12)
+    parser.add_argument("--rounds", type=int, default=50)
     parser.add_argument("--trees", default=",".join(TREES))
     options = parser.parse_args()
     results = run(options.trees.split(","), options.rounds)

@@ -18,8 +18,8 @@ ATOMS = st.one_of(
     st.integers(0, 9).map(str),
     st.sampled_from(["0.5", "2.25", "1e2", "0x1F", "'a'", "'b'", "'7'", "n", "x", "s", "t"]),
 )
-# The engine inside behaviortreepy 0.1.4 is older than 4.10: its parser refuses some mixtures of operators, so everything
-# is in brackets; && and || only take 0 and 1, so they join comparisons; true and false are ints there.
+# The engine inside behaviortreepy 0.1.4 is older than 4.10: its parser refuses some mixtures of operators, so
+# everything is in brackets; && and || only take 0 and 1, so they join comparisons; true and false are ints there.
 BINARY = ["+", "-", "*", "/", "..", "&", "|", "^", "==", "!=", "<", ">", "<=", ">="]
 
 
