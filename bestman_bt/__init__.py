@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 __all__ = ["session"]
@@ -13,7 +14,5 @@ __all__ = ["session"]
 def __getattr__(name: str) -> Any:
     """Import ``session`` when it is used: the engine alone should not load the simulator."""
     if name == "session":
-        from bestman_bt.runtime import session
-
-        return session
+        return import_module("bestman_bt.runtime").session
     raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}")
