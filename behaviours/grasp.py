@@ -86,7 +86,7 @@ class Grasp(Skill):
     INPUT_PORTS: ClassVar = {
         "object": PortInformation(str, description="the object"),
         "grasps": PortInformation(list, description="planned grasps, best first; used up one by one"),
-        "force": PortInformation(float, required=False, default_value=40.0, description="closing force, newtons"),
+        "force": PortInformation(float, required=False, default_value=20.0, description="closing force, newtons"),
     }
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, required=False, description="the grasps that are left")}
     DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))

@@ -10,7 +10,7 @@ import numpy as np
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.result import RunResult
 
-CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads")
+CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "object_follows_open_hand")
 """Audit counters that must be 0 in every episode for ``audit_clean``."""
 
 
