@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.options import Plugins
-from bestman_bt.engine import NodeInfo
+from bestman_bt.engine import NodeInfo, palette_xml
 from bestman_bt.runtime.plugins import node_registry
 
 KINDS = ("Action", "Condition", "Control", "Decorator", "SubTree")
@@ -16,10 +16,14 @@ KINDS = ("Action", "Condition", "Control", "Decorator", "SubTree")
 
 def command(
     names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]…", help="Only these nodes.")] = None,
+    xml: Annotated[bool, typer.Option("--xml", help="Print the TreeNodesModel that Groot2 imports.")] = False,
     plugins: Plugins = None,
 ) -> None:
     """List the nodes that trees may use, with their ports."""
     registry = node_registry([str(plugin) for plugin in plugins or ()])
+    if xml:
+        print(palette_xml(registry), end="")
+        return
     infos = [registry.info(name) for name in names] if names else registry.manifest()
     for kind in KINDS:
         of_kind = [info for info in infos if info.kind == kind]

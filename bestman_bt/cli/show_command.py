@@ -1,4 +1,4 @@
-"""Example: bestman-bt show fetch_cup."""
+"""Examples: bestman-bt show fetch_cup; bestman-bt show my_tree.xml --svg tree.svg; bestman-bt show pick.py --ports."""
 
 from __future__ import annotations
 
@@ -9,14 +9,24 @@ import typer
 
 from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import find_data
-from bestman_bt.engine import load_tree
-from bestman_bt.engine.display import render_text
+from bestman_bt.engine import load_tree, render_dot, render_ports, render_svg, render_text
 from bestman_bt.runtime.plugins import node_registry
 
 
 def command(
-    tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")], plugins: Plugins = None
+    tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
+    ports: Annotated[bool, typer.Option("--ports", help="Who maps what to whom across subtrees.")] = False,
+    dot: Annotated[bool, typer.Option("--dot", help="Print Graphviz source.")] = False,
+    svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.")] = None,
+    plugins: Plugins = None,
 ) -> None:
-    """Print a tree."""
+    """Print a tree as text, or in one of the other forms."""
     registry = node_registry([str(plugin) for plugin in plugins or ()])
-    print(render_text(load_tree(Path(find_data("tree", tree)), registry)), end="")
+    loaded = load_tree(Path(find_data("tree", tree)), registry)
+    if svg is not None:
+        svg.write_text(render_svg(loaded), encoding="utf-8")
+        print(svg)
+    elif dot:
+        print(render_dot(loaded), end="")
+    else:
+        print(render_ports(loaded) if ports else render_text(loaded), end="")
