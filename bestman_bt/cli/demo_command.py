@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Seed
 from bestman_bt.cli.run_command import execute, exit_code
 from bestman_bt.configuration import load_run
@@ -22,5 +23,7 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
-    setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
-    sys.exit(exit_code(execute(setup, runs, pictures=True, as_json=as_json)))
+    with json_output(as_json) as tell:
+        result = execute(prepare_episode(load_run("fetch_cup", seed=seed, record=True)), runs, pictures=True)
+        tell(result.to_document())
+    sys.exit(exit_code(result))

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.cli.run_view import CONSOLE
-from bestman_bt.configuration import load_run
+from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.evaluation.batch import run_batch
 from bestman_bt.evaluation.result import RunResult
 
@@ -30,14 +30,26 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Run seeds SEED … SEED + EPISODES - 1 and summarise."""
-    config = load_run(
-        task,
-        scene=scene,
-        robot=robot,
-        seed=seed,
-        settings=settings or (),
-        plugins=[str(plugin) for plugin in plugins or ()],
-    )
+    with json_output(as_json) as tell:
+        config = load_run(
+            task,
+            scene=scene,
+            robot=robot,
+            seed=seed,
+            settings=settings or (),
+            plugins=[str(plugin) for plugin in plugins or ()],
+        )
+        document = _evaluate(config, episodes, jobs, runs)
+        tell(document)
+    if not as_json:
+        _tell(document)
+    if document["episodes"] < episodes:
+        sys.exit(130)
+    sys.exit(0 if document["succeeded"] == episodes else 1)
+
+
+def _evaluate(config: RunConfig, episodes: int, jobs: int, runs: Path | None) -> dict[str, Any]:
+    """Run all episodes with a progress bar on standard error."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=CONSOLE, transient=True) as progress:
         bar = progress.add_task(config.name, total=episodes)
@@ -48,15 +60,10 @@ def command(
                 why = f"{result.failure.node}: {result.failure.why}" if result.failure else str(result.outcome)
                 progress.console.print(f"seed {result.seed}: {why}", highlight=False, markup=False)
 
-        document = run_batch(config, episodes, jobs, runs, on_result)
-    if as_json:
-        print(json.dumps(document, allow_nan=False))
-    else:
-        _tell(document)
-    sys.exit(0 if document["succeeded"] == document["episodes"] else 1)
+        return run_batch(config, episodes, jobs, runs, on_result)
 
 
-def _tell(document: dict) -> None:  # type: ignore[type-arg]
+def _tell(document: dict[str, Any]) -> None:
     low, high = document["interval"]
     print(
         f"{document['task']}: {document['succeeded']} of {document['episodes']} succeeded "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.cli.run_view import RunView, summary
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run, task_of_tree
@@ -38,18 +38,18 @@ def command(
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
     if gui and not os.environ.get("DISPLAY"):
         raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
-    config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
-    result = execute(prepare_episode(config), runs, pictures, as_json, gui)
+    with json_output(as_json) as tell:
+        config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
+        result = execute(prepare_episode(config), runs, pictures, gui)
+        tell(result.to_document())
     sys.exit(exit_code(result))
 
 
-def execute(setup: Setup, runs: Path, pictures: bool, as_json: bool, gui: bool = False) -> RunResult:
-    """Run with a live view, print the summary or the document, and return the result."""
+def execute(setup: Setup, runs: Path, pictures: bool, gui: bool = False) -> RunResult:
+    """Run with a live view, print the summary, and return the result."""
     folder = make_run_folder(setup.config, runs)
     with RunView(setup.config.name, quiet=False) as view:
         result = run_episode(setup, folder, pictures, view.watch, gui)
-    if as_json:
-        print(json.dumps(result.to_document(), allow_nan=False))
     summary(result, setup, folder)
     return result
 

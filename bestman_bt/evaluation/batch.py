@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,20 +31,24 @@ def run_batch(
     """Run seeds ``config.seed`` … ``config.seed + episodes - 1`` and summarise them.
 
     ``folder``: each run gets its folder there. ``on_result``: told of each result as it comes, in the order of seeds.
+    Ctrl-C, or an episode that somebody stops, ends the batch: the document then has only the episodes that were done.
     Everything that can be checked is checked before the first episode; raises as ``prepare_episode``.
     """
     prepare_episode(config)
     configs = [replace(config, seed=config.seed + i) for i in range(episodes)]
     start = time.perf_counter()
     results: list[RunResult] = []
-    for result in _run_all(configs, jobs, folder):
-        results.append(result)
-        if on_result is not None:
-            on_result(result)
+    with suppress(KeyboardInterrupt), closing(_run_all(configs, jobs, folder)) as running:
+        for result in running:
+            if result.outcome is Outcome.CANCELLED:
+                break
+            results.append(result)
+            if on_result is not None:
+                on_result(result)
     return summarize(config.name, config.seed, results, time.perf_counter() - start)
 
 
-def _run_all(configs: Sequence[RunConfig], jobs: int, folder: Path | None) -> Any:
+def _run_all(configs: Sequence[RunConfig], jobs: int, folder: Path | None) -> Generator[RunResult, None, None]:
     if jobs == 1:
         for config in configs:
             yield _run(config, folder)
@@ -50,8 +56,18 @@ def _run_all(configs: Sequence[RunConfig], jobs: int, folder: Path | None) -> An
     # Each worker is a fresh interpreter with one thread: pybullet and OMPL keep state in the process.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
-        yield from pool.map(_run, configs, [folder] * len(configs))
+    others = set(multiprocessing.active_children())
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_leave_interrupts_to_the_parent) as pool:
+        try:
+            yield from pool.map(_run, configs, [folder] * len(configs))
+        except (GeneratorExit, KeyboardInterrupt):
+            for worker in set(multiprocessing.active_children()) - others:
+                worker.terminate()
+            raise
+
+
+def _leave_interrupts_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _run(config: RunConfig, folder: Path | None) -> RunResult:

@@ -3,7 +3,7 @@
 One JSON object a line in each direction. Requests: ``{"do": "stop"}``, also ``halt``, ``pause``, ``resume``, ``step``,
 ``status``, ``subscribe`` and ``{"do": "set", "key": …, "value": …}``. Each is answered by ``{"ok": true, …}`` or
 ``{"ok": false, "error": …}``; a subscriber also gets ``{"time": …, "changes": [[path, state], …]}`` for each tick that
-changed something.
+changed something, until the execution ends.
 """
 
 from __future__ import annotations
@@ -14,62 +14,23 @@ import os
 import queue
 import socket
 import socketserver
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.engine import StateChanges, status_name
+from bestman_bt.engine import EngineError, StateChanges, status_name
+from bestman_bt.runtime.control_client import socket_folder
 from bestman_bt.runtime.executor import Executor
 
 MAX_REQUEST = 65536
 MAX_BACKLOG = 4096
-
-
-class ControlError(Exception):
-    """A control channel cannot be reached or has refused a request."""
-
-
-def socket_folder() -> Path:
-    """Where the sockets of this user's executors are (mode 0700)."""
-    base = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
-    folder = Path(base) / f"bestman-bt-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    if folder.stat().st_uid != os.getuid():
-        raise ControlError(f"{folder} belongs to another user")
-    folder.chmod(0o700)
-    return folder
-
-
-def running_executors() -> list[Path]:
-    """The sockets of the executors that run now; sockets that nobody serves any more are removed."""
-    alive = []
-    for path in sorted(socket_folder().glob("*.sock")):
-        try:
-            request(path, {"do": "status"}, timeout=2.0)
-        except ControlError:
-            path.unlink(missing_ok=True)
-        else:
-            alive.append(path)
-    return alive
-
-
-def request(path: Path, message: dict[str, Any], timeout: float = 5.0) -> dict[str, Any]:
-    """Send one request to an executor and return its answer; raises ControlError."""
-    try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-            connection.settimeout(timeout)
-            connection.connect(str(path.resolve()))
-            connection.sendall(json.dumps(message).encode() + b"\n")
-            line = connection.makefile("rb").readline(16 * MAX_REQUEST)
-        answer: dict[str, Any] = json.loads(line)
-    except (OSError, ValueError) as error:
-        raise ControlError(f"no executor answers at {path}: {error}") from error
-    if not answer.get("ok"):
-        raise ControlError(str(answer.get("error", "refused")))
-    return answer
+LAST_WORDS = 0.2
+"""Seconds that a connection gets at its end to take what is still to be told."""
+SET_WAIT = 2.0
+"""Seconds that ``set`` waits for the tick that goes on."""
 
 
 class ControlChannel:
@@ -79,7 +40,7 @@ class ControlChannel:
         self._executor = executor
         self._stop_robot = stop_robot
         self._task = task
-        self._subscribers: list[_Subscriber] = []
+        self._subscribers: list[_Outbox] = []
         self._lock = threading.Lock()
 
     @contextmanager
@@ -107,15 +68,19 @@ class ControlChannel:
             path.unlink(missing_ok=True)
             if link is not None:
                 link.unlink(missing_ok=True)
+            with self._lock:
+                subscribers = list(self._subscribers)
+            for subscriber in subscribers:
+                subscriber.close()
 
-    def answer(self, message: Any, stream: Any) -> dict[str, Any]:
+    def answer(self, message: Any) -> dict[str, Any]:
         """Carry out one request."""
         what = message.get("do") if isinstance(message, dict) else None
         executor = self._executor
         match what:
             case "stop":
-                self._stop_robot()
                 executor.cancel("stopped through the control channel")
+                self._stop_robot()
             case "halt":
                 executor.cancel("halted through the control channel")
             case "pause":
@@ -125,14 +90,10 @@ class ControlChannel:
             case "step":
                 executor.step()
             case "set":
-                key, value = message.get("key"), message.get("value")
-                if not isinstance(key, str) or not key:
-                    return {"ok": False, "error": "set wants a key (text) and a value"}
-                executor.between_ticks(lambda: executor.tree.blackboard.set(key, value))
-            case "subscribe":
-                with self._lock:
-                    self._subscribers.append(_Subscriber(stream))
-            case "status":
+                error = self._set(message.get("key"), message.get("value"))
+                if error:
+                    return {"ok": False, "error": error}
+            case "status" | "subscribe":
                 pass
             case _:
                 known = "status, subscribe, pause, resume, step, set, halt, stop"
@@ -147,12 +108,29 @@ class ControlChannel:
             "root": status_name(executor.tree.root.state),
         }
 
-    def forget(self, stream: Any) -> None:
-        """Drop a subscriber that has gone."""
+    def add(self, subscriber: _Outbox) -> None:
+        """Tell somebody of every change from now on."""
         with self._lock:
-            for subscriber in [s for s in self._subscribers if s.stream is stream]:
-                subscriber.close()
+            self._subscribers.append(subscriber)
+
+    def forget(self, subscriber: _Outbox) -> None:
+        """Tell somebody nothing more."""
+        with self._lock:
+            if subscriber in self._subscribers:
                 self._subscribers.remove(subscriber)
+
+    def _set(self, key: Any, value: Any) -> str:
+        """Set a root entry between ticks; returns what was wrong."""
+        if not isinstance(key, str) or not key:
+            return "set wants a key (text) and a value"
+        executor = self._executor
+        try:
+            executor.between_ticks(lambda: executor.tree.blackboard.set(key, value)).result(SET_WAIT)
+        except EngineError as error:
+            return str(error)
+        except (CancelledError, TimeoutError):
+            return "the tree does not tick any more"
+        return ""
 
     def _publish(self, changes: StateChanges) -> None:
         with self._lock:
@@ -161,31 +139,38 @@ class ControlChannel:
             return
         nodes = self._executor.tree.nodes
         told = [[nodes[uid - 1].path, status_name(state)] for uid, state in changes]
-        line = json.dumps({"time": changes.stamp, "changes": told}).encode() + b"\n"
         for subscriber in subscribers:
-            subscriber.send(line)
+            subscriber.send({"time": changes.stamp, "changes": told})
 
 
-class _Subscriber:
-    """Writes in a thread of its own, so that a reader who sleeps never holds up the robot; what overflows is lost."""
+class _Outbox:
+    """Writes to one connection in a thread of its own: a reader who sleeps never holds up the robot.
 
-    def __init__(self, stream: Any) -> None:
-        self.stream = stream
+    What overflows is lost.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection = connection
         self._lines: queue.Queue[bytes | None] = queue.Queue(MAX_BACKLOG)
-        threading.Thread(target=self._write, name="control-subscriber", daemon=True).start()
+        self._thread = threading.Thread(target=self._write, name="control-outbox", daemon=True)
+        self._thread.start()
 
-    def send(self, line: bytes | None) -> None:
+    def send(self, message: dict[str, Any]) -> None:
         with contextlib.suppress(queue.Full):
-            self._lines.put_nowait(line)
+            self._lines.put_nowait(json.dumps(message).encode() + b"\n")
 
     def close(self) -> None:
-        self.send(None)
+        """Give the reader a moment to take the rest, then end the connection."""
+        with contextlib.suppress(queue.Full):
+            self._lines.put_nowait(None)
+        self._thread.join(LAST_WORDS)
+        with contextlib.suppress(OSError):
+            self._connection.shutdown(socket.SHUT_RDWR)
 
     def _write(self) -> None:
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError):
             while (line := self._lines.get()) is not None:
-                self.stream.write(line)
-                self.stream.flush()
+                self._connection.sendall(line)
 
 
 class _Server(socketserver.ThreadingUnixStreamServer):
@@ -200,13 +185,16 @@ class _Handler(socketserver.StreamRequestHandler):
     server: _Server
 
     def handle(self) -> None:
-        channel = self.server.channel
+        channel, outbox = self.server.channel, _Outbox(self.connection)
         with contextlib.suppress(OSError):
             for line in iter(lambda: self.rfile.readline(MAX_REQUEST), b""):
                 try:
-                    answer = channel.answer(json.loads(line), self.wfile)
+                    message = json.loads(line)
                 except ValueError:
-                    answer = {"ok": False, "error": "a request is one JSON object a line"}
-                self.wfile.write(json.dumps(answer).encode() + b"\n")
-                self.wfile.flush()
-        channel.forget(self.wfile)
+                    outbox.send({"ok": False, "error": "a request is one JSON object a line"})
+                    continue
+                outbox.send(channel.answer(message))
+                if isinstance(message, dict) and message.get("do") == "subscribe":
+                    channel.add(outbox)
+        channel.forget(outbox)
+        outbox.close()

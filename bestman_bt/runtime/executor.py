@@ -5,7 +5,9 @@ from __future__ import annotations
 import signal
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -13,6 +15,10 @@ from types import FrameType
 
 from bestman_bt.engine import IDLE, RUNNING, EngineError, Tree, status_name
 from bestman_bt.engine.clock import Clock
+from hal.api import RobotError
+
+PAUSE_POLL = 0.05
+"""Seconds after which a paused executor looks again whether it was cancelled or given something to do."""
 
 
 class Ending(StrEnum):
@@ -21,7 +27,7 @@ class Ending(StrEnum):
     FINISHED = "finished"  # the root returned SUCCESS or FAILURE
     CANCELLED = "cancelled"  # somebody asked: Ctrl-C, the control channel, ``cancel()``
     TIMEOUT = "timeout"  # the time limit was reached
-    ERROR = "error"  # a node raised
+    ERROR = "error"  # a node raised, or the robot did between ticks
 
 
 @dataclass(frozen=True)
@@ -67,10 +73,10 @@ class Executor:
         self._go = threading.Event()
         self._go.set()
         self._step = False
-        self._tasks: list[Callable[[], None]] = []
+        self._tasks: deque[tuple[Callable[[], None], Future[None]]] = deque()
 
     def cancel(self, reason: str = "cancelled on request") -> None:
-        """End the execution before its next tick; the first reason is kept."""
+        """End the execution after the tick that goes on, if one does; the first reason is kept."""
         self._cancel_reason = self._cancel_reason or reason
         self._go.set()
         self.tree.wake_up()
@@ -93,9 +99,14 @@ class Executor:
         """Whether the execution waits."""
         return not self._go.is_set()
 
-    def between_ticks(self, task: Callable[[], None]) -> None:
-        """Run ``task`` in the executor's thread before the next tick."""
-        self._tasks.append(task)
+    def between_ticks(self, task: Callable[[], None]) -> Future[None]:
+        """Run ``task`` in the executor's thread before the next tick, also while paused; what it raises is told to you.
+
+        The future is cancelled where the execution ends before.
+        """
+        future: Future[None] = Future()
+        self._tasks.append((task, future))
+        return future
 
     def run(self) -> Execution:
         """Tick until the end; whatever the end, nothing is left running in the tree."""
@@ -104,25 +115,28 @@ class Executor:
         with self._interrupts():
             try:
                 ending, status, why = self._loop(start)
-            except EngineError as error:
+            except (EngineError, RobotError) as error:
                 ending, why = Ending.ERROR, str(error)
+                if self._cancel_reason:
+                    ending, why = Ending.CANCELLED, self._cancel_reason
             finally:
                 if status == IDLE:
                     self.tree.halt()
+                self._refuse_tasks()
         elapsed = self.clock.now() - start
         return Execution(ending, status_name(status), self.ticks, elapsed, time.perf_counter() - wall_start, why)
 
     def _loop(self, start: float) -> tuple[Ending, int, str]:
         while True:
-            self._go.wait()
+            self._wait_for_turn()
             if self._cancel_reason:
                 return Ending.CANCELLED, IDLE, self._cancel_reason
-            while self._tasks:
-                self._tasks.pop(0)()
             status = self.tree.tick_once()
             self.ticks += 1
             if self.after_tick is not None:
                 self.after_tick()
+            if self._cancel_reason:  # a stopped robot makes skills fail: that is not the tree's own failure
+                return Ending.CANCELLED, IDLE, self._cancel_reason
             if status != RUNNING:
                 return Ending.FINISHED, status, ""
             if self.time_limit is not None and self.clock.now() - start >= self.time_limit:
@@ -131,6 +145,24 @@ class Executor:
                 self._step = False
                 self._go.clear()
             self.tree.sleep(self.period)
+
+    def _wait_for_turn(self) -> None:
+        """Do what is to be done between ticks; while paused, wait."""
+        while True:
+            while self._tasks:
+                task, future = self._tasks.popleft()
+                try:
+                    task()
+                except Exception as error:  # noqa: BLE001 - it belongs to the one who asked
+                    future.set_exception(error)
+                else:
+                    future.set_result(None)
+            if self._cancel_reason or self._go.wait(PAUSE_POLL):
+                return
+
+    def _refuse_tasks(self) -> None:
+        while self._tasks:
+            self._tasks.popleft()[1].cancel()
 
     @contextmanager
     def _interrupts(self) -> Iterator[None]:
@@ -142,7 +174,8 @@ class Executor:
         def interrupted(number: int, frame: FrameType | None) -> None:
             if self._cancel_reason:
                 raise KeyboardInterrupt
-            self.cancel("interrupted from the keyboard")
+            # Only this: the handler may run while this thread holds the lock of an event that ``cancel`` would set.
+            self._cancel_reason = "interrupted from the keyboard"
 
         before = signal.signal(signal.SIGINT, interrupted)
         try:

@@ -1,0 +1,41 @@
+"""With ``--json``, standard output holds one document and nothing else, whatever libraries and plug-ins print."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from typing import Any
+
+
+@contextmanager
+def json_output(wanted: bool) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Give what takes the document; where ``wanted``, it is printed at the end, and all other prints go elsewhere.
+
+    That holds for the prints of C libraries too: they write to the file descriptor.
+    """
+    documents: list[dict[str, Any]] = []
+    if not wanted:
+        yield documents.append
+        return
+    with redirect_stdout(sys.stderr), _descriptor_to_standard_error():
+        yield documents.append
+    for document in documents:
+        print(json.dumps(document, allow_nan=False), flush=True)
+
+
+@contextmanager
+def _descriptor_to_standard_error() -> Iterator[None]:
+    c_library = ctypes.CDLL(None)
+    c_library.fflush(None)
+    kept = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        c_library.fflush(None)
+        os.dup2(kept, 1)
+        os.close(kept)

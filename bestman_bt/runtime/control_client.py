@@ -1,0 +1,60 @@
+"""The asking side of the control channel: which executors run, and requests to them."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import tempfile
+from pathlib import Path
+from typing import Any
+
+LONGEST_ANSWER = 1 << 20
+
+
+class ControlError(Exception):
+    """A control channel cannot be reached or has refused a request."""
+
+
+def socket_folder() -> Path:
+    """Where the sockets of this user's executors are (mode 0700)."""
+    base = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
+    folder = Path(base) / f"bestman-bt-{os.getuid()}"
+    folder.mkdir(mode=0o700, exist_ok=True)
+    if folder.stat().st_uid != os.getuid():
+        raise ControlError(f"{folder} belongs to another user")
+    folder.chmod(0o700)
+    return folder
+
+
+def running_executors() -> list[Path]:
+    """The sockets of the executors that run now; sockets that nobody serves any more are removed."""
+    alive = []
+    for path in sorted(socket_folder().glob("*.sock")):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(1.0)
+            try:
+                connection.connect(str(path))
+            except (ConnectionRefusedError, FileNotFoundError):
+                path.unlink(missing_ok=True)
+                continue
+            except OSError:  # somebody serves it, but is too busy to answer now
+                pass
+        alive.append(path)
+    return alive
+
+
+def request(path: Path, message: dict[str, Any], timeout: float = 5.0) -> dict[str, Any]:
+    """Send one request to an executor and return its answer; raises ControlError."""
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(timeout)
+            connection.connect(str(path.resolve()))
+            connection.sendall(json.dumps(message).encode() + b"\n")
+            line = connection.makefile("rb").readline(LONGEST_ANSWER)
+        answer: dict[str, Any] = json.loads(line)
+    except (OSError, ValueError) as error:
+        raise ControlError(f"no executor answers at {path}: {error}") from error
+    if not answer.get("ok"):
+        raise ControlError(str(answer.get("error", "refused")))
+    return answer
