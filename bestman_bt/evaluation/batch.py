@@ -59,7 +59,8 @@ def _run_all(configs: Sequence[RunConfig], jobs: int, folder: Path | None) -> Ge
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_leave_interrupts_to_the_parent) as pool:
         try:
-            yield from pool.map(_run, configs, [folder] * len(configs))
+            for future in [pool.submit(_run, config, folder) for config in configs]:
+                yield future.result()
         except (GeneratorExit, KeyboardInterrupt):
             for worker in set(multiprocessing.active_children()) - others:
                 worker.terminate()
