@@ -1,0 +1,144 @@
+"""What every skill owes its tree: it waits without blocking, tells why it failed, and cleans up."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import pytest
+from py_trees.ports import PortInformation
+
+from behaviours.skill import Skill, SkillFailure, Steps
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, load_tree
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.runtime import Session
+from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
+
+
+class Think(Skill):
+    """Computes for ``detection``'s cost; fails with what the port says."""
+
+    INPUT_PORTS: ClassVar = {"trouble": PortInformation(str, required=False, default_value="")}
+    OUTPUT_PORTS: ClassVar = {"answer": PortInformation(int, required=False)}
+
+    def execute(self) -> Steps:
+        answer = yield self.compute("detection", self._think, self.get_input("trouble"))
+        self.set_output("answer", answer)
+        self.feedback_message = "thought it over"
+
+    def _think(self, trouble: str) -> int:
+        match trouble:
+            case "no way":
+                raise ManipulationError("there is no way")
+            case "lost":
+                raise SkillFailure("lost", "where am I")
+            case "bug":
+                raise ZeroDivisionError("a mistake in the code")
+        return 42
+
+
+class Tidy(Skill):
+    """Turns the head and notes when its ``finally`` clause ran."""
+
+    tidied = False
+
+    def execute(self) -> Steps:
+        try:
+            yield self.skills.head.move_to([0.8, 0.8])
+        finally:
+            self.tidied = True
+
+
+class TryTwice(Skill):
+    """Goes on after a controller that fails."""
+
+    def execute(self) -> Steps:
+        try:
+            yield self.skills.head.look_at([-1.0, 0.0, 0.0])
+        except SkillFailure as failure:
+            self.feedback_message = f"not there: {failure.code}"
+        yield self.skills.head.look_at([1.0, 0.0, 0.7])
+
+
+def load(robot: Session, body: str) -> Tree:
+    for leaf in (Think, Tidy, TryTwice):
+        if leaf.__name__ not in robot.setup.registry:
+            robot.setup.registry.register(leaf)
+    return robot.load(tree_of(body))
+
+
+def leaf_of(tree: Tree, kind: type[Node]) -> Any:
+    return next(node for node in tree.nodes if isinstance(node, kind))
+
+
+def test_a_computation_keeps_its_skill_running_for_its_cost(bystander: Session) -> None:
+    tree = load(bystander, '<Think answer="{answer}"/>')
+    start = bystander.robot.clock.now()
+    assert tick(tree, 100) == SUCCESS
+    cost = bystander.skills.costs["detection"]
+    assert cost <= bystander.robot.clock.now() - start < cost + 1.5 * PERIOD
+    assert tree.blackboard.get("answer") == 42
+
+
+def test_code_and_words_of_a_failure_are_written_and_success_clears_them(bystander: Session) -> None:
+    tree = load(bystander, '<Think trouble="{trouble}" error_code="{code}" error_message="{words}"/>')
+    tree.blackboard.set("trouble", "lost")
+    assert tick(tree, 100) == FAILURE
+    assert (tree.blackboard.get("code"), tree.blackboard.get("words")) == ("lost", "where am I")
+    assert leaf_of(tree, Think).feedback_message == "where am I"
+    tree.blackboard.set("trouble", "none")
+    assert tick(tree, 100) == SUCCESS
+    assert (tree.blackboard.get("code"), tree.blackboard.get("words")) == ("", "")
+    assert leaf_of(tree, Think).feedback_message == "thought it over"
+
+
+def test_an_algorithm_that_finds_nothing_fails_the_skill(bystander: Session) -> None:
+    assert tick(load(bystander, '<Think trouble="no way"/>'), 100) == FAILURE
+    assert failures_of(bystander) == [("failed", "there is no way")]
+
+
+def test_failures_are_recorded_in_their_order_with_path_and_time(bystander: Session) -> None:
+    body = '<Fallback name="all"><Think name="first" trouble="lost"/><Think name="second" trouble="no way"/></Fallback>'
+    before = len(bystander.skills.failures)
+    assert tick(load(bystander, body), 100) == FAILURE
+    first, second = bystander.skills.failures[before:]
+    assert (first.node, second.node) == ("first", "second")
+    assert first.stamp < second.stamp <= bystander.robot.clock.now()
+
+
+def test_a_mistake_in_a_skill_is_an_error_that_names_the_node_not_a_failure(bystander: Session) -> None:
+    tree = load(bystander, '<Think name="thinker" trouble="bug"/>')
+    with pytest.raises(NodeError, match=r"thinker.*a mistake in the code"):
+        tick(tree, 100)
+
+
+def test_a_halt_cancels_what_the_skill_waits_for_and_runs_its_finally_clauses(bystander: Session) -> None:
+    tree = load(bystander, "<Tidy/>")
+    assert tick(tree, 3) == RUNNING
+    leaf = leaf_of(tree, Tidy)
+    pending = leaf._pending
+    assert not pending.done
+    assert not leaf.tidied
+    tree.halt()
+    assert pending.done
+    assert leaf.tidied
+
+
+def test_a_halted_skill_starts_anew(bystander: Session) -> None:
+    tree = load(bystander, '<Think answer="{answer}"/>')
+    assert tick(tree, 2) == RUNNING
+    tree.halt()
+    assert tree.blackboard.get("answer") is None
+    assert tick(tree, 100) == SUCCESS
+    assert tree.blackboard.get("answer") == 42
+
+
+def test_a_skill_may_go_on_after_a_controller_that_fails(bystander: Session) -> None:
+    tree = load(bystander, "<TryTwice/>")
+    assert tick(tree, 100) == SUCCESS
+    assert leaf_of(tree, TryTwice).feedback_message == "not there: unreachable"
+
+
+def test_skills_say_what_context_they_need(bystander: Session) -> None:
+    tree = load_tree(tree_of('<MoveArm posture="carry"/>'), bystander.setup.registry, context="no robot")
+    with pytest.raises(NodeError, match="skills need a SkillContext as the tree's context, not str"):
+        tree.tick_once()

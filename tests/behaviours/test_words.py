@@ -1,0 +1,41 @@
+"""Skills and conditions that cannot do what they are asked say why, in words, and name what there is."""
+
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.engine import FAILURE
+from bestman_bt.runtime import Session
+from tests.behaviours.at_the_table import failures_of, tick, tree_of
+
+
+@pytest.mark.parametrize(
+    ("body", "code", "why"),
+    [
+        ('<MoveArm posture="salute"/>', "unknown_posture", "has no posture 'salute'; it has carry, home, look"),
+        ('<LookAt surface="shelf"/>', "unknown_surface", "no surface 'shelf' in the map; there are table/top"),
+        ('<LookAt object="cup"/>', "no_target", "nothing to look at"),
+        ('<LookAt point="-5;0;1"/>', "unreachable", "head cannot look at"),
+        ('<DetectObject object="spoon" surface="table"/>', "unknown_object", "known objects: box, can, "),
+        ('<EstimatePose object="cup"/>', "object_not_found", "the cup has not been seen; detect it first"),
+        ('<PlanGrasp object="cup" grasps="{g}"/>', "object_not_found", "detect it first"),
+        ('<PlaceOn object="cup" pose="0;0;0"/>', "not_holding", "the hand does not hold the cup"),
+        ('<Release object="cup"/>', "not_holding", "the hand does not hold the cup"),
+        ('<NavigateTo goal="9;9;0"/>', "goal_outside", "the goal (9.00, 9.00) m is not on the map"),
+        ('<NavigateTo goal="3.2;-0.4;0"/>', "goal_blocked", "the base would touch an obstacle at the goal"),
+        ('<FindStandPose surface="shelf" stand="{s}"/>', "unknown_surface", "no surface 'shelf' in the map"),
+        ('<Holding object="cup"/>', "not_holding", "the hand does not hold the cup"),
+        ('<Reachable object="cup"/>', "object_not_found", "the cup has not been seen"),
+        ('<ObjectVisible object="cup"/>', "not_visible", "the cup has not been seen"),
+        ('<ObjectAt object="cup" goal="0;0;0"/>', "not_at_goal", "the cup has not been seen"),
+        ('<At goal="0;0;0"/>', "not_at_goal", "m and "),
+    ],
+    ids=lambda value: value if value.startswith("<") else "",
+)
+def test_what_cannot_be_done_fails_in_words(bystander: Session, body: str, code: str, why: str) -> None:
+    before = len(bystander.skills.failures)
+    assert tick(bystander.load(tree_of(body)), 100) == FAILURE
+    assert len(bystander.skills.failures) == before + 1
+    ((told, words),) = failures_of(bystander)
+    assert told == code
+    assert why in words
