@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import types
 import typing
 from collections.abc import Mapping
@@ -20,8 +21,9 @@ T = TypeVar("T")
 def check(document: Document, dataclass_type: type[T]) -> T:
     """Build a frozen dataclass from a document; ConfigurationError lists all unknown, missing and wrong fields."""
     problems = [document.problem(*fault) for fault in _unknown_fields(document.data, dataclass_type, ())]
+    kind: Any = dataclass_type  # mypy takes the types of dataclasses for unhashable
     try:
-        value: T = TypeAdapter(dataclass_type).validate_python(document.data)
+        value: T = _adapter(kind).validate_python(document.data)
     except ValidationError as error:
         problems += [_problem(document, dict(fault)) for fault in error.errors(include_url=False)]
         raise ConfigurationError(problems) from error
@@ -51,6 +53,12 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
     if problems:
         raise ConfigurationError(problems)
     return document
+
+
+@functools.cache
+def _adapter(dataclass_type: type) -> TypeAdapter[Any]:
+    """Made once: that takes milliseconds, and a batch of episodes asks for the same few types."""
+    return TypeAdapter(dataclass_type)
 
 
 def _problem(document: Document, fault: dict[str, Any]) -> Problem:

@@ -17,13 +17,16 @@ def frozen_array(
     not copied. Raises ValueError that names ``what`` and the shape found.
     """
     array = np.asarray(values, dtype=dtype)
-    fits = array.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
-    )
-    if not fits:
+    if array.shape != shape and not _fits(array.shape, shape):
         expected = "(" + ", ".join("N" if extent is None else str(extent) for extent in shape) + ")"
         raise ValueError(f"{what} should have shape {expected} but has {array.shape}")
     if array.flags.writeable:
         array = array.copy()
         array.setflags(write=False)
     return array
+
+
+def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(found) == len(expected) and all(
+        want is None or have == want for have, want in zip(found, expected, strict=True)
+    )

@@ -38,10 +38,11 @@ class Pose:
 
     def __post_init__(self) -> None:
         quaternion = np.asarray(self.quaternion, dtype=float)
-        if quaternion.shape != (4,) or not np.isclose(np.linalg.norm(quaternion), 1.0, atol=1e-3):
+        norm = math.sqrt(quaternion @ quaternion) if quaternion.shape == (4,) else math.nan
+        if not abs(norm - 1.0) <= 1e-3:
             raise ValueError(f"Pose quaternion should be a unit (4,) array, order xyzw, but got {quaternion}")
         object.__setattr__(self, "position", frozen_array(self.position, (3,), "Pose position"))
-        object.__setattr__(self, "quaternion", frozen_array(quaternion / np.linalg.norm(quaternion), (4,), "Pose"))
+        object.__setattr__(self, "quaternion", frozen_array(quaternion / norm, (4,), "Pose quaternion"))
 
     @classmethod
     def from_xyz_rpy(cls, xyz: ArrayLike, rpy: ArrayLike = (0.0, 0.0, 0.0)) -> Pose:

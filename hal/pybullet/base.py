@@ -251,8 +251,8 @@ class SimulatedBase(MobileBase):
         self._braking = braking
 
     def _wheel_angles(self) -> tuple[float, float]:
-        left, right = self._connection.simulation.joint_states()[0, self._slots]
-        return float(left), float(right)
+        angles = self._connection.simulation.joint_states()[0]
+        return float(angles[self._slots[0]]), float(angles[self._slots[1]])
 
     def _update_odometry(self) -> None:
         self._odometry.update(*self._wheel_angles())

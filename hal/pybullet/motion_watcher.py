@@ -177,6 +177,8 @@ class MotionWatcher:
         residual = np.abs(new[0] - old[0] - (old[1] + new[1]) * (time / 2.0))
         slack = JOINT_JUMP + STUTTER * time * self._top_speed
         jumped = self._watched & (residual > slack + np.abs(new[1] - old[1]) * time)
+        if not jumped.any():
+            return
         for slot in np.flatnonzero(jumped):
             moved = new[0, slot] - old[0, slot]
             self.jumps.append(Finding(observation.stamp, f"{self._joint_names[slot]} jumped by {moved:.4f}"))
@@ -185,10 +187,11 @@ class MotionWatcher:
         position, velocity = observation.joints[0], np.abs(observation.joints[1])
         beyond = (position < self._lower) | (position > self._upper)
         too_fast = velocity > self._speed
-        for slot in np.flatnonzero(beyond & ~self._beyond):
-            text = f"{self._joint_names[slot]} at {position[slot]:.4f}"
-            self.joint_limits.append(Finding(observation.stamp, text))
-        for slot in np.flatnonzero(too_fast & ~self._too_fast):
-            text = f"{self._joint_names[slot]} at {velocity[slot]:.3f} per second"
-            self.velocity_limits.append(Finding(observation.stamp, text))
+        if beyond.any() or too_fast.any():
+            for slot in np.flatnonzero(beyond & ~self._beyond):
+                text = f"{self._joint_names[slot]} at {position[slot]:.4f}"
+                self.joint_limits.append(Finding(observation.stamp, text))
+            for slot in np.flatnonzero(too_fast & ~self._too_fast):
+                text = f"{self._joint_names[slot]} at {velocity[slot]:.3f} per second"
+                self.velocity_limits.append(Finding(observation.stamp, text))
         self._beyond, self._too_fast = beyond, too_fast

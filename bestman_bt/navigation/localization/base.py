@@ -44,7 +44,8 @@ class LocalizationEstimate:
     @property
     def position_std(self) -> float:
         """Standard deviation along the worst direction, metres."""
-        return math.sqrt(float(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))
+        (xx, xy), (_, yy) = self.covariance[:2, :2].tolist()
+        return math.sqrt((xx + yy) / 2.0 + math.hypot((xx - yy) / 2.0, xy))  # the larger eigenvalue of a 2 x 2 matrix
 
     @property
     def heading_std(self) -> float:
