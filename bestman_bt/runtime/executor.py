@@ -17,6 +17,8 @@ from bestman_bt.engine import IDLE, RUNNING, EngineError, Tree, status_name
 from bestman_bt.engine.clock import Clock
 from hal.api import RobotError
 
+MAX_WAKE_UPS = 1000
+"""Ticks in a row at one and the same time."""
 PAUSE_POLL = 0.05
 """Seconds after which a paused executor looks again whether it was cancelled or given something to do."""
 
@@ -73,6 +75,7 @@ class Executor:
         self._go = threading.Event()
         self._go.set()
         self._step = False
+        self._wake_ups = 0
         self._tasks: deque[tuple[Callable[[], None], Future[None]]] = deque()
 
     def cancel(self, reason: str = "cancelled on request") -> None:
@@ -131,7 +134,7 @@ class Executor:
             self._wait_for_turn()
             if self._cancel_reason:
                 return Ending.CANCELLED, IDLE, self._cancel_reason
-            status = self.tree.tick_once()
+            status = self.tree.tick_exactly_once()
             self.ticks += 1
             if self.after_tick is not None:
                 self.after_tick()
@@ -144,7 +147,16 @@ class Executor:
             if self._step:
                 self._step = False
                 self._go.clear()
-            self.tree.sleep(self.period)
+            self._sleep()
+
+    def _sleep(self) -> None:
+        """Let a period pass, or nothing where a node has woken the loop; a tree cannot stop time by waking for ever."""
+        before = self.clock.now()
+        self.tree.sleep(self.period)
+        self._wake_ups = self._wake_ups + 1 if self.clock.now() == before else 0
+        if self._wake_ups >= MAX_WAKE_UPS:
+            self._wake_ups = 0
+            self.clock.sleep(self.period)
 
     def _wait_for_turn(self) -> None:
         """Do what is to be done between ticks; while paused, wait."""

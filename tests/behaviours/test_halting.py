@@ -44,7 +44,7 @@ def assert_rests(robot: Session) -> None:
         ("NavigateTo", '<NavigateTo goal="1.5;-0.4;0"/>', 1.0),
         ("MoveArm", '<MoveArm posture="home"/>', 0.3),
         ("LookAt", '<LookAt point="3.2;1.2;0.7"/>', 0.1),
-        ("Grasp", GRASP, 1.2),
+        ("Grasp", GRASP, 0.5),
     ],
     ids=["NavigateTo", "MoveArm", "LookAt", "Grasp"],
 )

@@ -1,0 +1,268 @@
+"""The control channel: a real socket, an execution in a thread, clients that behave and clients that do not."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import stat
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
+from bestman_bt.runtime import ControlChannel, ControlError, Ending, Execution, Executor, request, running_executors
+from bestman_bt.runtime.control_client import socket_folder
+
+TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
+  <Repeat num_cycles="-1" name="again"><Blink name="blink"/></Repeat>
+</BehaviorTree></root>"""
+SHORT = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess name="yes"/></BehaviorTree></root>'
+
+
+class Blink(StatefulAction):
+    """RUNNING in one tick, SUCCESS in the next: each tick changes states."""
+
+    def on_start(self) -> int:
+        return RUNNING
+
+    def on_running(self) -> int:
+        return SUCCESS
+
+
+@dataclass
+class Served:
+    """An execution that others control, and what became of it."""
+
+    executor: Executor
+    channel: ControlChannel
+    socket: Path
+    folder: Path
+    stops: list[float] = field(default_factory=list)
+    execution: Execution | None = None
+    finished: threading.Event = field(default_factory=threading.Event)
+
+    def ask(self, what: str, **more: Any) -> dict[str, Any]:
+        return request(self.socket, {"do": what, **more})
+
+    def wait(self) -> Execution:
+        assert self.finished.wait(5.0)
+        assert self.execution is not None
+        return self.execution
+
+    def ticks_after(self, number: int) -> None:
+        end = time.monotonic() + 5.0
+        while self.executor.ticks <= number:
+            assert time.monotonic() < end, f"it stays at tick {self.executor.ticks}"
+            time.sleep(0.005)
+
+
+@pytest.fixture(autouse=True)
+def own_sockets(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sockets of these tests are apart from those of anybody's robots."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    """A tree that ticks about a thousand times a second until it is stopped."""
+    registry = NodeRegistry()
+    registry.register(Blink)
+    clock = ManualClock()
+    executor = Executor(load_tree(TREE, registry, clock=clock), clock, after_tick=lambda: time.sleep(0.001))
+    stops: list[float] = []
+    channel = ControlChannel(executor, lambda: stops.append(clock.now()), "blinking")
+    with channel.serving(tmp_path) as path:
+        served = Served(executor, channel, path, tmp_path, stops)
+
+        def run() -> None:
+            served.execution = executor.run()
+            served.finished.set()
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        yield served
+        executor.cancel()
+        thread.join(5.0)
+
+
+def connect(path: Path) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    connection.settimeout(5.0)
+    connection.connect(str(path))
+    return connection
+
+
+def test_the_socket_is_for_its_user_only_and_linked_from_the_run_folder(served: Served) -> None:
+    mode = served.socket.stat().st_mode
+    assert stat.S_ISSOCK(mode)
+    assert stat.S_IMODE(mode) == 0o600
+    assert stat.S_IMODE(served.socket.parent.stat().st_mode) == 0o700
+    link = served.folder / "control.sock"
+    assert link.is_symlink()
+    assert link.resolve() == served.socket.resolve()
+    assert request(link, {"do": "status"})["ok"]
+
+
+def test_socket_and_link_are_gone_afterwards(tmp_path: Path) -> None:
+    clock = ManualClock()
+    executor = Executor(load_tree(SHORT, clock=clock), clock)
+    with ControlChannel(executor, lambda: None, "short").serving(tmp_path) as path:
+        assert path.exists()
+    assert not path.exists()
+    assert not (tmp_path / "control.sock").is_symlink()
+    with pytest.raises(ControlError, match="no executor answers at"):
+        request(path, {"do": "status"})
+
+
+def test_status_tells_task_process_ticks_and_root(served: Served) -> None:
+    served.ticks_after(2)
+    answer = served.ask("status")
+    assert (answer["task"], answer["pid"], answer["paused"]) == ("blinking", os.getpid(), False)
+    assert answer["root"] in ("RUNNING", "IDLE")
+    assert answer["ticks"] > 2
+    assert answer["time"] > 0.0
+
+
+def test_stop_stops_the_robot_and_cancels_the_execution(served: Served) -> None:
+    assert served.ask("stop")["ok"]
+    assert len(served.stops) == 1
+    execution = served.wait()
+    assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped through the control channel")
+
+
+def test_halt_cancels_the_execution_and_leaves_the_robot_its_commands(served: Served) -> None:
+    served.ask("halt")
+    assert served.wait().why == "halted through the control channel"
+    assert served.stops == []
+
+
+def test_pause_step_and_resume(served: Served) -> None:
+    assert served.ask("pause")["paused"]
+    time.sleep(0.1)
+    ticks = served.ask("status")["ticks"]
+    time.sleep(0.1)
+    assert served.ask("status")["ticks"] == ticks
+    served.ask("step")
+    served.ticks_after(ticks)
+    time.sleep(0.1)
+    answer = served.ask("status")
+    assert (answer["ticks"], answer["paused"]) == (ticks + 1, True)
+    assert not served.ask("resume")["paused"]
+    served.ticks_after(ticks + 5)
+
+
+def test_a_paused_execution_can_be_stopped(served: Served) -> None:
+    served.ask("pause")
+    served.ask("stop")
+    assert served.wait().ending is Ending.CANCELLED
+
+
+def test_set_writes_an_entry_between_ticks_also_while_paused(served: Served) -> None:
+    served.ask("set", key="speed", value=3)
+    assert served.executor.tree.blackboard.get("speed") == 3
+    served.ask("pause")
+    served.ask("set", key="speed", value=4)
+    assert served.executor.tree.blackboard.get("speed") == 4
+
+
+def test_a_value_of_the_wrong_type_is_refused_and_the_run_goes_on(served: Served) -> None:
+    served.ask("set", key="speed", value=3)
+    with pytest.raises(ControlError, match="speed"):
+        served.ask("set", key="speed", value="fast")
+    served.ticks_after(served.executor.ticks + 3)
+
+
+@pytest.mark.parametrize(
+    ("line", "error"),
+    [
+        (b"stop\n", "a request is one JSON object a line"),
+        (b'"stop"\n', "unknown request None; known: status, subscribe, pause"),
+        (b'{"do": "jump"}\n', "unknown request 'jump'; known: status"),
+        (b'{"do": ["stop"]}\n', "unknown request"),
+        (b'{"do": "set", "key": 3}\n', "set wants a key"),
+    ],
+)
+def test_a_request_that_makes_no_sense_is_answered_and_harms_nothing(served: Served, line: bytes, error: str) -> None:
+    with connect(served.socket) as connection, connection.makefile("rb") as answers:
+        connection.sendall(line)
+        answer = json.loads(answers.readline())
+        assert answer["ok"] is False
+        assert error in answer["error"]
+        connection.sendall(b'{"do": "status"}\n')
+        assert json.loads(answers.readline())["ok"]
+
+
+def test_a_subscriber_sees_every_change_until_the_end(served: Served) -> None:
+    with connect(served.socket) as connection, connection.makefile("rb") as lines:
+        connection.sendall(b'{"do": "subscribe"}\n')
+        assert json.loads(lines.readline())["ok"]
+        told = [json.loads(lines.readline()) for _ in range(20)]
+        times = [change["time"] for change in told]
+        assert times == sorted(times)
+        states = [state for change in told for path, state in change["changes"] if path == "blink"]
+        assert {"RUNNING", "SUCCESS"} <= set(states)
+        served.ask("stop")
+        served.wait()
+        rest = [json.loads(line) for line in _until_quiet(connection, lines)]
+        assert ["again", "IDLE"] in rest[-1]["changes"]
+
+
+def _until_quiet(connection: socket.socket, lines: Any) -> Iterator[bytes]:
+    connection.settimeout(0.5)
+    try:
+        while line := lines.readline():
+            yield line
+    except TimeoutError:
+        return
+
+
+def test_a_subscriber_is_told_the_end_by_the_end_of_its_connection(tmp_path: Path) -> None:
+    clock = ManualClock()
+    executor = Executor(load_tree(SHORT, clock=clock), clock)
+    with ControlChannel(executor, lambda: None, "short").serving(tmp_path) as path:
+        connection = connect(path)
+        lines = connection.makefile("rb")
+        connection.sendall(b'{"do": "subscribe"}\n')
+        assert json.loads(lines.readline())["ok"]
+        executor.tree.tick_once()
+    told = [json.loads(line) for line in lines]
+    connection.close()
+    assert [change["changes"] for change in told] == [[["yes", "SUCCESS"], ["yes", "IDLE"]]]
+
+
+def test_a_subscriber_that_never_reads_does_not_hold_up_the_run(served: Served) -> None:
+    with connect(served.socket) as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
+        connection.sendall(b'{"do": "subscribe"}\n')
+        served.ticks_after(served.executor.ticks + 100)
+        assert len(served.channel._subscribers) == 1
+        served.executor.after_tick = None
+        served.ticks_after(served.executor.ticks + 10_000)  # more lines than socket and backlog hold
+        assert served.ask("status")["ok"]
+        started = time.monotonic()
+        served.ask("stop")
+        served.wait()
+        assert time.monotonic() - started < 1.0
+
+
+def test_running_executors_are_found_and_dead_sockets_are_cleared_away(served: Served) -> None:
+    dead = served.socket.parent / "1-dead.sock"
+    with socket.socket(socket.AF_UNIX) as left:
+        left.bind(str(dead))
+    assert running_executors() == [served.socket]
+    assert not dead.exists()
+
+
+def test_an_executor_that_is_too_busy_to_answer_keeps_its_socket() -> None:
+    path = socket_folder() / "2-busy.sock"
+    with socket.socket(socket.AF_UNIX) as busy:
+        busy.bind(str(path))
+        busy.listen(1)
+        assert running_executors() == [path]
+        assert path.exists()

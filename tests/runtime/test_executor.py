@@ -1,0 +1,266 @@
+"""The executor on simulated time: every way in which an execution ends, and what others may do meanwhile."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+
+import pytest
+
+from bestman_bt.engine import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SUCCESS,
+    BlackboardError,
+    ManualClock,
+    NodeRegistry,
+    StatefulAction,
+    Tree,
+    load_tree,
+)
+from bestman_bt.runtime import Ending, Executor
+from hal.api import CommandRefusedError
+
+HALTED: list[str] = []
+
+
+class Work(StatefulAction):
+    """Runs until its entry ``done`` in the tree is set; notes when it is halted."""
+
+    def on_start(self) -> int:
+        return RUNNING
+
+    def on_running(self) -> int:
+        return self.tree.blackboard.get("done", RUNNING)
+
+    def on_halted(self) -> None:
+        HALTED.append(self.path)
+
+
+class Break(StatefulAction):
+    """Raises at its third tick."""
+
+    def on_start(self) -> int:
+        self.ticks = 1
+        return RUNNING
+
+    def on_running(self) -> int:
+        self.ticks += 1
+        if self.ticks == 3:
+            raise ValueError("the gear is stripped")
+        return RUNNING
+
+
+@pytest.fixture(autouse=True)
+def nobody_halted_yet() -> None:
+    HALTED.clear()
+
+
+def tree_of(body: str, clock: ManualClock | None = None) -> Tree:
+    registry = NodeRegistry()
+    registry.register(Work)
+    registry.register(Break)
+    text = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
+    return load_tree(text, registry, clock=clock or ManualClock())
+
+
+def executor_of(body: str, **options: object) -> Executor:
+    tree = tree_of(body)
+    return Executor(tree, tree.clock, **options)  # type: ignore[arg-type]
+
+
+def at_tick(number: int, act: Callable[[Executor], None], body: str = '<Work name="work"/>', **options) -> Executor:
+    """An executor in whose ``number``-th tick something is done."""
+    executor = executor_of(body, **options)
+
+    def after_tick() -> None:
+        if executor.ticks == number:
+            act(executor)
+
+    executor.after_tick = after_tick
+    return executor
+
+
+@pytest.mark.parametrize(("body", "status"), [("<AlwaysSuccess/>", "SUCCESS"), ("<AlwaysFailure/>", "FAILURE")])
+def test_a_tree_that_ends_gives_its_status(body: str, status: str) -> None:
+    execution = executor_of(body).run()
+    assert (execution.ending, execution.tree_status, execution.ticks) == (Ending.FINISHED, status, 1)
+    assert execution.succeeded is (status == "SUCCESS")
+    assert execution.why == ""
+
+
+def test_ticks_are_a_period_apart_on_the_clock() -> None:
+    executor = at_tick(11, lambda e: e.tree.blackboard.set("done", SUCCESS), period=0.1)
+    execution = executor.run()
+    assert execution.ticks == 12
+    assert execution.sim_time_s == pytest.approx(1.1)
+
+
+def test_the_time_limit_halts_the_tree_and_says_so() -> None:
+    execution = executor_of('<Work name="work"/>', time_limit=2.0).run()
+    assert (execution.ending, execution.tree_status) == (Ending.TIMEOUT, "IDLE")
+    assert execution.why == "not done within 2 s"
+    assert execution.sim_time_s == pytest.approx(2.0, abs=0.05)
+    assert HALTED == ["work"]
+
+
+def test_a_tree_that_retries_at_once_and_for_ever_still_ends_in_time_and_can_be_cancelled() -> None:
+    body = '<RetryUntilSuccessful num_attempts="-1"><AlwaysFailure/></RetryUntilSuccessful>'
+    assert executor_of(body, time_limit=0.2).run().ending is Ending.TIMEOUT
+    assert at_tick(50, lambda e: e.cancel(), body).run().ticks == 50
+
+
+def test_a_node_that_raises_ends_the_execution_with_an_error_and_halts_the_others() -> None:
+    body = '<Parallel failure_count="2" success_count="2"><Work name="work"/><Break name="gear"/></Parallel>'
+    execution = executor_of(body).run()
+    assert (execution.ending, execution.tree_status) == (Ending.ERROR, "IDLE")
+    assert "node 'gear' [Break]" in execution.why
+    assert "the gear is stripped" in execution.why
+    assert HALTED == ["work"]
+
+
+def test_a_robot_that_raises_between_ticks_is_an_error_too() -> None:
+    class Breaking(ManualClock):
+        def sleep(self, dt: float) -> None:
+            raise CommandRefusedError("the cable is loose")
+
+        def wait(self, dt: float, wake: threading.Event) -> None:
+            self.sleep(dt)
+
+    tree = tree_of('<Work name="work"/>', Breaking())
+    execution = Executor(tree, tree.clock).run()
+    assert (execution.ending, execution.why) == (Ending.ERROR, "the cable is loose")
+    assert HALTED == ["work"]
+
+
+def test_cancelling_halts_the_tree_and_keeps_the_first_reason() -> None:
+    def cancel(executor: Executor) -> None:
+        executor.cancel("lunch")
+        executor.cancel("supper")
+
+    execution = at_tick(3, cancel).run()
+    assert (execution.ending, execution.tree_status, execution.why) == (Ending.CANCELLED, "IDLE", "lunch")
+    assert execution.ticks == 3
+    assert HALTED == ["work"]
+
+
+@pytest.mark.parametrize("status", [SUCCESS, FAILURE])
+def test_a_tree_that_ends_because_it_was_stopped_was_cancelled(status: int) -> None:
+    """A stopped robot refuses commands, so skills fail in the tick that still goes on: that is no failure."""
+
+    def stop(executor: Executor) -> None:
+        executor.tree.blackboard.set("done", status)
+        executor.after_tick = lambda: executor.cancel("stopped")
+
+    execution = at_tick(3, stop).run()
+    assert (execution.ending, execution.tree_status) == (Ending.CANCELLED, "IDLE")
+
+
+def test_an_execution_can_be_cancelled_from_another_thread() -> None:
+    executor = executor_of('<Work name="work"/>', after_tick=lambda: time.sleep(0.002))
+    threading.Timer(0.05, executor.cancel).start()
+    execution = executor.run()
+    assert (execution.ending, execution.why) == (Ending.CANCELLED, "cancelled on request")
+
+
+def test_the_first_interrupt_cancels_between_ticks_and_the_handler_is_put_back() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    executor = at_tick(3, lambda _: os.kill(os.getpid(), signal.SIGINT))
+    execution = executor.run()
+    assert (execution.ending, execution.why) == (Ending.CANCELLED, "interrupted from the keyboard")
+    assert signal.getsignal(signal.SIGINT) is before
+    assert HALTED == ["work"]
+
+
+def test_the_second_interrupt_does_not_wait_and_still_halts_the_tree() -> None:
+    def interrupt_twice(_: Executor) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.01)
+
+    with pytest.raises(KeyboardInterrupt):
+        at_tick(3, interrupt_twice).run()
+    assert HALTED == ["work"]
+
+
+def test_an_interrupt_ends_a_paused_execution() -> None:
+    executor = at_tick(3, lambda e: e.pause())
+    threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT)).start()
+    assert executor.run().ending is Ending.CANCELLED
+
+
+class InThread:
+    """An execution in a thread of its own, with what another thread may do to it."""
+
+    def __init__(self) -> None:
+        self.executor = executor_of('<Work name="work"/>', after_tick=lambda: time.sleep(0.001))
+        self.thread = threading.Thread(target=self.executor.run)
+
+    def __enter__(self) -> Executor:
+        self.executor.pause()
+        self.thread.start()
+        return self.executor
+
+    def __exit__(self, *_: object) -> None:
+        self.executor.cancel()
+        self.thread.join(5.0)
+        assert not self.thread.is_alive()
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + 5.0
+    while not condition():
+        assert time.monotonic() < end, "it never came true"
+        time.sleep(0.005)
+
+
+def test_while_paused_neither_ticks_nor_time_go_on_and_resume_goes_on() -> None:
+    with InThread() as executor:
+        time.sleep(0.15)
+        assert (executor.paused, executor.ticks, executor.clock.now()) == (True, 0, 0.0)
+        executor.resume()
+        wait_until(lambda: executor.ticks > 3)
+        assert not executor.paused
+
+
+def test_a_step_is_one_tick() -> None:
+    with InThread() as executor:
+        for steps in (1, 2, 3):
+            executor.step()
+            wait_until(lambda steps=steps: executor.ticks == steps and executor.paused)
+        time.sleep(0.1)
+        assert executor.ticks == 3
+
+
+def test_what_is_asked_for_is_done_between_ticks_also_while_paused() -> None:
+    with InThread() as executor:
+        executor.between_ticks(lambda: executor.tree.blackboard.set("speed", 3)).result(2.0)
+        assert executor.ticks == 0
+        assert executor.tree.blackboard.get("speed") == 3
+
+
+def test_what_goes_wrong_there_is_told_to_the_one_who_asked_and_hurts_nobody_else() -> None:
+    with InThread() as executor:
+        executor.between_ticks(lambda: executor.tree.blackboard.set("speed", 3)).result(2.0)
+        wrong = executor.between_ticks(lambda: executor.tree.blackboard.set("speed", "fast"))
+        with pytest.raises(BlackboardError, match="speed"):
+            wrong.result(2.0)
+        executor.resume()
+        wait_until(lambda: executor.ticks > 3)
+
+
+def test_what_comes_too_late_is_refused() -> None:
+    late: list = []
+    executor = at_tick(1, lambda e: late.append(e.between_ticks(lambda: None)), "<AlwaysSuccess/>")
+    executor.run()
+    assert late[0].cancelled()
+
+
+def test_after_the_end_nothing_in_the_tree_runs() -> None:
+    executor = executor_of('<Work name="work"/>', time_limit=0.5)
+    executor.run()
+    assert all(node.state == IDLE for node in executor.tree.nodes)

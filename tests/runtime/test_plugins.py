@@ -1,0 +1,142 @@
+"""Plug-ins: one Python file brings leaves and algorithms, and configurations use them by name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, dump_run, load_run, read_run
+from bestman_bt.registry import ALGORITHMS
+from bestman_bt.runtime import node_registry, prepare, session
+
+PLUGIN = '''
+"""A leaf that nods and a planner that goes straight."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from behaviours.skill import Skill, Steps
+from bestman_bt.engine import action
+from bestman_bt.messages import Path2D
+from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.registry import ALGORITHMS
+
+
+class Nod(Skill):
+    """Lower the head and raise it again."""
+
+    def execute(self) -> Steps:
+        yield self.skills.head.move_to([0.0, 1.0])
+        yield self.skills.head.move_to([0.0, 0.8])
+
+
+@action
+def shout(word: str) -> bool:
+    """Say it."""
+    return bool(word)
+
+
+@dataclass(frozen=True)
+class StraightLineParameters:
+    points: int = 2
+
+
+class StraightLine(GlobalPlanner):
+    def __init__(self, parameters: StraightLineParameters | None = None) -> None:
+        self.parameters = parameters or StraightLineParameters()
+
+    def plan(self, start, goal, costmap):
+        points = np.linspace(start.xy, goal.xy, self.parameters.points)
+        return Path2D(points, goal)
+
+
+ALGORITHMS.add("global_planning/straight_line", f"{__name__}:StraightLine")
+
+
+def register(registry):
+    registry.register(shout, "Shout")
+'''
+
+
+@pytest.fixture
+def plugin(tmp_path: Path) -> Iterator[str]:
+    path = tmp_path / "straight.py"
+    path.write_text(PLUGIN)
+    before = dict(ALGORITHMS._entries)
+    yield str(path)
+    ALGORITHMS._entries.clear()
+    ALGORITHMS._entries.update(before)
+
+
+def test_node_classes_of_a_plug_in_and_what_it_registers_can_be_used(plugin: str) -> None:
+    registry = node_registry([plugin])
+    assert registry.info("Nod").description == "Lower the head and raise it again."
+    assert "word" in registry.info("Shout").ports
+
+
+def test_a_tree_of_plug_in_leaves_runs_on_the_robot(plugin: str) -> None:
+    with session(seed=3, plugins=[plugin]) as opened:
+        body = '<Sequence><Nod/><Shout word="done"/></Sequence>'
+        execution = opened.run(f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>')
+        assert execution.succeeded
+        assert execution.sim_time_s > 0.2
+
+
+def test_a_configuration_chooses_an_algorithm_of_a_plug_in_with_its_parameters(plugin: str) -> None:
+    settings = (
+        "algorithms.global_planning.algorithm=straight_line",
+        "algorithms.global_planning.points=7",
+    )
+    with session(seed=3, settings=settings, plugins=[plugin]) as opened:
+        planner = opened.skills.algorithms.global_planning
+        assert type(planner).__name__ == "StraightLine"
+        assert planner.parameters.points == 7
+        pose = opened.skills.world.base.pose
+        ahead = f"{pose.x + 0.2};{pose.y};{pose.theta}"
+        body = f'<NavigateTo goal="{ahead}" path="{{path}}"/>'
+        tree = opened.load(f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>')
+        tree.tick_once()
+        opened.robot.clock.sleep(0.1)
+        tree.tick_once()
+        assert len(tree.blackboard["path"].points) == 7
+
+
+def test_parameters_of_a_plug_ins_algorithm_are_checked(plugin: str) -> None:
+    settings = ("algorithms.global_planning.algorithm=straight_line", "algorithms.global_planning.pionts=7")
+    with pytest.raises(ConfigurationError, match="pionts: unknown field; did you mean 'points'"):
+        prepare(load_run("fetch_cup", settings=settings, plugins=[plugin]))
+
+
+def test_the_configuration_of_a_run_names_its_plug_ins(plugin: str, tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    path.write_text(dump_run(load_run("fetch_cup", plugins=[plugin])))
+    assert prepare(read_run(path)).registry.info("Nod")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import math\n\nraise RuntimeError('no sensor')\n", "p.py:3: the plug-in raised RuntimeError: no sensor"),
+        ("def f(:\n", "p.py:1: the plug-in raised SyntaxError"),
+        ("import sys\nsys.exit(7)\n", "p.py:2: the plug-in raised SystemExit: 7"),
+        ("import no_such_module\n", "p.py:1: the plug-in raised ModuleNotFoundError"),
+        ("import json\n\n\ndef register(registry):\n    json.loads('{')\n", "p.py:5: the plug-in raised JSONDecode"),
+    ],
+)
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_plug_in_that_raises_is_named_with_its_line(
+    text: str, message: str, relative: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "p.py").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigurationError) as error:
+        node_registry(["p.py" if relative else str(tmp_path / "p.py")])
+    assert message in str(error.value)
+
+
+def test_a_plug_in_that_is_not_there_is_named() -> None:
+    with pytest.raises(ConfigurationError, match=r"--plugin nowhere\.py: no such file"):
+        node_registry(["nowhere.py"])

@@ -1,0 +1,64 @@
+"""Sessions: what a tree finds when it starts, and that the robot is left alone afterwards."""
+
+from __future__ import annotations
+
+import pytest
+
+import bestman_bt
+from behaviours.move_arm import MoveArm
+from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.engine import Sequence
+from bestman_bt.runtime import Ending, open_session, prepare, session
+from hal.api import NotConnectedError
+
+HEAD = '<root BTCPP_format="4"><BehaviorTree ID="Main"><LookAt point="{goal}"/></BehaviorTree></root>'
+
+
+def test_a_session_gives_trees_their_goal_and_runs_them_to_their_end() -> None:
+    with bestman_bt.session(scene="kitchen", seed=3) as opened:
+        tree = opened.load(HEAD)
+        board = tree.blackboard
+        assert (board["object"], board["source"], board["target"]) == ("cup", "table", "counter")
+        assert board["goal"] is opened.setup.world.goals["place"]
+        execution = opened.run(
+            '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="carry"/></BehaviorTree></root>'
+        )
+        assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
+
+
+def test_after_a_session_the_robot_is_stopped_and_disconnected_whatever_happened() -> None:
+    with pytest.raises(ZeroDivisionError), session(seed=3) as opened:
+        raise ZeroDivisionError
+    assert opened.robot.stopped
+    with pytest.raises(NotConnectedError):
+        opened.robot.clock.sleep(0.1)
+
+
+def test_the_robot_is_told_roughly_where_it_starts_by_the_seed() -> None:
+    setups = [prepare(load_run("fetch_cup", seed=seed)) for seed in (3, 3, 4)]
+    told = [setup.world_model.base.pose for setup in setups]
+    assert told[0] == told[1] != told[2]
+    for setup, pose in zip(setups, told, strict=True):
+        assert 0.0 < pose.distance_to(setup.world.robot_start) < 0.05
+
+
+def test_what_one_session_believes_the_next_does_not_know() -> None:
+    setup = prepare(load_run("fetch_cup", seed=3))
+    with open_session(setup) as first:
+        first.skills.world.objects["cup"] = None
+        first.skills.world.obstacles["table/surface"] = None
+        first.robot.clock.sleep(0.2)
+    with open_session(setup) as second:
+        assert second.skills.world.objects == {}
+        assert second.skills.world.obstacles == {}
+        assert second.skills.world.base == setup.world_model.base
+
+
+def test_a_tree_made_of_python_nodes_runs_in_a_session() -> None:
+    with session(seed=3) as opened:
+        assert opened.run(Sequence("all", [MoveArm(posture="carry")])).succeeded
+
+
+def test_an_unknown_driver_is_refused_before_anything_starts() -> None:
+    with pytest.raises(ConfigurationError, match="unknown robot driver 'pybulet'; did you mean 'pybullet'"):
+        prepare(load_run("fetch_cup", driver="pybulet"))

@@ -1,0 +1,64 @@
+"""Registries name classes as text: every name leads to what it promises, and wrong names are answered."""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+
+import pytest
+
+from bestman_bt.engine import Node
+from bestman_bt.registry import ALGORITHMS, BEHAVIOURS, DRIVERS, Registry, UnknownNameError, suggestion
+from hal.api import Robot
+
+
+@pytest.mark.parametrize("name", BEHAVIOURS.names())
+def test_every_behaviour_is_a_node_of_that_name_with_a_description(name: str) -> None:
+    leaf = BEHAVIOURS.resolve(name)
+    assert issubclass(leaf, Node)
+    assert leaf.__name__ == name
+    assert inspect.getdoc(leaf)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS.names())
+def test_every_algorithm_is_a_concrete_class_in_the_folder_of_its_slot(name: str) -> None:
+    slot, _, _ = name.partition("/")
+    algorithm = ALGORITHMS.resolve(name)
+    assert not inspect.isabstract(algorithm)
+    assert slot in algorithm.__module__.split(".")
+    module = import_module(algorithm.__module__)
+    assert inspect.getdoc(getattr(module, f"{algorithm.__name__}Parameters", algorithm))
+
+
+@pytest.mark.parametrize("name", DRIVERS.names())
+def test_every_driver_is_a_robot(name: str) -> None:
+    assert issubclass(DRIVERS.resolve(name), Robot)
+
+
+def test_every_skill_of_the_library_is_registered() -> None:
+    """A class in behaviours/ that a tree cannot name would be a leaf that nobody can use."""
+    modules = {BEHAVIOURS.resolve(name).__module__ for name in BEHAVIOURS}
+    leaves = {
+        value.__name__
+        for module in modules
+        for value in vars(import_module(module)).values()
+        if isinstance(value, type) and issubclass(value, Node) and value.__module__.startswith("behaviours.")
+    }
+    assert leaves - {"Skill", "SkillCondition"} == set(BEHAVIOURS)
+
+
+def test_an_unknown_name_is_answered_by_the_closest() -> None:
+    with pytest.raises(UnknownNameError, match="unknown robot driver 'pybulet'; did you mean 'pybullet'"):
+        DRIVERS.resolve("pybulet")
+    assert suggestion("zzz", ["one", "two"]) == "known: one, two"
+    assert suggestion("zzz", []) == "known: none"
+
+
+def test_a_name_can_be_added_and_is_resolved_when_it_is_used() -> None:
+    registry = Registry("bestman_bt.nothing", "thing", {})
+    registry.add("clock", "no.such.module:Clock")
+    assert registry.names() == ["clock"]
+    with pytest.raises(ModuleNotFoundError):
+        registry.resolve("clock")
+    registry.add("clock", "bestman_bt.engine:ManualClock")
+    assert registry.resolve("clock").__name__ == "ManualClock"
