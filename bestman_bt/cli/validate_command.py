@@ -33,7 +33,7 @@ def command(
         problems = validate_file(path, registry, given=GIVEN)
         for problem in problems:
             print(problem, file=sys.stderr)
-        faulty = sum(problem.severity == "error" for problem in problems)
+        faulty = sum(problem.severity != "warning" for problem in problems)
         errors += faulty
         if not faulty:
             print(f"{path}: ok")

@@ -227,7 +227,7 @@ class Blackboard:
 
     def slot(self, key: str) -> Slot:
         """Return the slot that ``key`` means here; it is made, but does not exist yet, when it is new."""
-        slot = self._slots.get(key) or self._resolved.get(key)
+        slot = self._resolved.get(key) or self._slots.get(key)
         if slot is None:
             slot = self._resolve(key)
         return slot
@@ -245,6 +245,27 @@ class Blackboard:
             return self.local_slot(key)
         self._resolved[key] = slot
         return slot
+
+    def slot_to_write(self, key: str) -> Slot:
+        """Return the slot that a port which declares or writes ``key`` here means.
+
+        It is the one that is read, but where a SubTree maps a key to ``@outer``: as in BehaviorTree.CPP, writing
+        then makes an entry named ``@outer`` in the tree around the SubTree.
+        """
+        return self.root._made(key[1:]) if key[:1] == "@" else self._made(key)
+
+    def _made(self, key: str) -> Slot:
+        slot = self._slots.get(key)
+        if slot is not None and slot.exists:
+            return slot
+        if self.parent is not None:
+            outer = self.remapping.get(key)
+            if outer is None and self.autoremap and key[:1] != "_":
+                outer = key
+            if outer is not None:
+                return self.parent._made(outer)
+        self.slot(key)  # a key with '@' is read at the root, whatever is made here
+        return self.local_slot(key)
 
     def local_slot(self, key: str) -> Slot:
         """Return this blackboard's own slot for ``key``, whatever the remapping says (SubTree literals)."""

@@ -21,8 +21,9 @@ from bestman_bt.engine.status import STATUS_NAMES, NodeStatus
 
 Converter = Callable[[str], Any]
 
-_INTEGER = re.compile(r"[+-]?\d{1,40}$")
-_REAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
+_INTEGER = re.compile(r"-?\d{1,40}")
+_REAL = re.compile(r"-?((\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|inf(inity)?|nan)", re.IGNORECASE)
+_INT64 = range(-(2**63), 2**63)
 _TRUE = frozenset(("1", "true", "TRUE", "True"))
 _FALSE = frozenset(("0", "false", "FALSE", "False"))
 UNTYPED = (Any, object)
@@ -69,16 +70,20 @@ def to_bool(text: str) -> bool:
 
 
 def to_int(text: str) -> int:
-    """Convert a decimal integer."""
-    if _INTEGER.match(text):
-        return int(text)
+    """Convert the decimal integer that ``text`` begins with, as BehaviorTree.CPP does; it must fit into 64 bits."""
+    match = _INTEGER.match(text)
+    if match is not None:
+        value = int(match.group())
+        if value in _INT64:
+            return value
     raise ConversionError(f"'{text}' is not an int")
 
 
 def to_float(text: str) -> float:
-    """Convert a decimal number, with or without an exponent."""
-    if _REAL.match(text):
-        return float(text)
+    """Convert the decimal number that ``text`` begins with, with or without an exponent; ``inf`` and ``nan`` too."""
+    match = _REAL.match(text)
+    if match is not None:
+        return float(match.group())
     raise ConversionError(f"'{text}' is not a number")
 
 
@@ -91,11 +96,16 @@ def to_status(text: str) -> NodeStatus:
 
 def number_from_text(text: str) -> int | float | str:
     """Return the int or float that ``text`` spells in full, else the text: how SubTree literals are typed."""
-    if _INTEGER.match(text) and not text.startswith("+"):
+    if _INTEGER.fullmatch(text) and int(text) in _INT64:
         return int(text)
-    if _REAL.match(text) and not text.startswith("+"):
-        return float(text)
-    return text
+    return float(text) if _REAL.fullmatch(text) else text
+
+
+def partly_read(text: str, data_type: Any) -> bool:
+    """Return whether ``text`` goes on behind the number that is read from it."""
+    if data_type is int:
+        return _INTEGER.fullmatch(text) is None
+    return data_type is float and _REAL.fullmatch(text) is None
 
 
 def text_of_number(value: float) -> str:
@@ -151,16 +161,17 @@ class ConverterRegistry:
         return None
 
     def _first_of(self, options: list[Any], name: str) -> Converter | None:
-        converters = [c for c in map(self.converter, options) if c is not None]
+        converters = [(option, c) for option in options if (c := self.converter(option)) is not None]
         if not converters:
             return None
         if len(converters) == 1:
-            return converters[0]
+            return converters[0][1]
 
         def convert(text: str) -> Any:
-            for converter in converters:
+            for option, converter in converters:
                 try:
-                    return converter(text)
+                    if not partly_read(text, option):
+                        return converter(text)
                 except ConversionError:
                     continue
             raise ConversionError(f"'{text}' is not one of {name}")
@@ -186,7 +197,9 @@ class ConverterRegistry:
             if fixed and len(parts) != len(converters):
                 raise ConversionError(f"'{text}' must have {len(converters)} items separated by ';'")
             used = converters if fixed else converters[:1] * len(parts)
-            return container(c(part.strip()) for c, part in zip(used, parts, strict=True) if c is not None)
+            return container(
+                c(part if c is str else part.strip()) for c, part in zip(used, parts, strict=True) if c is not None
+            )
 
         return convert
 
@@ -195,7 +208,7 @@ class ConverterRegistry:
             if text in data_type.__members__:
                 return data_type[text]
             value: Any = self.enums.get(text, text)
-            if isinstance(value, str) and _INTEGER.match(value):
+            if isinstance(value, str) and _INTEGER.fullmatch(value):
                 value = int(value)
             try:
                 return data_type(value)
@@ -283,7 +296,8 @@ def _cast_union(value: Any, data_type: Any, registry: ConverterRegistry) -> Any:
                 return None
             continue
         try:
-            return cast(value, option, registry)
+            if not (isinstance(value, str) and partly_read(value, option)):
+                return cast(value, option, registry)
         except ConversionError:
             continue
     raise ConversionError(f"expected {type_name(data_type)} but got {value!r} ({type(value).__name__})")

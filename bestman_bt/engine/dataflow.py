@@ -87,10 +87,11 @@ def _names(expression: Expression) -> Iterator[tuple[str, bool]]:
     if isinstance(expression, Name):
         yield expression.name, False
     elif isinstance(expression, Assignment):
-        if expression.operator not in (":=", "="):
+        if expression.name and expression.operator not in (":=", "="):
             yield expression.name, False
         yield from _names(expression.value)
-        yield expression.name, True
+        if expression.name:
+            yield expression.name, True
     elif isinstance(expression, Unary):
         yield from _names(expression.operand)
     elif isinstance(expression, Binary):

@@ -37,8 +37,9 @@ class ConversionError(EngineError, ValueError):
 class Problem:
     """One thing that is wrong with a tree file.
 
-    ``field`` is the port or attribute that is meant. ``severity`` is ``"error"`` or ``"warning"``; only errors stop a
-    tree from loading. ``line`` is 0 where no line is known (trees built in Python).
+    ``field`` is the port or attribute that is meant. ``severity`` is ``"error"``, ``"latent"`` (the tree loads, as it
+    does in BehaviorTree.CPP, but fails once the node is ticked or its tree is used) or ``"warning"``.
+    ``line`` is 0 where no line is known (trees built in Python).
     """
 
     file: str
@@ -51,7 +52,7 @@ class Problem:
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
-        parts = [f"{self.severity}:"] if self.severity != "error" else []
+        parts = [f"{_SEVERITIES[self.severity]}:"] if self.severity != "error" else []
         if self.node:
             parts.append(f"<{self.node}>")
         if self.field:
@@ -61,6 +62,7 @@ class Problem:
         return f"{place}: {' '.join(parts)}{': ' if parts else ''}{self.message}{hint}"
 
 
+_SEVERITIES = {"latent": "error once it is ticked", "warning": "warning"}
 _NO_PORTS = frozenset(("name", "path", "ros_pkg", "main_tree_to_execute"))
 
 

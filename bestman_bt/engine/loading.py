@@ -15,7 +15,7 @@ from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, TreeLoadError
 from bestman_bt.engine.node import Conditions, Node
 from bestman_bt.engine.place import Place
-from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.ports import key_of, outer_key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.tree import Tree
@@ -85,8 +85,8 @@ def _load_xml(
 ) -> Tree:
     documents = read_documents(source, search_path)
     compiler = ScriptCompiler(registry.enums)
-    check_documents(documents, registry, compiler)
     main = main_tree_of(documents, main_tree)
+    check_documents(documents, registry, compiler, main)
     _raise_if_any(documents.problems)
     assert main is not None
     board = blackboard or Blackboard(main, converters=registry.converters)
@@ -100,11 +100,15 @@ def _load_xml(
     return tree
 
 
-def check_documents(documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler) -> None:
-    """Check every tree in the documents; what is wrong is appended to their problems."""
+def check_documents(documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler, main: str | None) -> None:
+    """Check every tree in the documents; what is wrong is appended to their problems.
+
+    What is wrong with a node in a tree that ``main`` does not use keeps nothing from loading; None: all are used.
+    """
     checker = Checker(registry, compiler, documents)
-    for definition in documents.trees.values():
-        checker.check(definition)
+    used = documents.trees.keys() if main is None or len(documents.trees) == 1 else documents.used_trees(main)
+    for tree_id, definition in documents.trees.items():
+        checker.check(definition, used=tree_id in used)
 
 
 def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
@@ -147,6 +151,18 @@ def _without_garbage_collection() -> Iterator[None]:
     finally:
         if enabled:
             gc.enable()
+
+
+def declare(board: Blackboard, key: str, data_type: Any) -> None:
+    """Make the entry that a port is mapped to exist, or check that the port's type fits it.
+
+    Raises:
+        BlackboardError: it does not.
+    """
+    slot = board.slot(key)
+    if not slot.exists:
+        slot = board.slot_to_write(key)
+    slot.declare(data_type)
 
 
 class Builder:
@@ -211,7 +227,7 @@ class Builder:
             board = place.board
             for port, key, data_type in entries:
                 try:
-                    board.slot(key).declare(data_type)
+                    declare(board, key, data_type)
                 except BlackboardError as error:
                     self._report(node, str(error), port)
         if element.scripts:
@@ -241,7 +257,7 @@ class Builder:
             key = key_of(value, port) if port in info.ports else None
             if key is not None:
                 try:
-                    place.board.slot(key).declare(info.ports[port].data_type)
+                    declare(place.board, key, info.ports[port].data_type)
                 except BlackboardError as error:
                     self._report(node, str(error), port)
         if has_scripts:
@@ -319,7 +335,7 @@ class Builder:
         remapping: dict[str, str] = {}
         literals: dict[str, Any] = {}
         for port, value in ports.items():
-            key = key_of(value, port)
+            key = outer_key_of(value, port)
             if key is None:
                 literals[port] = number_from_text(value) if isinstance(value, str) else value
             elif key == "@" or key.count("@") > 1:

@@ -113,6 +113,8 @@ class Node(_Base):
     KIND: ClassVar[str] = "Action"
     NEVER_RUNS: ClassVar[bool] = False
     """True for leaves that must not return RUNNING."""
+    CHECKED_AT_TICK: ClassVar[bool] = False
+    """True where BehaviorTree.CPP misses a port or child only when the node is ticked; so do we, but for `validate`."""
 
     tick_bare: ClassVar[Callable[..., int] | None] = None
     """The tick while nobody listens, where a class has a faster one than ``on_tick``."""
@@ -333,7 +335,8 @@ class Node(_Base):
         return status
 
     def refuse_running(self) -> None:
-        """Raise the error for a synchronous leaf that returned RUNNING."""
+        """Raise the error for a synchronous leaf that returned RUNNING; it is RUNNING from then on."""
+        self.set_state(RUNNING)
         raise self.error("it must not return RUNNING; derive it from StatefulAction")
 
     def halt_node(self) -> None:

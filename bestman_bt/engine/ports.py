@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """One declared port; ``direction`` is ``input``, ``output`` or ``inout``."""
+    """One declared port; ``direction`` is ``input``, ``output`` or ``inout``.
+
+    ``required``: it must be given. ``strict``: an entry that it is mapped to must have a value, also where the port
+    has a default for when it is not given.
+    """
 
     name: str
     direction: str
@@ -30,6 +34,7 @@ class Port:
     required: bool
     default: Any
     description: str
+    strict: bool = False
 
     @property
     def type_name(self) -> str:
@@ -58,8 +63,14 @@ def declared_ports(cls: type[Node]) -> dict[str, Port]:
             information.required and not information.has_default,
             information.default_value,
             information.description,
+            information.required,
         )
     return ports
+
+
+def outer_key_of(attribute: Any, port: str) -> str | None:
+    """Return the key outside that a SubTree's attribute maps ``port`` to; a bare ``=`` is a literal there."""
+    return None if attribute == "=" else key_of(attribute, port)
 
 
 def key_of(attribute: Any, port: str) -> str | None:
@@ -113,7 +124,7 @@ def _entry_reader(node: Node, port: Port, slot: Slot, key: str) -> Callable[[], 
     def read() -> Any:
         value = slot.value
         if value is None:
-            if port.required:
+            if port.strict:
                 raise node.error(f"port '{port.name}': the entry '{{{key}}}' has no value yet")
             return default
         if untyped or value.__class__ is exact:
@@ -140,8 +151,8 @@ def make_writer(node: Node, name: str) -> Callable[[Any], None]:
         return lambda value: None
     key = key_of(attribute, name)
     if key is None:
-        raise node.error(f"output port '{name}' must be mapped to an entry such as '{{{name}}}', not '{attribute}'")
-    return _entry_writer(node, port, node.board.slot(key))
+        return lambda value: None
+    return _entry_writer(node, port, node.board.slot_to_write(key))
 
 
 def _entry_writer(node: Node, port: Port, slot: Slot) -> Callable[[Any], None]:

@@ -39,6 +39,7 @@ class NodeInfo:
     builtin: bool
     custom_init: bool
     custom_load: bool
+    checked_at_tick: bool
 
     @property
     def inputs(self) -> list[Port]:
@@ -183,4 +184,5 @@ def make_info(name: str, cls: type[Node], converters: ConverterRegistry, *, buil
         builtin=builtin,
         custom_init=cls.__init__ is not Node.__init__ and kind != "SubTree",
         custom_load=cls.on_load is not Node.on_load,
+        checked_at_tick=cls.CHECKED_AT_TICK,
     )

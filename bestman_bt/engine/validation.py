@@ -44,10 +44,11 @@ def validate_file(
     try:
         if Path(path).suffix != ".py":
             documents = read_documents(path, search_path)
-            check_documents(documents, registry, ScriptCompiler(registry.enums))
             main = main_tree_of(documents, None)
-            if documents.problems or main is None:
+            check_documents(documents, registry, ScriptCompiler(registry.enums), main)
+            if main is None or any(problem.severity != "warning" for problem in documents.problems):
                 return _sorted(documents.problems)
+            warnings.extend(documents.problems)
             warnings.extend(_unused_trees(documents, main))
         tree = load_tree(path, registry, search_path=search_path)
     except TreeLoadError as error:
@@ -61,6 +62,7 @@ def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
     uses = entry_uses(tree)
     written = {id(use.slot) for use in uses if use.writes}
     found = [*_never_written(tree, uses, written, given), *_shadowing(tree, written), *_misspelt(tree)]
+    found.extend(_lost_writes(tree, uses))
     for child, sibling in unreachable_children(tree):
         message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
         found.append(_warning(child, "", message))
@@ -77,15 +79,7 @@ def _warning(node: Node, field: str, message: str, suggestion: str = "") -> Prob
 
 
 def _unused_trees(documents: Documents, main: str) -> Iterator[Problem]:
-    used: set[str] = set()
-    pending = [main]
-    while pending:
-        tree_id = pending.pop()
-        if tree_id in used or tree_id not in documents.trees:
-            continue
-        used.add(tree_id)
-        elements = documents.trees[tree_id].element.iter()
-        pending.extend(e.attributes.get("ID", "") for e in elements if e.tag == "SubTree")
+    used = documents.used_trees(main)
     for tree_id, definition in documents.trees.items():
         if tree_id not in used and definition.file == documents.file:
             line = definition.element.line
@@ -124,6 +118,14 @@ def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:
             if id(node.board.slot(port)) in written:
                 message = "the literal shadows the entry of this name outside, which _autoremap would share"
                 yield _warning(node, port, message)
+
+
+def _lost_writes(tree: Tree, uses: list[EntryUse]) -> Iterator[Problem]:
+    for use in uses:
+        outer = use.node.board.remapping.get(use.key, "")
+        if use.writes and outer[:1] == "@":
+            message = f"what it writes to '{{{use.key}}}' does not reach '{outer}', which the SubTree maps it to"
+            yield _warning(use.node, use.port, message, f"write to '{{{outer}}}' itself")
 
 
 def _misspelt(tree: Tree) -> Iterator[Problem]:

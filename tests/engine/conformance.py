@@ -149,12 +149,15 @@ class SetInt(_Recorded, SyncAction):
 
 
 class AddInt(_Recorded, SyncAction):
-    INPUT_PORTS = {"a": PortInformation(int, False), "b": PortInformation(int, False, "", 1)}
+    INPUT_PORTS = {"a": PortInformation(int, False), "b": PortInformation(int, True, "", 1)}
     OUTPUT_PORTS = {"sum": PortInformation(int, False)}
 
     def on_tick(self) -> int:
         self.emit("leaf", "tick", self.path)
-        a = self.get_input("a")
+        try:
+            a = self.get_input("a")
+        except EngineError:
+            return FAILURE
         if a is None:
             return FAILURE
         self.set_output("sum", a + self.get_input("b"))

@@ -249,3 +249,44 @@ def test_a_validated_python_tree_reports_its_errors(tmp_path: Path, registry: No
     path.write_text("from bestman_bt.engine import AlwaysSuccess\ndef build():\n    return AlwaysSuccess()\n")
     assert validate_file(path, registry) == []
     assert load_tree(path).tick_exactly_once() == SUCCESS
+
+
+def test_what_fails_only_once_it_is_ticked_loads_and_is_told(tmp_path: Path, registry: NodeRegistry) -> None:
+    body = (
+        "<Fallback>\n<AlwaysSuccess/>\n<Repeat><AlwaysSuccess/></Repeat>\n<IfThenElse><AlwaysSuccess/></IfThenElse>\n"
+        '<Script code="3 := a"/>\n</Fallback>'
+    )
+    path = file(tmp_path, body, '<BehaviorTree ID="Unused">\n<Repeat num_cycles="many"><AlwaysSuccess/></Repeat>\n'
+                "</BehaviorTree>\n")  # fmt: skip
+    assert load_tree(path, registry).tick_exactly_once() == SUCCESS
+    assert found(path, registry) == [
+        "tree.xml:5: error once it is ticked: <Repeat> port 'num_cycles': it is required but not given (of type int)",
+        "tree.xml:6: error once it is ticked: <IfThenElse>: it must have at least 2 children but has 1",
+        "tree.xml:7: error once it is ticked: <Script> port 'code': only a blackboard key can be assigned to, "
+        "in '3 := a'",
+        "tree.xml:11: error once it is ticked: <Repeat> port 'num_cycles': 'many' is not an int",
+    ]
+
+
+def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Path, registry: NodeRegistry) -> None:
+    body = (
+        '<Sequence>\n<Repeat num_cycles="3abc"><AlwaysSuccess/></Repeat>\n<Grasp target="mug" width="7"/>\n'
+        '<Action ID="Sequence"><AlwaysSuccess/></Action>\n<SubTree ID="Inner" size="{@size}"/>\n</Sequence>'
+    )
+    more = (
+        '<BehaviorTree ID="Inner">\n<Grasp target="cup" width="{size}"/>\n</BehaviorTree>\n<Metadata/>\n'
+        '<BehaviorTree ID="Inner">\n<Grasp target="cup" width="{size}"/>\n</BehaviorTree>\n'
+    )
+    messages = found(file(tmp_path, body, more), registry)
+    assert [message for message in messages if ": warning: " not in message] == []
+    told = "\n".join(messages)
+    for expected in (
+        "tree.xml:4: warning: <Repeat> port 'num_cycles': only the beginning of '3abc' is read as a number",
+        "tree.xml:5: warning: <Grasp> port 'width': nothing is written: an output port is mapped to an entry, as "
+        "'{width}', not to '7'",
+        "tree.xml:6: warning: <Sequence>: 'Sequence' is no Action (write <Control ID=\"Sequence\">)",
+        "<Metadata>: it is ignored",
+        "'Inner' is defined already, at tree.xml:10; this later one counts",
+        "what it writes to '{size}' does not reach '@size', which the SubTree maps it to (write to '{@size}' itself)",
+    ):
+        assert expected in told

@@ -13,6 +13,7 @@ class IfThenElse(Control, composites.Selector):
 
     MIN_CHILDREN = 2
     MAX_CHILDREN = 3
+    CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
         """Begin with the condition."""
@@ -26,6 +27,8 @@ class IfThenElse(Control, composites.Selector):
     def on_tick(self) -> int:
         """Tick the condition, then the branch that it chose."""
         children = self.nodes_below()
+        if not 2 <= len(children) <= 3:
+            raise self.error(f"it must have 2 or 3 children but has {len(children)}")
         self.set_state(RUNNING)
         if self.index == 0:
             status = children[0].execute_tick()
@@ -52,10 +55,13 @@ class WhileDoElse(Control, composites.Selector):
 
     MIN_CHILDREN = 2
     MAX_CHILDREN = 3
+    CHECKED_AT_TICK = True
 
     def on_tick(self) -> int:
         """Tick the condition, then the branch that it chooses now."""
         children = self.nodes_below()
+        if not 2 <= len(children) <= 3:
+            raise self.error(f"it must have 2 or 3 children but has {len(children)}")
         self.set_state(RUNNING)
         condition = children[0].execute_tick()
         if condition == RUNNING:

@@ -20,10 +20,8 @@ class Parallel(Control, composites.Parallel):
     """Ticks all children that are not done; decides by how many succeeded and failed, and halts the rest."""
 
     INPUT_PORTS = {
-        "success_count": PortInformation(
-            int, False, "number of children that need to succeed to trigger a SUCCESS", -1
-        ),
-        "failure_count": PortInformation(int, False, "number of children that need to fail to trigger a FAILURE", 1),
+        "success_count": PortInformation(int, True, "number of children that need to succeed to trigger a SUCCESS", -1),
+        "failure_count": PortInformation(int, True, "number of children that need to fail to trigger a FAILURE", 1),
     }
     policy: Any = NATIVE_POLICY
 
@@ -82,7 +80,7 @@ class ParallelAll(Control, composites.Parallel):
     INPUT_PORTS = {
         "max_failures": PortInformation(
             int,
-            False,
+            True,
             "If the number of children returning FAILURE exceeds this value, ParallelAll returns FAILURE",
             1,
         )

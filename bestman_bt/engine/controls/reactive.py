@@ -22,14 +22,13 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
 
     def tick(self: Any) -> int:
         self._s = RUNNING
-        all_skipped = True
+        skipped: list[Node] | None = None
         child = self
         try:
             for run, child in self.pairs:
                 status = run()
                 if status == go:
                     child._s = idle_after_go
-                    all_skipped = False
                 elif status == RUNNING:
                     if child.NEVER_RUNS:
                         child.refuse_running()
@@ -50,17 +49,22 @@ def _reactive_tick_bare(go: int, stop: int) -> Callable[[Any], int]:
                 elif status == SKIPPED:
                     if child._s > 0:
                         self.halt_child(child)
+                    if skipped is None:
+                        skipped = []
+                    skipped.append(child)
                 else:
                     raise odd_status(status, child)
         except NodeError:
+            self.keep_results(child, skipped)
             raise
         except Exception as error:
+            self.keep_results(child, skipped)
             raise wrapped(error, child) from error
         runner = self.runner
         if runner is not None:
             self.halt_child(runner)
             self.runner = None
-        return SKIPPED if all_skipped else go
+        return SKIPPED if skipped is not None and len(skipped) == len(self.pairs) else go
 
     return tick
 
@@ -110,8 +114,10 @@ def _reactive_tick_traced(go: int, stop: int) -> Callable[[Any], int]:
                 else:
                     raise odd_status(status, child)
         except NodeError:
+            self.keep_results(child, self.children_at(skipped))
             raise
         except Exception as error:
+            self.keep_results(child, self.children_at(skipped))
             raise wrapped(error, child) from error
         if skipped is None:
             log.extend(self.idles)
@@ -140,6 +146,18 @@ class _Reactive(Control):
     def idle_events(self, count: int, skipped: list[int]) -> list[int]:
         """Return the events of the first ``count`` children becoming idle, but for those skipped."""
         return [event for i, event in enumerate(self.idles[:count]) if i not in skipped]
+
+    def children_at(self, indices: list[int] | None) -> list[Node]:
+        """Return the children with these indices."""
+        return [self.pairs[index][1] for index in indices or ()]
+
+    def keep_results(self, failing: Node, skipped: list[Node] | None) -> None:
+        """Give back the results of the children before the one that raised an error: nobody reset them."""
+        for _, child in self.pairs:
+            if child is failing:
+                return
+            if child._s == -self.GO and (skipped is None or child not in skipped):
+                child._s = self.GO
 
     def replace_runner(self, child: Node | None) -> None:
         """Halt the child that ran until now, and remember the one that runs."""

@@ -20,6 +20,7 @@ class Switch(Control, composites.Selector):
     """
 
     CASES: ClassVar[int] = 0
+    CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
         """Begin with no case running."""
@@ -33,6 +34,8 @@ class Switch(Control, composites.Selector):
     def on_tick(self) -> int:
         """Choose the case and tick it."""
         children = self.nodes_below()
+        if len(children) != self.CASES + 1:
+            raise self.error(f"it must have {self.CASES + 1} children, a child for each case and one more")
         chosen = self._choose()
         if self.current not in (-1, chosen):
             self.halt_child(children[self.current])

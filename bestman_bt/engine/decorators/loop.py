@@ -43,9 +43,7 @@ class Loop(Decorator):
         converters = self.board.store.converters
         try:
             if isinstance(value, str):
-                converter = converters.converter(list[self.ITEM])  # type: ignore[name-defined]
-                assert converter is not None
-                return deque(converter(value))
+                value = value.removesuffix(";").split(";") if value else []
             return deque(cast(item, self.ITEM, converters) for item in value)
         except ConversionError as error:
             raise self.error(f"port 'queue': {error}") from error
@@ -74,9 +72,11 @@ class Loop(Decorator):
         if self.literal is None:
             key = key_of(self.attributes["queue"], "queue")
             value = None if key is None else self.board.slot(key).value
+            if value is None:
+                raise self.error(f"port 'queue': the entry '{self.attributes['queue']}' has no value yet")
             if isinstance(value, deque):
                 self.queue = value
-            elif self.queue is None and value is not None:
+            elif self.queue is None:
                 self.queue = self._items(value)
         return self.queue
 

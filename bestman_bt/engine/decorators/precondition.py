@@ -16,7 +16,7 @@ class Precondition(Decorator):
 
     INPUT_PORTS = {
         "if": PortInformation(str, True, "the script that decides"),
-        "else": PortInformation(NodeStatus, False, "Return status if condition is false", NodeStatus.FAILURE),
+        "else": PortInformation(NodeStatus, True, "Return status if condition is false", NodeStatus.FAILURE),
     }
     RESETS_CHILD = True
 

@@ -15,6 +15,7 @@ class _Counting(Decorator):
     """The child's result that is counted; the other one ends the node."""
     PORT: ClassVar[str]
     RESETS_CHILD = True
+    CHECKED_AT_TICK = True
     count: int = 0
 
     def halt(self) -> None:

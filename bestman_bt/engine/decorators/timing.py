@@ -15,6 +15,7 @@ class Timeout(Decorator):
         "msec": PortInformation(int, True, "After a certain amount of time, halt() the child if it is still running.")
     }
     RESETS_CHILD = True
+    CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
         """Begin with no time running."""
@@ -45,10 +46,11 @@ class Timeout(Decorator):
 
 
 class Delay(Decorator):
-    """Ticks its child ``delay_msec`` after the node started; RUNNING until then."""
+    """Ticks its child ``delay_msec`` after the node started, in a later tick; RUNNING until then."""
 
     INPUT_PORTS = {"delay_msec": PortInformation(int, True, "Tick the child after a few milliseconds")}
     RESETS_CHILD = True
+    CHECKED_AT_TICK = True
 
     def on_load(self) -> None:
         """Begin with no time running."""
@@ -61,10 +63,12 @@ class Delay(Decorator):
 
     def on_tick(self) -> int:
         """Tick the child once the time is over."""
+        duration = self.get_input("delay_msec") * 1e-3
         if self.started is None:
             self.started = self.clock.now()
             self.set_state(RUNNING)
-        if self.clock.now() - self.started < self.get_input("delay_msec") * 1e-3:
+            return RUNNING
+        if self.clock.now() - self.started < duration:
             return RUNNING
         status = self.child.execute_tick()
         if status in (SUCCESS, FAILURE):

@@ -25,10 +25,12 @@ class SyncAction(Leaf):
 
 
 class Condition(Leaf):
-    """A question: implement ``on_tick() -> int`` (SUCCESS for yes, FAILURE for no), without side effects."""
+    """A question: implement ``on_tick() -> int`` (SUCCESS for yes, FAILURE for no), without side effects.
+
+    As in BehaviorTree.CPP it may also return RUNNING; the parent then asks it again.
+    """
 
     KIND: ClassVar[str] = "Condition"
-    NEVER_RUNS = True
 
 
 class StatefulAction(Leaf):

@@ -16,6 +16,7 @@ from bestman_bt.engine.status import FAILURE, SUCCESS
 class SetBlackboard(SyncAction):
     """Writes ``value``, a literal or a copy of an entry, to the entry named by ``output_key``."""
 
+    CHECKED_AT_TICK = True
     INPUT_PORTS = {
         "value": PortInformation(Any, True, "Value to be written into the output_key"),
         "output_key": PortInformation(Any, True, "Name of the blackboard entry where the value should be written"),
@@ -24,7 +25,9 @@ class SetBlackboard(SyncAction):
 
     def on_tick(self) -> int:
         """Copy the value; FAILURE if it is empty."""
-        value = self.attributes["value"]
+        value = self.attributes.get("value")
+        if value is None:
+            raise self.error("port 'value' is required but not given")
         target = self.board.slot(str(self.get_input("output_key")))
         source_key = key_of(value, "value")
         if source_key is not None:
@@ -52,6 +55,7 @@ class SetBlackboard(SyncAction):
 class UnsetBlackboard(SyncAction):
     """Removes the entry named by ``key`` from the tree's own blackboard."""
 
+    CHECKED_AT_TICK = True
     INPUT_PORTS = {"key": PortInformation(str, True, "Key of the entry to remove")}
 
     def on_tick(self) -> int:

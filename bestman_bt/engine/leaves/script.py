@@ -24,7 +24,7 @@ class Script(SyncAction):
         self.script: Callable[[], Any] | None = None
         if key_of(self.attributes["code"], "code") is None:
             self.source = self.get_input("code")
-            self.script = self.owner.compiler.compile(self.source, self.board)
+            self.script = _nothing if not self.source else self.owner.compiler.compile(self.source, self.board)
 
     def bound(self, core: Tick) -> Tick:
         """Run the compiled code directly where it is a literal."""
@@ -46,6 +46,10 @@ class Script(SyncAction):
             self.source = source
         self.script()
         return SUCCESS
+
+
+def _nothing() -> None:
+    """Do what a script without any text does."""
 
 
 class ScriptCondition(Condition):

@@ -11,6 +11,7 @@ from bestman_bt.engine.status import RUNNING, SUCCESS
 class Sleep(StatefulAction):
     """RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
 
+    CHECKED_AT_TICK = True
     INPUT_PORTS = {"msec": PortInformation(int, True, "how long, in milliseconds")}
 
     def on_start(self) -> int:

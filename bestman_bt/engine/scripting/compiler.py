@@ -181,11 +181,14 @@ class ScriptCompiler:
         return chain
 
     def _assignment(self, expression: Assignment, board: Blackboard) -> Closure:
+        if not expression.name:
+            return _no_key
         slot = board.slot(expression.name)
         value = self._expression(expression.value, board)
         operator = expression.operator
         if operator in (":=", "="):
-            return _assign(slot, value, self.enums, create=operator == ":=")
+            create = operator == ":=" and board.slot_to_write(expression.name) is slot
+            return _assign(slot, value, self.enums, create=create)
         apply = operations.BINARY[operator[0]]
 
         def update() -> Any:
@@ -283,6 +286,10 @@ def _compare_with_constant(slot: Slot, operator: str, constant: float, enums: Ma
         return compare(a, b)
 
     return {"==": equal, "<": less, ">": greater}.get(operator, other)
+
+
+def _no_key() -> Any:
+    raise ScriptError("only a blackboard key can be assigned to")
 
 
 def _missing(slot: Slot) -> ScriptError:

@@ -21,11 +21,11 @@ _NUMBER_IN_FRONT = re.compile(r"-?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 def truth(value: Any) -> bool:
     """Return the condition that a script's result stands for: any double, or the integers 0 and 1."""
-    if isinstance(value, float):
+    if isinstance(value, float) and not value < 0.0:
         return value != 0.0
     if isinstance(value, int) and value in (0, 1):
         return bool(value)
-    raise ScriptError(f"{_shown(value)} is no condition (a comparison, 0 or 1 is)")
+    raise ScriptError(f"{_shown(value)} is no condition (a comparison, 0, 1 or a positive double is)")
 
 
 def number_of_text(text: str, enums: Mapping[str, int]) -> float:

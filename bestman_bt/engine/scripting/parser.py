@@ -85,7 +85,7 @@ class Ternary:
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """An assignment to the blackboard key ``name``."""
+    """An assignment to the blackboard key ``name``; without a name it is an error once it is run, as in v4."""
 
     operator: str
     name: str
@@ -102,6 +102,15 @@ def parse_script(source: str) -> list[Expression]:
         ScriptError: the script is empty, too long, nested too deeply, or does not follow the grammar.
     """
     return _Parser(source).statements()
+
+
+def assigns_to_no_key(statement: Expression) -> bool:
+    """Return whether a statement, or one behind its ``:=``, assigns to something that is no blackboard key."""
+    while isinstance(statement, Assignment):
+        if not statement.name:
+            return True
+        statement = statement.value
+    return False
 
 
 class _Parser:
@@ -194,9 +203,8 @@ class _Parser:
 
     def _assignment(self, left: Expression) -> Expression:
         operator = str(self._next()[1])
-        if not isinstance(left, Name):
-            raise self._error("only a blackboard key can be assigned to", back=1)
-        return Assignment(operator, left.name, self._expression(0))
+        name = left.name if isinstance(left, Name) else ""
+        return Assignment(operator, name, self._expression(0))
 
     def _ternary(self, condition: Expression) -> Expression:
         self._next()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from bestman_bt.engine.errors import ScriptError
@@ -68,7 +69,8 @@ def _number(text: str) -> int | float:
     elif text.isdigit():
         value = int(text) if len(text) <= 19 else 2**63
     else:
-        return float(text)
-    if value >= 2**63:
-        raise ScriptError(f"integer {text[:25]} does not fit into 64 bits")
-    return value
+        value = float(text)
+        if math.isinf(value) or (value == 0.0 and text.partition("e")[0].strip("0.")):
+            raise ScriptError(f"the number {text[:25]} does not fit into a double")
+        return value
+    return value if value < 2**63 else 0  # that is what BehaviorTree.CPP makes of it

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from bestman_bt.engine.conversion import UNTYPED, cast, type_name
+from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
 from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
 from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest
-from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.scripting import ScriptCompiler, assigns_to_no_key
+from bestman_bt.engine.status import NodeStatus
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition
 from bestman_bt.engine.xml.elements import Element
 
@@ -30,20 +31,24 @@ class Checker:
         self.compiler = compiler
         self.documents = documents
         self.file = documents.file
+        self._wrong = "error"
         self._infos = {info.name: info for info in registry}
 
-    def check(self, definition: TreeDefinition) -> None:
-        """Check one tree."""
+    def check(self, definition: TreeDefinition, *, used: bool = True) -> None:
+        """Check one tree; in one that is not used, what is wrong with a node's attributes is latent."""
         self.file = definition.file
+        self._wrong = "error" if used else "latent"
         if definition.tree_id in self.registry:
             element = definition.element
             self._report(element, "ID", f"'{definition.tree_id}' is the name of a node; a tree needs another")
         for child in definition.element.children:
             self._check(child)
 
-    def _report(self, element: Element, field: str, message: str, suggestion: str = "") -> None:
+    def _report(
+        self, element: Element, field: str, message: str, suggestion: str = "", severity: str = "error"
+    ) -> None:
         name = element.attributes.get("ID", element.tag) if element.tag in EXPLICIT else element.tag
-        self.documents.problems.append(Problem(self.file, element.line, name, field, message, suggestion))
+        self.documents.problems.append(Problem(self.file, element.line, name, field, message, suggestion, severity))
 
     def _check(self, element: Element) -> None:
         tag = element.tag
@@ -65,17 +70,21 @@ class Checker:
         else:
             element.info = info
             if tag in EXPLICIT and info.kind != tag:
-                self._report(element, "", f"'{name}' is no {tag}", f'write <{info.kind} ID="{name}">')
+                message, suggestion = f"'{name}' is no {tag}", f'write <{info.kind} ID="{name}">'
+                self._report(element, "", message, suggestion, "error" if info.kind == "SubTree" else "warning")
             count = len(children)
             if count < info.min_children or (info.max_children is not None and count > info.max_children):
-                self._report(element, "", _children_message(info, count))
+                severity = "latent" if info.checked_at_tick and count else "error"
+                self._report(element, "", _children_message(info, count), "", severity)
             if name == "ReactiveSequence" and sum(child.tag == "AsyncSequence" for child in children) > 1:
                 self._report(element, "", "it cannot have more than one AsyncSequence among its children")
             if attributes:
                 self._check_attributes(element, info)
             for key in info.required:
                 if key not in attributes:
-                    self._report(element, key, "it is required but not given", f"of type {info.ports[key].type_name}")
+                    severity = "latent" if info.checked_at_tick else self._wrong
+                    kind = f"of type {info.ports[key].type_name}"
+                    self._report(element, key, "it is required but not given", kind, severity)
         for child in children:
             self._check(child)
 
@@ -96,14 +105,27 @@ class Checker:
                         element.entries = []
                     element.entries.append((key, entry, port.data_type))
                     continue
-            if key in checks:
-                message = literal_message(info, key, text, self.registry)
-                if message:
-                    self._report(element, key, message)
-            elif port.direction == "output":
-                self._report(element, key, _output_message(info, key, text))
-            elif key == "code" and info.builtin:
+            if port.direction == "output":
+                self._check_output(element, info, key, text)
+            elif key in checks:
+                self._check_literal(element, info, key, text)
+            elif key == "code" and info.builtin and (text or info.name != "Script"):
                 self._check_script(element, key, text)
+
+    def _check_literal(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
+        message = literal_message(info, key, text, self.registry)
+        data_type = info.ports[key].data_type
+        if message:
+            self._report(element, key, message, "", "latent" if data_type is NodeStatus else self._wrong)
+        elif data_type in (int, float) and partly_read(text, data_type):
+            self._report(element, key, f"only the beginning of '{text}' is read as a number", "", "warning")
+
+    def _check_output(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
+        message = literal_message(info, key, text, self.registry) if info.ports[key].data_type is not str else ""
+        if message:
+            self._report(element, key, _output_message(info, key, text), "", self._wrong)
+        else:
+            self._report(element, key, f"nothing is written: {_output_message(info, key, text)}", "", "warning")
 
     def _check_subtree(self, element: Element) -> None:
         tree_id = element.attributes.get("ID")
@@ -112,7 +134,7 @@ class Checker:
         elif tree_id not in self.documents.trees:
             hint = closest(tree_id, self.documents.trees)
             suggestion = f"did you mean '{hint}'?" if hint else ""
-            self._report(element, "ID", f"there is no tree '{tree_id}'", suggestion)
+            self._report(element, "ID", f"there is no tree '{tree_id}'", suggestion, self._wrong)
         if element.children:
             self._report(element, "", "a <SubTree> has no children of its own")
         element.info = self._infos["SubTree"]
@@ -120,12 +142,13 @@ class Checker:
             if key in SCRIPTS:
                 self._check_script(element, key, text)
             elif key == "_autoremap" and text not in ("true", "false", "1", "0", "True", "False", "TRUE", "FALSE"):
-                self._report(element, key, f"'{text}' is not a bool")
+                self._report(element, key, f"'{text}' is not a bool", "", self._wrong)
         model = self.documents.models.get(tree_id or "", {})
         if model and element.attributes.get("_autoremap") not in ("true", "1", "True", "TRUE"):
             for port in model.values():
                 if port.default is None and port.name not in element.attributes:
-                    self._report(element, port.name, f"the TreeNodesModel of '{tree_id}' says it is mandatory")
+                    message = f"the TreeNodesModel of '{tree_id}' says it is mandatory"
+                    self._report(element, port.name, message, "", self._wrong)
 
     def _check_other(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         if key in SCRIPTS:
@@ -134,14 +157,17 @@ class Checker:
             return
         elif key[0] != "_" and ":" not in key and "." not in key:  # those are no port names, and are ignored
             message, suggestion = unknown_port(info, key)
-            self._report(element, "", message, suggestion)
+            self._report(element, "", message, suggestion, self._wrong)
 
     def _check_script(self, element: Element, key: str, text: str) -> None:
         element.scripts = element.scripts or key != "code"
         try:
-            self.compiler.parse(text)
+            statements = self.compiler.parse(text)
         except ScriptError as error:
-            self._report(element, key, str(error))
+            self._report(element, key, str(error), "", self._wrong)
+            return
+        if any(assigns_to_no_key(statement) for statement in statements):
+            self._report(element, key, f"only a blackboard key can be assigned to, in '{text[:80]}'", "", "latent")
 
 
 def unknown_port(info: NodeInfo, key: str) -> tuple[str, str]:

@@ -10,6 +10,10 @@ from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.xml.elements import MAX_BYTES, Element, parse_xml
 
 MAX_INCLUDES = 200
+_RESERVED = frozenset((
+    "name", "ID", "_autoremap", "_failureIf", "_successIf", "_skipIf", "_while", "_onHalted", "_onSuccess",
+    "_onFailure", "_post",
+))  # fmt: skip
 _FORBIDDEN = frozenset("<>&\"'/\\:*?|.")
 
 
@@ -43,6 +47,18 @@ class Documents:
     main_tree: str | None = None
     problems: list[Problem] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
+
+    def used_trees(self, main: str) -> set[str]:
+        """Return the IDs of the trees that ``main`` consists of."""
+        used: set[str] = set()
+        pending = [main]
+        while pending:
+            tree_id = pending.pop()
+            if tree_id not in used and tree_id in self.trees:
+                used.add(tree_id)
+                elements = self.trees[tree_id].element.iter()
+                pending.extend(e.attributes.get("ID", "") for e in elements if e.tag == "SubTree")
+        return used
 
 
 def read_documents(source: str | Path, search_path: Iterable[Path] = ()) -> Documents:
@@ -114,8 +130,8 @@ class _Reader:
             _read_tree(element, file, documents, alone=len(trees) == 1)
         for element in root.children:
             if element.tag not in ("include", "TreeNodesModel", "BehaviorTree"):
-                what = "only <BehaviorTree>, <TreeNodesModel> and <include> may stand under <root>"
-                report(Problem(file, element.line, element.tag, "", what))
+                what = "it is ignored: <BehaviorTree>, <TreeNodesModel> and <include> may stand under <root>"
+                report(Problem(file, element.line, element.tag, "", what, severity="warning"))
 
     def _include(self, element: Element, file: str, path: Path | None, documents: Documents) -> None:
         def report(message: str, field_name: str = "path") -> None:
@@ -174,7 +190,7 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
         if not alone:
             report(Problem(file, element.line, "BehaviorTree", "ID", "the attribute is missing"))
             return
-        tree_id = "BehaviorTree"
+        tree_id = "BehaviorTree_0"
     bad = bad_character(tree_id)
     if bad or tree_id in ("root", "Root"):
         what = f"'{tree_id}' cannot be the name of a tree" + (f" (it contains {bad!r})" if bad else "")
@@ -182,8 +198,8 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
     known = documents.trees.get(tree_id)
     if known is not None:
         where = f"{known.file}:{known.element.line}"
-        report(Problem(file, element.line, "BehaviorTree", "ID", f"'{tree_id}' is defined already, at {where}"))
-        return
+        what = f"'{tree_id}' is defined already, at {where}; this later one counts"
+        report(Problem(file, element.line, "BehaviorTree", "ID", what, severity="warning"))
     if len(element.children) != 1:
         what = f"tree '{tree_id}' must have exactly one root node but has {len(element.children)}"
         report(Problem(file, element.line, "BehaviorTree", "", what))
@@ -192,11 +208,11 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
 
 def _read_models(model: Element, file: str, documents: Documents) -> None:
     for element in model.children:
+        if element.tag != "SubTree":
+            continue
         tree_id = element.attributes.get("ID")
         if tree_id is None:
             documents.problems.append(Problem(file, element.line, element.tag, "ID", "the attribute is missing"))
-            continue
-        if element.tag != "SubTree":
             continue
         ports = documents.models.setdefault(tree_id, {})
         for port in element.children:
@@ -206,7 +222,7 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
             if not name:
                 documents.problems.append(Problem(file, port.line, port.tag, "name", "the attribute is missing"))
                 continue
-            if not name[0].isalpha() or bad_character(name) or " " in name or name in ("name", "ID"):
+            if name[0].isdigit() or bad_character(name) or " " in name or name in _RESERVED:
                 documents.problems.append(Problem(file, port.line, port.tag, "name", f"'{name}' is no port name"))
                 continue
             default = port.attributes.get("default") or None
