@@ -9,8 +9,9 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.context import SkillContext
-from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from behaviours.skill import Declaration, Explained, Skill, SkillCondition, SkillFailure, Steps
 from behaviours.surfaces import measured_surface, surface_region
+from bestman_bt.engine import SyncAction
 from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.perception.detection import DetectedScene, Detection
 from bestman_bt.perception.segmentation import Region
@@ -89,6 +90,23 @@ class EstimatePose(Skill):
         self.feedback_message = f"{name} to ±{1e3 * refined.position_std:.1f} mm"
 
 
+class BelievedSurface(Explained, SyncAction):
+    """Tell on which surface an object is believed to stand; another one where it has not been seen."""
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the object"),
+        "otherwise": PortInformation(str, description="the surface to search first"),
+    }
+    OUTPUT_PORTS: ClassVar = {"surface": PortInformation(str, description="the surface")}
+
+    def on_tick(self) -> int:
+        """Asks the beliefs."""
+        belief = self.skills.world.objects.get(self.get_input("object"))
+        known = belief.surface if belief is not None else None
+        self.set_output("surface", known or self.get_input("otherwise"))
+        return self.succeed()
+
+
 class ObjectVisible(SkillCondition):
     """Whether an object was seen lately."""
 
@@ -154,10 +172,11 @@ def believe_surface(skills: SkillContext, surface: str, view: RGBDView, scene: D
     for name in [name for name in world.obstacles if name.startswith(f"{surface}/")]:
         del world.obstacles[name]
     world.obstacles[f"{surface}/surface"] = measured_surface(skills, surface, view, scene.plane)
-    held = world.held.name if world.held is not None else None
+    named = {world.held.name} if world.held is not None else set()
     for found in scene.detections:
-        if found.name != held and found.name not in world.objects:
+        if found.name not in named:
             world.objects[found.name] = _belief(view, found, surface)
+            named.add(found.name)
         else:
             world.obstacles[f"{surface}/{found.name}"] = _obstacle(
                 surface, found.name, view, found.cluster.bounding_box

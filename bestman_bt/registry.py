@@ -85,6 +85,7 @@ BEHAVIOURS = Registry(
     "behaviour",
     {
         "At": "behaviours.navigate:At",
+        "BelievedSurface": "behaviours.perceive:BelievedSurface",
         "DetectObject": "behaviours.perceive:DetectObject",
         "EstimatePose": "behaviours.perceive:EstimatePose",
         "FindPlacePose": "behaviours.place:FindPlacePose",

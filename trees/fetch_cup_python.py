@@ -9,7 +9,7 @@ from behaviours.grasp import Grasp, Holding, PlanGrasp, Reachable
 from behaviours.look import LookAt
 from behaviours.move_arm import MoveArm, Retreat
 from behaviours.navigate import NavigateTo
-from behaviours.perceive import DetectObject, EstimatePose, ObjectAt
+from behaviours.perceive import BelievedSurface, DetectObject, EstimatePose, ObjectAt
 from behaviours.place import FindPlacePose, PlaceOn, Release
 from behaviours.stand import FindStandPose
 from bestman_bt.engine import Fallback, Node, ReactiveSequence, RetryUntilSuccessful, Sequence, SubTree
@@ -41,10 +41,10 @@ def pick() -> Node:
         "look_and_grasp",
         [
             MoveArm(posture="carry"),
-            LookAt(object="{object}", surface="{surface}"),
-            DetectObject(object="{object}", surface="{surface}"),
+            LookAt(object="{object}", surface="{where}"),
+            DetectObject(object="{object}", surface="{where}"),
             Reachable(object="{object}"),
-            LookAt(object="{object}", surface="{surface}"),
+            LookAt(object="{object}", surface="{where}"),
             EstimatePose(object="{object}", pose="{pose}"),
             PlanGrasp(object="{object}", grasps="{grasps}"),
             RetryUntilSuccessful("try_grasps", [Grasp(object="{object}", grasps="{grasps}")], num_attempts=3),
@@ -53,7 +53,8 @@ def pick() -> Node:
     from_one_stand = Sequence(
         "from_one_stand",
         [
-            FindStandPose(object="{object}", surface="{surface}", stand="{stand}"),
+            BelievedSurface(object="{object}", otherwise="{surface}", surface="{where}"),
+            FindStandPose(object="{object}", surface="{where}", stand="{stand}"),
             MoveArm(posture="carry"),
             NavigateTo(goal="{stand}"),
             RetryUntilSuccessful("try_looks", [look_and_grasp], num_attempts=2),

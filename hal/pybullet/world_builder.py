@@ -158,6 +158,8 @@ def _set_up_robot(
                 lateralFriction=friction,
                 contactStiffness=parameters.finger_stiffness,
                 contactDamping=parameters.finger_damping,
+                # Soft pads resist twisting: without it a round object slowly pivots about the axis between the fingers.
+                spinningFriction=parameters.finger_spinning_friction,
             )
             # Without the anchor a held object creeps and pivots by degrees while the base turns. The anchor's force is
             # bounded by friction like any other; the monitor tells if an object ever follows an open hand.
