@@ -18,6 +18,7 @@ from bestman_bt.engine import (
     RUNNING,
     EngineError,
     ManualClock,
+    NodeError,
     TreeLoadError,
     XmlDocument,
     load_tree,
@@ -248,3 +249,12 @@ def elements(draw, depth: int = 3) -> str:
 )
 def test_any_arrangement_of_elements_loads_or_is_refused(main: str, other: str, noise: str) -> None:
     loads_or_refuses(TREE.format(main, f'<BehaviorTree ID="S">{other}</BehaviorTree>{noise}'))
+
+
+def test_a_script_that_doubles_a_string_again_and_again_ends_in_an_error() -> None:
+    text = (
+        "<root BTCPP_format=\"4\"><BehaviorTree ID=\"M\"><Sequence><Script code=\"a := 'xxxxxxxxxx'\"/>"
+        '<Repeat num_cycles="-1"><Script code="a = a .. a"/></Repeat></Sequence></BehaviorTree></root>'
+    )
+    with pytest.raises(NodeError, match="at most 1000000 are accepted"):
+        load_tree(text).tick_once()

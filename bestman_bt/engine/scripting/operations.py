@@ -13,6 +13,8 @@ from typing import Any, Final
 from bestman_bt.engine.conversion import text_of_number
 from bestman_bt.engine.errors import ScriptError
 
+MAX_TEXT: Final = 1_000_000
+"""Characters of a string that a script puts together: a loop that doubles one must not fill the memory."""
 EPSILON: Final = 1.1920928955078125e-07
 """Single-precision epsilon: numbers closer than this are equal."""
 
@@ -78,7 +80,7 @@ def add(left: Any, right: Any) -> Any:
     if isinstance(left, (int, float)) and isinstance(right, (int, float)):
         return float(left) + right
     if isinstance(left, str) and isinstance(right, str):
-        return left + right
+        return _joined(left, right)
     raise _not_permitted(left, "+", right)
 
 
@@ -106,12 +108,18 @@ def concatenate(left: Any, right: Any) -> str:
     """Return two strings joined, or a string and a number's text."""
     if isinstance(left, str):
         if isinstance(right, str):
-            return left + right
+            return _joined(left, right)
         if isinstance(right, (int, float)):
-            return left + text_of_number(right)
+            return _joined(left, text_of_number(right))
     elif isinstance(right, str) and isinstance(left, (int, float)):
-        return text_of_number(left) + right
+        return _joined(text_of_number(left), right)
     raise _not_permitted(left, "..", right)
+
+
+def _joined(left: str, right: str) -> str:
+    if len(left) + len(right) > MAX_TEXT:
+        raise ScriptError(f"a string would have {len(left) + len(right)} characters; at most {MAX_TEXT} are accepted")
+    return left + right
 
 
 def bit_and(left: Any, right: Any) -> float:
