@@ -14,6 +14,7 @@ from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.evaluation.batch import run_batch
+from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.result import RunResult
 
 
@@ -39,6 +40,7 @@ def command(
             settings=settings or (),
             plugins=[str(plugin) for plugin in plugins or ()],
         )
+        prepare_episode(config)  # what is wrong is told before the progress bar begins
         document = _evaluate(config, episodes, jobs, runs)
         tell(document)
     if not as_json:

@@ -11,7 +11,7 @@ from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import Localizer
 from bestman_bt.perception.detection import ModelRegistration
-from bestman_bt.registry import ALGORITHMS, UnknownNameError
+from bestman_bt.registry import ALGORITHMS, suggestion
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.world_model import SemanticMap
 
@@ -52,10 +52,11 @@ def make_algorithm(config: RunConfig, slot: str, *needs: Any) -> Any:
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
     name, values = config.task.algorithm(slot)
-    try:
-        algorithm = ALGORITHMS.resolve(f"{slot}/{name}")
-    except UnknownNameError as error:
-        raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), str(error))]) from error
+    names = [known.removeprefix(f"{slot}/") for known in ALGORITHMS if known.startswith(f"{slot}/")]
+    if name not in names:
+        message = f"unknown algorithm {name!r}; {suggestion(name, names)}"
+        raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
+    algorithm = ALGORITHMS.resolve(f"{slot}/{name}")
     parameters_type = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
     if parameters_type is None:
         if values:

@@ -1,0 +1,295 @@
+"""Wrong input: exit code 2, nothing started, one clear message with file, line, field, and the closest valid name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import data_root
+from hal.pybullet.client import PhysicsClient
+from tests.cli.command_line import Answer, Program
+
+Command = Callable[..., Answer]
+
+
+def shipped(path: str) -> str:
+    return (data_root() / path).read_text()
+
+
+def tree(body: str) -> str:
+    return f'<root BTCPP_format="4">\n<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n</root>'
+
+
+@pytest.fixture
+def refused(bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Run the command; it must refuse. Returns the message."""
+    started: list[object] = []
+    monkeypatch.setattr(PhysicsClient, "connect", lambda self, gui=False: started.append(self))
+
+    def refuse(*arguments: object) -> str:
+        files = set(folder.rglob("*"))
+        answer = bestman_bt(*arguments)
+        assert answer.code == 2, answer.err
+        assert answer.out == ""
+        assert not started
+        assert set(folder.rglob("*")) == files
+        assert "Traceback" not in answer.err
+        return answer.err
+
+    return refuse
+
+
+TREES = {
+    "not XML": ("fetch the cup, please", "t.xml:1: not well-formed XML"),
+    "unknown node": (
+        tree('<NavigateToo goal="1;2;0"/>'),
+        "t.xml:3: <NavigateToo>: unknown node 'NavigateToo' (did you mean 'NavigateTo'?)",
+    ),
+    "unknown explicit node": (
+        tree('<Action ID="Grap"/>'),
+        "t.xml:3: <Grap>: unknown node 'Grap' (did you mean 'Grasp'?)",
+    ),
+    "unknown port": (
+        tree('<NavigateTo goal="1;2;0" max_replan="3"/>'),
+        "t.xml:3: <NavigateTo>: unknown port 'max_replan' (did you mean 'max_replans'?)",
+    ),
+    "missing port": (
+        tree('\n<NavigateTo/>'),
+        "t.xml:4: <NavigateTo> port 'goal': it is required but not given (of type Pose2D)",
+    ),
+    "literal of the wrong type": (
+        tree('<NavigateTo goal="here"/>'),
+        "t.xml:3: <NavigateTo> port 'goal': 'here' is not a Pose2D",
+    ),
+    "number that is none": (
+        tree('<Retreat distance="far"/>'),
+        "t.xml:3: <Retreat> port 'distance': 'far' is not a number",
+    ),
+    "SubTree that does not exist": (
+        tree('<SubTree ID="Pik"/>').replace(
+            "</root>", '<BehaviorTree ID="Pick"><AlwaysSuccess/></BehaviorTree></root>'
+        ).replace('BTCPP_format="4"', 'BTCPP_format="4" main_tree_to_execute="Main"'),
+        "t.xml:3: <SubTree> 'ID': there is no tree 'Pik' (did you mean 'Pick'?)",
+    ),
+    "two roots": (
+        tree("<AlwaysSuccess/>\n<AlwaysFailure/>"),
+        "t.xml:2: <BehaviorTree>: tree 'Main' must have exactly one root node but has 2",
+    ),
+    "two root elements": (tree("<AlwaysSuccess/>") + "\n<root/>", "t.xml:6: not well-formed XML"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), TREES.values(), ids=TREES)
+def test_a_tree_that_does_not_load_is_refused(refused, folder: Path, text: str, message: str) -> None:
+    (folder / "t.xml").write_text(text)
+    told = refused("run", "t.xml")
+    assert f"bestman-bt: nothing was started: {message}" in told
+    assert told.count("\n") == 1
+
+
+def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
+    (folder / "t.xml").write_text(tree("<Sequence>\n<NavigateTo/>\n<Grap/>\n</Sequence>"))
+    told = refused("run", "t.xml").splitlines()
+    assert told[0] == "bestman-bt: 2 errors, nothing was started:"
+    assert told[1].startswith("t.xml:4: <NavigateTo> port 'goal'")
+    assert told[2].startswith("t.xml:5: <Grap>: unknown node")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "missing.xml"], "no such tree file: missing.xml"),
+        (["run", "fetch_cop"], "unknown tree 'fetch_cop'; did you mean 'fetch_cup'?"),
+        (["run", "--task", "fetch_cop"], "unknown task 'fetch_cop'; did you mean 'fetch_cup'?"),
+        (["eval", "fetch_cop"], "unknown task 'fetch_cop'; did you mean 'fetch_cup'?"),
+        (["run", "fetch_cup", "--scene", "kichen"], "unknown scene 'kichen'; did you mean 'kitchen'?"),
+        (["run", "fetch_cup", "--robot", "dif_panda"], "unknown robot 'dif_panda'; did you mean 'diff_panda'?"),
+        (["show", "fetch_cop"], "unknown tree 'fetch_cop'; did you mean 'fetch_cup'?"),
+        (["nodes", "NavigateToo"], "unknown node 'NavigateToo'; did you mean 'NavigateTo'?"),
+        (["validate", "missing.xml"], "no such tree file: missing.xml"),
+        (["run"], "give a tree, or --task, or both"),
+        (["rnu", "fetch_cup"], "unknown command 'rnu'; did you mean 'run'?"),
+        (["run", "fetch_cup", "--sed", "3"], "No such option: --sed"),
+        (["run", "fetch_cup", "--seed", "x"], "'--seed'"),
+        (["run", "fetch_cup", "--seed", "1.5"], "should be a valid integer"),
+        (["run", "fetch_cup", "--seed", "-1"], "'--seed': Input should be greater than or equal to 0"),
+        (["eval", "fetch_cup", "--episodes", "0"], "'--episodes'"),
+        (["run", "fetch_cup", "--plugin", "nowhere.py"], "--plugin nowhere.py: no such file"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)  # fmt: skip
+def test_names_and_options_that_are_wrong_are_refused(refused, arguments: list[str], message: str) -> None:
+    assert message in refused(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("tick_rat=3", "--set tick_rat=3: unknown key 'tick_rat'; did you mean 'tick_rate'?"),
+        ("tick_rate=3 kg", "tick_rate: expected a frequency in Hz (Hz, kHz), got '3 kg': 'kg' is a unit of mass"),
+        ("tick_rate", "--set tick_rate: should have the form key=value"),
+        ("scene.finger_frction=3", "unknown key 'finger_frction'; did you mean 'finger_friction'?"),
+        ("scene.objects.cop=absent", "unknown key 'objects.cop'; did you mean 'cup'?"),
+        ("robot.parts.lidr.mount=x", "unknown key 'parts.lidr'; did you mean 'lidar'?"),
+        ("robot.parts.arm.part=panda_amr", "parts.arm.part: unknown part 'panda_amr'; did you mean 'panda_arm'?"),
+        ("goal.surface=conter", "goal.surface: the map has no surface 'conter'; did you mean 'counter'?"),
+        ("goal.source=tabel", "goal.source: the map has no surface 'tabel'; did you mean 'table'?"),
+        ("goal.object=cub", "goal.object: the robot knows no object 'cub'; did you mean 'cup'?"),
+        ("goal.name=plase", "goal.name: the scene has no goal 'plase'; did you mean 'place'?"),
+        ("predicate=plced", "predicate: unknown predicate 'plced'; did you mean 'placed'?"),
+        ("goal=null", "goal: is missing: the predicate 'placed' needs a goal"),
+        ("algorithms.cooking.algorithm=x", "unknown key 'algorithms.cooking'; known: collision, global_planning"),
+        (
+            "algorithms.motion_planning.algorithm=rrt_conect",
+            "unknown algorithm 'rrt_conect'; did you mean 'rrt_connect'?",
+        ),
+        ("algorithms.localization.algorithm=scan_to_mop", "did you mean 'scan_to_map'?"),
+        ("algorithms.local_planning.algorithm=pure_pursit", "did you mean 'pure_pursuit'?"),
+        (
+            "algorithms.motion_planning.max_iteratons=3",
+            "algorithms.motion_planning.max_iteratons: unknown field; did you mean 'max_iterations'?",
+        ),
+        (
+            "algorithms.motion_planning.max_iterations=many",
+            "algorithms.motion_planning.max_iterations: should be a valid integer",
+        ),
+        ("algorithms.motion_planning.max_iterations=-4", "max_iterations should be above 0 but is -4"),
+        ("algorithms.localization.iteration=3", "algorithms.localization.iteration: unknown field; did you mean"),
+    ],
+)  # fmt: skip
+def test_a_setting_that_is_wrong_is_refused(refused, setting: str, message: str) -> None:
+    told = refused("run", "fetch_cup", "--set", setting)
+    assert message in told
+    assert told.count("\n") == 1
+
+
+def test_a_scene_that_has_no_room_is_refused(refused, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bestman_bt.scene.draw._ATTEMPTS", 2)
+    told = refused("run", "fetch_cup", "--set", "scene.clearance=3 m")
+    assert "scene 'kitchen', seed 0: no world in 2 draws; no room for" in told
+
+
+LIDAR = "  lidar:       {part: planar_lidar, mount: base_link, xyz: [0, 0, 25 cm]}\n"
+ROBOTS = {
+    "unknown part": (
+        "part: panda_arm",
+        "part: panda_amr",
+        "r.yaml:6: parts.arm.part: unknown part 'panda_amr'; did you mean 'panda_arm'?",
+    ),
+    "unknown field": (
+        "mount: column_top}",
+        "mount: column_top, xyzz: 3}",
+        "r.yaml:6: parts.arm.xyzz: unknown field; did you mean 'xyz'?",
+    ),
+    "wrong unit": (
+        "xyz: [15 cm",
+        "xyz: [15 kg",
+        "r.yaml:5: parts.column.xyz[0]: expected a length in m (m, cm, mm), got '15 kg': 'kg' is a unit of mass",
+    ),
+    "mount onto nothing": (
+        "mount: column_top",
+        "mount: colunm_top",
+        "r.yaml:6: parts.arm.mount: no frame 'colunm_top' to mount on; did you mean 'column_top'?",
+    ),
+    "no lidar": (LIDAR, "", "r.yaml: parts: the skills need a lidar, this robot has none"),
+    "not YAML": ("parts:", "parts: [", "r.yaml:5: is not YAML"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "message"), ROBOTS.values(), ids=ROBOTS)
+def test_a_robot_that_is_wrong_is_refused(refused, folder: Path, old: str, new: str, message: str) -> None:
+    text = shipped("configs/robots/diff_panda.yaml")
+    assert old in text
+    (folder / "r.yaml").write_text(text.replace(old, new))
+    assert message in refused("run", "fetch_cup", "--robot", "r.yaml")
+
+
+TASKS = {
+    "surface": (
+        "surface: counter",
+        "surface: conter",
+        "goal.surface: the map has no surface 'conter'; did you mean 'counter'?",
+    ),
+    "object": ("object: cup", "object: cub", "goal.object: the robot knows no object 'cub'; did you mean 'cup'?"),
+    "predicate": (
+        "predicate: placed",
+        "predicate: plced",
+        "predicate: unknown predicate 'plced'; did you mean 'placed'?",
+    ),
+    "scene": ("scene: kitchen", "scene: kichen", "scene: unknown scene 'kichen'; did you mean 'kitchen'?"),
+    "unit": ("tilt: 10 deg", "tilt: 10 cm", "tolerances.tilt: expected an angle in rad (rad, deg, °), got '10 cm'"),
+    "algorithm": (
+        "tick_rate: 20 Hz",
+        "algorithms: {kinematics: {algorithm: magic}}",
+        "algorithms.kinematics.algorithm: unknown algorithm 'magic'; known: damped_least_squares",
+    ),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "message"), TASKS.values(), ids=TASKS)
+def test_a_task_that_is_wrong_is_refused_with_file_and_line(
+    refused, folder: Path, old: str, new: str, message: str
+) -> None:
+    text = shipped("configs/tasks/fetch_cup.yaml")
+    line = 1 + next(i for i, content in enumerate(text.splitlines()) if old in content)
+    (folder / "mine.yaml").write_text(text.replace(old, new, 1))
+    told = refused("run", "--task", "mine.yaml")
+    assert f"mine.yaml:{line}: {message}" in told
+    assert told == refused("eval", "mine.yaml", "--episodes", "2", "--jobs", "2")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import math\n\nraise RuntimeError('no sensor')\n", "p.py:3: the plug-in raised RuntimeError: no sensor"),
+        ("def f(:\n", "p.py:1: the plug-in raised SyntaxError"),
+        ("import sys\nsys.exit(7)\n", "p.py:2: the plug-in raised SystemExit: 7"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["run", "eval", "show", "validate"])
+def test_a_plug_in_that_raises_is_refused_by_every_verb(
+    refused, folder: Path, verb: str, text: str, message: str
+) -> None:
+    (folder / "p.py").write_text(text)
+    assert message in refused(verb, "fetch_cup", "--plugin", "p.py")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("def build():\n    raise ValueError('oh')\n", "t.py"),
+        ("x = 1\n", "t.py: it defines no function build() that returns the root node"),
+    ],
+)
+def test_a_python_tree_that_does_not_load_is_refused(refused, folder: Path, text: str, message: str) -> None:
+    (folder / "t.py").write_text(text)
+    assert message in refused("run", "t.py")
+
+
+def test_run_folders_need_a_folder(refused, folder: Path) -> None:
+    (folder / "file").write_text("")
+    assert "--runs file: no run folder can be made there: Not a directory" in refused(
+        "run", "fetch_cup", "--runs", "file"
+    )
+
+
+def test_a_window_needs_a_display(refused, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert "--gui: needs an X display" in refused("run", "fetch_cup", "--gui")
+
+
+def test_with_json_a_refusal_leaves_standard_output_empty(refused) -> None:
+    assert "unknown tree" in refused("run", "fetch_cop", "--json")
+
+
+def test_the_program_itself_refuses_alike(folder: Path) -> None:
+    (folder / "t.xml").write_text(tree('<NavigateToo goal="1;2;0"/>'))
+    answer = Program("run", "t.xml", folder=folder).answer()
+    assert (answer.code, answer.out) == (2, "")
+    assert answer.err.splitlines()[-1] == (
+        "bestman-bt: nothing was started: t.xml:3: <NavigateToo>: unknown node 'NavigateToo' "
+        "(did you mean 'NavigateTo'?)"
+    )
+    assert sorted(path.name for path in folder.iterdir()) == ["t.xml"]

@@ -1,0 +1,184 @@
+"""``run``: what it prints and leaves, and how it is stopped from outside. Short trees; the whole fetch is elsewhere."""
+
+from __future__ import annotations
+
+import json
+import stat
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import load_run
+from bestman_bt.engine import Tree
+from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.runtime import Session, request
+from hal.api import MobileBase
+from hal.pybullet import PyBulletRobot
+from tests.cli.command_line import Answer, Program, wait_for
+
+Command = Callable[..., Answer]
+
+LOOK = '<root BTCPP_format="4"><BehaviorTree ID="Look"><MoveArm posture="carry"/></BehaviorTree></root>'
+DRIVE = '<root BTCPP_format="4"><BehaviorTree ID="Drive"><NavigateTo goal="1.5;-0.4;0"/></BehaviorTree></root>'
+NOISE = '''
+import os
+
+from bestman_bt.engine import action
+
+print("a plug-in says hello")
+
+
+@action
+def shout() -> bool:
+    """Print in Python and, as C libraries do, to the file descriptor."""
+    print("python")
+    os.write(1, b"descriptor\\n")
+    return True
+
+
+def register(registry):
+    registry.register(shout, "Shout")
+'''
+
+
+def only_folder(parent: Path) -> Path:
+    (found,) = parent.iterdir()
+    return found
+
+
+def test_a_tree_without_a_task_runs_and_is_not_judged(bestman_bt: Command, folder: Path) -> None:
+    (folder / "look.xml").write_text(LOOK)
+    answer = bestman_bt("run", "look.xml", "--seed", "3")
+    assert answer.code == 0
+    assert answer.out == ""
+    result = json.loads((only_folder(folder / "runs") / "result.json").read_text())
+    assert (result["task"], result["seed"], result["success"], result["predicate"]) == ("look", 3, True, None)
+    assert only_folder(folder / "runs").name.endswith("-look-3")
+    assert "MoveArm" in answer.err
+    assert "look, seed 3" in answer.err
+
+
+def test_a_tree_that_succeeds_without_reaching_the_goal_is_no_success(bestman_bt: Command, folder: Path) -> None:
+    (folder / "look.xml").write_text(LOOK)
+    answer = bestman_bt("run", "look.xml", "--task", "fetch_cup", "--runs", "elsewhere", "--json")
+    assert answer.code == 1
+    result = answer.document
+    assert (result["tree_status"], result["predicate"], result["outcome"]) == ("SUCCESS", False, "failure")
+    assert result["failure"]["node"] == "judge"
+    assert "not standing on the counter" in result["failure"]["why"]
+    assert result == json.loads((only_folder(folder / "elsewhere") / "result.json").read_text())
+
+
+def test_a_node_that_raises_is_an_error_in_the_result(bestman_bt: Command, folder: Path) -> None:
+    (folder / "break.py").write_text(
+        "from bestman_bt.engine import SyncAction\n\n\n"
+        "class Break(SyncAction):\n    def on_tick(self):\n        raise ValueError('the gear is stripped')\n"
+    )
+    (folder / "t.xml").write_text(LOOK.replace('<MoveArm posture="carry"/>', "<Break/>"))
+    answer = bestman_bt("run", "t.xml", "--plugin", "break.py", "--json")
+    assert answer.code == 1
+    assert answer.document["outcome"] == "error"
+    assert "the gear is stripped" in answer.document["failure"]["why"]
+    assert "Traceback" not in answer.err
+
+
+def test_with_json_standard_output_holds_one_document_whatever_is_printed(folder: Path) -> None:
+    """As a program of its own: C libraries print past Python."""
+    (folder / "noise.py").write_text(NOISE)
+    (folder / "t.xml").write_text(LOOK.replace('<MoveArm posture="carry"/>', "<Shout/>"))
+    answer = Program("run", "t.xml", "--plugin", "noise.py", "--json", folder=folder).answer()
+    assert answer.code == 0
+    assert answer.out.count("\n") == 1
+    assert answer.document["outcome"] == "success"
+    for noise in ("a plug-in says hello", "python", "descriptor", "pybullet build time"):
+        assert noise in answer.err
+
+
+@pytest.fixture
+def driving(folder: Path) -> tuple[Program, Path]:
+    """A run that drives across the room, in a process of its own, and its control socket."""
+    (folder / "drive.xml").write_text(DRIVE)
+    program = Program("run", "drive.xml", "--json", folder=folder)
+    return program, wait_for(folder, "runs/*/control.sock")
+
+
+def assert_cancelled(answer: Answer, folder: Path, why: str) -> None:
+    assert answer.code == 130
+    result = answer.document
+    assert (result["outcome"], result["success"], result["tree_status"]) == ("cancelled", False, "IDLE")
+    assert result["failure"] == {"node": "", "error_code": "cancelled", "why": why}
+    run = only_folder(folder / "runs")
+    assert json.loads((run / "result.json").read_text()) == result
+    assert not (run / "control.sock").is_symlink()
+
+
+def wait_until_it_drives(socket: Path) -> None:
+    while request(socket, {"do": "status"})["ticks"] < 40:
+        pass
+
+
+def test_stop_in_another_process_ends_a_run_as_cancelled(
+    driving: tuple[Program, Path], bestman_bt: Command, folder: Path
+) -> None:
+    program, socket = driving
+    assert stat.S_IMODE(socket.stat().st_mode) == 0o600
+    wait_until_it_drives(socket)
+    told = bestman_bt("stop")
+    assert told.code == 0
+    assert told.out.startswith(f"stopped drive (process {program.process.pid}, tick ")
+    assert_cancelled(program.answer(), folder, "stopped through the control channel")
+    assert bestman_bt("stop").out == "nothing is running\n"
+
+
+def test_ctrl_c_ends_a_run_as_cancelled(driving: tuple[Program, Path], folder: Path) -> None:
+    program, socket = driving
+    wait_until_it_drives(socket)
+    program.interrupt()
+    assert_cancelled(program.answer(), folder, "interrupted from the keyboard")
+
+
+def test_ctrl_c_ends_an_evaluation_and_what_was_done_is_summarised(folder: Path) -> None:
+    (folder / "look.xml").write_text(LOOK)
+    program = Program(
+        *("eval", "fetch_cup", "--set", "tree=look.xml", "--episodes", "50", "--runs", "runs", "--json"), folder=folder
+    )
+    wait_for(folder, "runs/*-fetch_cup-2/transitions.btlog")
+    program.interrupt()
+    answer = program.answer()
+    assert answer.code == 130
+    assert 2 <= answer.document["episodes"] < 50
+    assert answer.document["false_successes"] == answer.document["episodes"]
+
+
+def test_a_stop_leaves_the_robot_at_rest(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this process, to look at the wheels: stopped by request while it drives, at rest half a second later."""
+    (folder / "drive.xml").write_text(DRIVE)
+    driven, rested = [], []
+
+    def speed(robot: PyBulletRobot) -> float:
+        twist = robot.part("base", MobileBase).velocity()
+        return max(abs(twist.vx), abs(twist.wz))
+
+    def stop_when_it_drives(session: Session, tree: Tree) -> Callable[[], None]:
+        def after_tick() -> None:
+            if not driven and speed(session.robot) > 0.2:
+                driven.append(speed(session.robot))
+                asking = threading.Thread(target=request, args=(folder / "control.sock", {"do": "stop"}))
+                asking.start()
+                asking.join()
+
+        return after_tick
+
+    disconnect = PyBulletRobot.disconnect
+
+    def look_and_disconnect(robot: PyBulletRobot) -> None:
+        rested.append(speed(robot))
+        disconnect(robot)
+
+    monkeypatch.setattr(PyBulletRobot, "disconnect", look_and_disconnect)
+    config = load_run(tree="drive.xml", scene="kitchen", robot="diff_panda")
+    assert run_episode(config, folder, watch=stop_when_it_drives).outcome == "cancelled"
+    assert driven
+    assert rested[0] < 0.01

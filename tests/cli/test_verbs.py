@@ -1,0 +1,73 @@
+"""The small verbs: show, nodes, validate, version, and the help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+from bestman_bt.cli.main import VERBS
+from bestman_bt.registry import BEHAVIOURS
+from tests.cli.command_line import Answer
+
+Command = Callable[..., Answer]
+
+
+def test_the_help_lists_every_verb(bestman_bt: Command) -> None:
+    answer = bestman_bt("--help")
+    assert answer.code == 0
+    for verb, what in VERBS.items():
+        assert f"{verb} " in answer.out
+        assert what.split(",")[0] in answer.out
+
+
+def test_show_prints_the_tree_with_its_subtrees(bestman_bt: Command) -> None:
+    answer = bestman_bt("show", "fetch_cup")
+    assert answer.code == 0
+    assert "SubTree Pick 'pick'" in answer.out
+    assert "NavigateTo  goal={stand}" in answer.out
+
+
+def test_show_writes_a_picture(bestman_bt: Command, folder: Path) -> None:
+    assert bestman_bt("show", "fetch_cup", "--svg", "tree.svg").code == 0
+    assert "NavigateTo" in "".join(ElementTree.parse(folder / "tree.svg").getroot().itertext())
+
+
+def test_nodes_lists_the_library_with_ports(bestman_bt: Command) -> None:
+    answer = bestman_bt("nodes")
+    assert answer.code == 0
+    for name in BEHAVIOURS:
+        assert f"\n  {name}: " in answer.out
+    assert "goal (input, Pose2D, required): x;y;theta in the map frame, metres and radians" in answer.out
+    assert "\n  ReactiveSequence: " in answer.out
+
+
+def test_nodes_of_one_name_lists_that_node_alone(bestman_bt: Command) -> None:
+    answer = bestman_bt("nodes", "NavigateTo")
+    assert "NavigateTo" in answer.out
+    assert "LookAt" not in answer.out
+
+
+def test_validate_accepts_what_is_shipped(bestman_bt: Command) -> None:
+    answer = bestman_bt("validate", "fetch_cup", "fetch_cup_python")
+    assert (answer.code, answer.err) == (0, "")
+    assert answer.out.count(": ok") == 2
+
+
+def test_validate_tells_all_faults_of_all_files_and_goes_on(bestman_bt: Command, folder: Path) -> None:
+    faulty = '<root BTCPP_format="4"><BehaviorTree ID="Main">\n<NavigateToo/></BehaviorTree></root>'
+    (folder / "a.xml").write_text(faulty)
+    (folder / "b.xml").write_text("no tree")
+    answer = bestman_bt("validate", "a.xml", "b.xml", "c.xml", "fetch_cup")
+    assert answer.code == 2
+    told = answer.err.splitlines()
+    assert [line.split(":")[0] for line in told] == ["a.xml", "b.xml", "c.xml"]
+    assert "fetch_cup.xml: ok" in answer.out
+
+
+def test_version_names_what_decides_a_run(bestman_bt: Command) -> None:
+    answer = bestman_bt("version")
+    assert answer.code == 0
+    assert {"python", "bestman-bt", "pybullet", "numpy", "ompl"} <= {
+        line.split()[0] for line in answer.out.splitlines()
+    }
