@@ -117,6 +117,16 @@ class Pose:
         return math.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))
 
     @property
+    def roll_pitch_yaw(self) -> tuple[float, float, float]:
+        """Fixed-axis angles as URDF writes them, radians; where the pitch is a right angle, roll is 0."""
+        m = self.rotation
+        level = math.hypot(m[0, 0], m[1, 0])
+        pitch = math.atan2(-m[2, 0], level)
+        if level < 1e-9:
+            return 0.0, pitch, math.atan2(-m[0, 1], m[1, 1])
+        return math.atan2(m[2, 1], m[2, 2]), pitch, math.atan2(m[1, 0], m[0, 0])
+
+    @property
     def tilt(self) -> float:
         """Angle between the frame's z axis and the vertical, radians."""
         x, y, _, _ = self.quaternion

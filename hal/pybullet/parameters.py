@@ -11,6 +11,8 @@ class PhysicsParameters:
 
     Gripper speeds are rates of the opening width. ``odometry_calibration``: standard deviation of the relative
     errors of the wheel radii and the track that odometry believes, drawn once from the robot's seed.
+    ``object_sleep_speed``: objects that stay slower (m/s, rad/s) for two seconds are left out of the solver until
+    something that moves touches them.
     """
 
     step_rate: float = 240.0
@@ -42,6 +44,7 @@ class PhysicsParameters:
     command_timeout: float = 0.25
 
     object_spinning_friction: float = 0.01
+    object_sleep_speed: float = 0.01
     initial_postures: tuple[str, ...] = ("carry", "home")
 
     @property

@@ -81,6 +81,9 @@ class Simulation:
     def link_pose(self, reader: Reader, link: str) -> Pose:
         """True pose of a link of the robot in the map frame; SimulationError names the links there are."""
         links, robot = self.built.links, self.built.robot
+        if link in self.built.frames:
+            holder, holder_from_frame = self.built.frames[link]
+            return self.link_pose(reader, holder) @ holder_from_frame
         if link not in links:
             raise SimulationError(f"robot {self.model.name!r} has no link {link!r}; it has {', '.join(links)}")
         if links[link] >= 0:

@@ -11,6 +11,7 @@ import pybullet
 
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
 from hal.pybullet.client import PhysicsClient, SimulationError
@@ -21,12 +22,16 @@ FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)
 FLOOR_SIZE = 30.0
 # Without this flag a cylinder becomes a prism of 32 sides, 1 mm thicker all around.
 BODY_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER
+OBJECT_FLAGS = BODY_FLAGS | pybullet.URDF_ENABLE_SLEEPING
 ROBOT_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 
 
 @dataclass(frozen=True)
 class BuiltWorld:
-    """Body ids by name, and the robot's joint and link indices by name (its root link is -1)."""
+    """Body ids by name, and the robot's joint and link indices by name (its root link is -1).
+
+    ``frames``: of the robot, those that are no links here: frame → (link, link_from_frame).
+    """
 
     floor: int
     walls: dict[str, int]
@@ -35,6 +40,7 @@ class BuiltWorld:
     robot: int
     joints: dict[str, int]
     links: dict[str, int]
+    frames: dict[str, tuple[str, Pose]]
     constraints: int
 
     @property
@@ -60,13 +66,16 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         walls = {f"wall_{i}": _wall(client, f"wall_{i}", *wall_box(wall), folder) for i, wall in enumerate(world.walls)}
         furniture = {piece.name: _furniture(client, piece, folder) for piece in world.furniture}
         objects = {placed.name: _object(client, placed, parameters, folder) for placed in world.objects}
-        robot = _load(client, "robot", model.urdf, world.robot_start.to_pose(), folder, fixed=False)
+        urdf, frames = without_bare_frames(model.urdf)
+        robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, fixed=False, flags=ROBOT_FLAGS)
     joints, links = _names(client, robot)
     constraints = _set_up_robot(client, model, world, parameters, robot, joints, links)
-    return BuiltWorld(floor, walls, furniture, objects, robot, joints, links, constraints)
+    return BuiltWorld(floor, walls, furniture, objects, robot, joints, links, frames, constraints)
 
 
-def _load(client: PhysicsClient, name: str, urdf: str, pose: Pose, folder: Path, fixed: bool) -> int:
+def _load(
+    client: PhysicsClient, name: str, urdf: str, pose: Pose, folder: Path, fixed: bool, flags: int = BODY_FLAGS
+) -> int:
     file = folder / f"{name}.urdf"
     file.write_text(urdf, encoding="utf-8")
     try:
@@ -75,7 +84,7 @@ def _load(client: PhysicsClient, name: str, urdf: str, pose: Pose, folder: Path,
             pose.position.tolist(),
             pose.quaternion.tolist(),
             useFixedBase=fixed,
-            flags=ROBOT_FLAGS if name == "robot" else BODY_FLAGS,
+            flags=flags,
         )
     except pybullet.error as error:
         raise SimulationError(f"pybullet cannot load {name!r}: {error}") from error
@@ -111,10 +120,14 @@ def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsPara
     model = placed.model
     seen: Sequence[PlacedShape] = model.visual or model.collision
     urdf = body_urdf(placed.name, model.mass, model.collision, [(part, (*model.color, 1.0)) for part in seen], folder)
-    body = _load(client, placed.name, urdf, placed.pose, folder, fixed=False)
+    body = _load(client, placed.name, urdf, placed.pose, folder, fixed=False, flags=OBJECT_FLAGS)
     # Finger pads are soft and touch in a patch; points of contact alone let an object pivot in the hand.
     client.changeDynamics(
-        body, -1, lateralFriction=model.friction, spinningFriction=parameters.object_spinning_friction
+        body,
+        -1,
+        lateralFriction=model.friction,
+        spinningFriction=parameters.object_spinning_friction,
+        sleepThreshold=parameters.object_sleep_speed**2,
     )
     return body
 

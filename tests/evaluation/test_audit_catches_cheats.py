@@ -178,11 +178,11 @@ def test_an_object_that_follows_an_open_hand_is_seen(robot, cup, judge) -> None:
     while not motion.done:
         robot.clock.sleep(0.05)
     built, client = robot.simulation.built, robot.simulation.client
-    tool = client.getLinkState(built.robot, built.links["panda_grasptarget"])
-    below = pybullet.multiplyTransforms(tool[4], tool[5], [0.0, 0.0, 0.12], [0.0, 0.0, 0.0, 1.0])
+    hand = client.getLinkState(built.robot, built.links["panda_hand"])
+    below = pybullet.multiplyTransforms(hand[0], hand[1], [0.0, 0.0, 0.19], [0.0, 0.0, 0.0, 1.0])
     client.resetBasePositionAndOrientation(cup, *below)
     client.createConstraint(
-        built.robot, built.links["panda_grasptarget"], cup, -1, pybullet.JOINT_FIXED, [0, 0, 0], [0, 0, 0.12], [0, 0, 0]
+        built.robot, built.links["panda_hand"], cup, -1, pybullet.JOINT_FIXED, [0, 0, 0], [0, 0, 0.19], [0, 0, 0]
     )
     motion = robot.part("base", MobileBase).move_backward(0.1)
     while not motion.done:

@@ -68,12 +68,12 @@ def test_an_object_that_sticks_to_the_opened_hand_is_seen(robot_model, table_wor
         hand = operator(robot)
         hand.grasp("box")
         built, client = robot.simulation.built, robot.simulation.client
-        tool = client.getLinkState(built.robot, built.links["panda_grasptarget"])[:2]
+        tool = client.getLinkState(built.robot, built.links["panda_hand"])[:2]
         box = client.getBasePositionAndOrientation(built.objects["box"])
         glue = pybullet.multiplyTransforms(*pybullet.invertTransform(*tool), *box)
         client.createConstraint(
             built.robot,
-            built.links["panda_grasptarget"],
+            built.links["panda_hand"],
             built.objects["box"],
             -1,
             pybullet.JOINT_FIXED,

@@ -100,3 +100,19 @@ def test_a_picture_shows_the_object(robot_model, table_worlds) -> None:
         assert picture.shape == (120, 160, 3)
         red, green, _ = picture[50:70, 70:90].reshape(-1, 3).mean(axis=0)
         assert red > 2 * green
+
+
+def test_an_object_that_rests_sleeps_and_does_not_move_at_all(robot_model, table_worlds) -> None:
+    with PyBulletRobot(robot_model, table_worlds["can"]) as robot:
+        truth = GroundTruth(robot)
+        robot.clock.sleep(3.0)
+        asleep = truth.object_pose("can").matrix
+        robot.clock.sleep(0.5)
+        assert np.array_equal(truth.object_pose("can").matrix, asleep)
+
+
+def test_frames_that_are_no_links_in_physics_are_where_they_belong(robot_model, empty_world) -> None:
+    with PyBulletRobot(robot_model, empty_world) as robot:
+        truth = GroundTruth(robot)
+        hand, tool = truth.frame_pose("panda_hand"), truth.frame_pose("panda_grasptarget")
+        assert (hand.inverse() @ tool).position == pytest.approx([0.0, 0.0, 0.105], abs=1e-6)
