@@ -11,6 +11,9 @@ from hal.pybullet import ContactIncident, Finding, HonestyRecord
 LISTED = 20
 """How many details of a kind are listed; the counters count them all."""
 
+CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "object_follows_open_hand")
+"""The counters that an honest run leaves at 0."""
+
 
 @dataclass(frozen=True)
 class Collision:
@@ -51,13 +54,7 @@ class Audit:
     @property
     def honest(self) -> bool:
         """Whether nothing was faked."""
-        return not (
-            self.teleports
-            or self.grasp_constraints
-            or self.ground_truth_reads
-            or self.tampering
-            or self.object_follows_open_hand
-        )
+        return not any(getattr(self, cheat) for cheat in CHEATS)
 
     def faults(self, max_penetration: float) -> tuple[str, ...]:
         """Why an episode fails whatever its tree says: collisions, overlaps deeper than ``max_penetration`` m."""
@@ -106,12 +103,14 @@ def audit(record: HonestyRecord, allowed_contacts: Iterable[tuple[str, str]] = (
         *record.velocity_limits,
     ]
     calls = [f"{name} was called {count} times after the scene was built" for name, count in record.calls.items()]
+    if record.missed_looks:
+        calls.append(f"the monitor was kept from looking {record.missed_looks} times")
     seen = [f"{detail.stamp:.2f} s: {detail.text}" for detail in sorted(details, key=lambda detail: detail.stamp)]
     return Audit(
         teleports=max(record.resets, len(record.jumps)),
         grasp_constraints=max(record.constraints, len(record.hidden_constraints)),
         ground_truth_reads=record.truth_reads,
-        tampering=record.tampering + len(record.changes) + len(record.unexplained_forces),
+        tampering=record.tampering + len(record.changes) + len(record.unexplained_forces) + record.missed_looks,
         object_follows_open_hand=len(record.open_hand),
         collisions=tuple(_collision(contact) for contact in record.contacts if not _is_allowed(contact, allowed)),
         max_penetration_mm=1e3 * deepest.depth if deepest else 0.0,

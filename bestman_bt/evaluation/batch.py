@@ -77,7 +77,7 @@ def _run(config: RunConfig, folder: Path | None) -> RunResult:
     try:
         return run_episode(config, run_folder)
     except Exception as error:  # noqa: BLE001 - one episode that breaks is a failed episode, not the end of the batch
-        return RunResult(
+        result = RunResult(
             task=config.name,
             seed=config.seed,
             success=False,
@@ -91,3 +91,6 @@ def _run(config: RunConfig, folder: Path | None) -> RunResult:
             wall_time_s=round(time.perf_counter() - start, 3),
             versions=versions(),
         )
+    if run_folder is not None:
+        result.write(run_folder / "result.json")
+    return result

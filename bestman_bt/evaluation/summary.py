@@ -7,18 +7,17 @@ from typing import Any
 
 import numpy as np
 
+from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.result import RunResult
-
-CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "object_follows_open_hand")
-"""Audit counters that must be 0 in every episode for ``audit_clean``."""
 
 
 def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_time_s: float) -> dict[str, Any]:
     """The document that ``eval --json`` prints; ``results`` in the order of their seeds.
 
     ``false_successes``: runs whose tree reported success while the predicate does not hold.
-    ``interval``: Wilson, 95 %. ``metrics``: median and 95th percentile over the runs that have the metric.
+    ``audit_clean``: no cheat in any run; a run that could not be audited is not clean. ``interval``: Wilson, 95 %.
+    ``metrics``: median and 95th percentile over the runs that have the metric.
     """
     succeeded = sum(result.success for result in results)
     sim_time = sum(result.sim_time_s for result in results)
@@ -31,7 +30,7 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
         "succeeded": succeeded,
         "success_rate": round(succeeded / len(results), 4) if results else 0.0,
         "interval": [round(bound, 4) for bound in wilson_interval(succeeded, len(results))],
-        "audit_clean": all(result.audit.get(cheat, 0) == 0 for result in results for cheat in CHEATS),
+        "audit_clean": all(result.audit.get(cheat) == 0 for result in results for cheat in CHEATS),
         "false_successes": sum(r.tree_status == "SUCCESS" and r.predicate is False for r in results),
         "failures": [_failure(result) for result in results if not result.success],
         "sim_time_s": round(sim_time, 3),

@@ -1,11 +1,37 @@
-"""The composition root: from a configuration to a robot, its beliefs, algorithms and skills, and a running tree."""
+"""The composition root: from a configuration to a robot, its beliefs, algorithms and skills, and a running tree.
 
-from bestman_bt.runtime.control_channel import ControlChannel
-from bestman_bt.runtime.control_client import ControlError, request, running_executors
-from bestman_bt.runtime.executor import Ending, Execution, Executor
-from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.robot_session import Session, open_session, session
-from bestman_bt.runtime.setup import Setup, load_for, prepare
+Names are imported when they are used: to reach a running executor one need not load the algorithms.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from bestman_bt.runtime.control_channel import ControlChannel
+    from bestman_bt.runtime.control_client import ControlError, request, running_executors
+    from bestman_bt.runtime.executor import Ending, Execution, Executor
+    from bestman_bt.runtime.plugins import node_registry
+    from bestman_bt.runtime.robot_session import Session, open_session, session
+    from bestman_bt.runtime.setup import Setup, load_for, prepare
+
+_HOMES = {
+    "ControlChannel": "control_channel",
+    "ControlError": "control_client",
+    "Ending": "executor",
+    "Execution": "executor",
+    "Executor": "executor",
+    "Session": "robot_session",
+    "Setup": "setup",
+    "load_for": "setup",
+    "node_registry": "plugins",
+    "open_session": "robot_session",
+    "prepare": "setup",
+    "request": "control_client",
+    "running_executors": "control_client",
+    "session": "robot_session",
+}
 
 __all__ = [
     "ControlChannel",
@@ -23,3 +49,9 @@ __all__ = [
     "running_executors",
     "session",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

@@ -18,8 +18,8 @@ class ControlError(Exception):
 
 def socket_folder() -> Path:
     """Where the sockets of this user's executors are (mode 0700)."""
-    base = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
-    folder = Path(base) / f"bestman-bt-{os.getuid()}"
+    base = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
+    folder = (base if base.is_dir() else Path(tempfile.gettempdir())) / f"bestman-bt-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.stat().st_uid != os.getuid():
         raise ControlError(f"{folder} belongs to another user")

@@ -178,7 +178,7 @@ class Executor:
 
     @contextmanager
     def _interrupts(self) -> Iterator[None]:
-        """Let the first Ctrl-C cancel between ticks; a second one interrupts at once."""
+        """Let the first Ctrl-C or termination signal cancel between ticks; a second one interrupts at once."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
@@ -187,10 +187,11 @@ class Executor:
             if self._cancel_reason:
                 raise KeyboardInterrupt
             # Only this: the handler may run while this thread holds the lock of an event that ``cancel`` would set.
-            self._cancel_reason = "interrupted from the keyboard"
+            self._cancel_reason = "interrupted from the keyboard" if number == signal.SIGINT else "terminated"
 
-        before = signal.signal(signal.SIGINT, interrupted)
+        before = {number: signal.signal(number, interrupted) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)

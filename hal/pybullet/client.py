@@ -137,8 +137,7 @@ class PhysicsClient:
 
     def reader(self, purpose: ReadPurpose) -> Reader:
         """A view of ground truth; each of its reads is counted if it is opened after time began to run."""
-        trusted = not self._running or purpose in (ReadPurpose.SENSOR, ReadPurpose.MONITOR)
-        return Reader(self, purpose, trusted)
+        return Reader(self, purpose, trusted=not self._running)
 
     def note(self, name: str, arguments: tuple[Any, ...] = (), keywords: dict[str, Any] | None = None) -> None:
         """Count a call of a guarded function, if it is one that an honest run does not make."""

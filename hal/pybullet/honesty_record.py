@@ -48,7 +48,8 @@ class HonestyRecord:
     """Everything seen since the scene was built.
 
     ``calls``: calls of pybullet that are not allowed then, by function name; ``resets``, ``constraints``,
-    ``truth_reads`` and ``tampering`` are their sums by kind. The findings come from watching, whoever did it.
+    ``truth_reads`` and ``tampering`` are their sums by kind. ``missed_looks``: how often the
+    monitor should have looked and was not let. The findings come from watching, whoever did it.
     """
 
     duration: float
@@ -66,3 +67,4 @@ class HonestyRecord:
     open_hand: tuple[Finding, ...]
     contacts: tuple[ContactIncident, ...]
     penetrations: tuple[Penetration, ...]
+    missed_looks: int = 0

@@ -53,6 +53,7 @@ class HonestyMonitor:
             open_hand=tuple(self._open_hand.findings),
             contacts=self._contacts.incidents(),
             penetrations=self._contacts.penetrations(),
+            missed_looks=max(0, simulation.steps // simulation.parameters.monitor_every - self._looks),
         )
 
     def _look(self) -> None:

@@ -13,6 +13,7 @@ from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.api import Arm, MobileBase
 from hal.pybullet import ContactIncident, GroundTruth, HonestyRecord, PyBulletRobot
+from hal.pybullet.client import ReadPurpose
 
 
 @pytest.fixture
@@ -305,3 +306,16 @@ def test_allowed_pairs_are_no_collisions() -> None:
     judged = audit(record, [("cup", "fingers"), ("table", "cup")])
     assert [(c.first, c.second) for c in judged.collisions] == [("panda_hand", "cup"), ("cup", "can")]
     assert len(audit(record).collisions) == 4
+
+
+def test_a_monitor_that_was_switched_off_is_noticed(robot, cup, judge) -> None:
+    robot.simulation.observers.clear()
+    judged = judge()
+    assert judged.tampering > 0
+    assert not judged.honest
+    assert any("kept from looking" in finding for finding in judged.findings)
+
+
+def test_a_reader_that_calls_itself_a_sensor_during_a_run_is_counted(robot, cup, judge) -> None:
+    robot.simulation.client.reader(ReadPurpose.SENSOR).getBasePositionAndOrientation(cup)
+    assert judge().ground_truth_reads == 1

@@ -1,9 +1,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
+from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.summary import summarize
@@ -20,7 +22,7 @@ def result(seed: int, *, tree: str = "SUCCESS", predicate: bool | None = True, t
         tree_status=tree,
         predicate=predicate,
         failure=failure,
-        audit={"teleports": teleports, "grasp_constraints": 0, "ground_truth_reads": 0, "collisions": 1},
+        audit={**dict.fromkeys(CHEATS, 0), "teleports": teleports, "collisions": 1},
         metrics={"place_error_mm": float(seed), "tilt_deg": float("nan")},
         sim_time_s=40.0,
         wall_time_s=4.0,
@@ -56,3 +58,8 @@ def test_metrics_are_medians_and_95th_percentiles():
 def test_the_result_document_is_strict_json():
     text = json.dumps(result(1).to_document(), allow_nan=False)
     assert json.loads(text)["metrics"]["tilt_deg"] is None
+
+
+def test_a_run_without_an_audit_is_not_clean():
+    blind = replace(result(0), audit={})
+    assert summarize("t", 0, [blind], 1.0)["audit_clean"] is False

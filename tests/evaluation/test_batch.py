@@ -1,0 +1,95 @@
+"""``eval``: seeds in order, the same document for any number of jobs, an episode that breaks is one that failed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.evaluation.batch import run_batch
+from bestman_bt.evaluation.result import RunResult
+
+LOOK = """<root BTCPP_format="4"><BehaviorTree ID="Look"><Sequence>
+  <LookAt surface="table"/>
+  <DetectObject object="{object}" surface="{source}"/>
+</Sequence></BehaviorTree></root>"""
+BROKEN = '<root BTCPP_format="4"><BehaviorTree ID="Broken"><Break/></BehaviorTree></root>'
+BREAK = '''
+from behaviours.skill import Skill, Steps
+
+
+class Break(Skill):
+    """Leaves something behind that breaks while the robot waits."""
+
+    def execute(self) -> Steps:
+        self.skills.clock.every(0.1, lambda: 1 / 0)
+        yield self.skills.head.move_to([0.5, 0.5])
+'''
+DOCUMENT = [
+    "task", "episodes", "first_seed", "succeeded", "success_rate", "interval", "audit_clean", "false_successes",
+    "failures", "sim_time_s", "wall_time_s", "real_time_factor", "metrics",
+]  # fmt: skip
+WALL_TIMES = ("wall_time_s", "real_time_factor")
+
+
+@pytest.fixture
+def look(tmp_path: Path) -> Path:
+    """A tree that looks at the table and stops there: the cup stays where it is."""
+    path = tmp_path / "look.xml"
+    path.write_text(LOOK)
+    return path
+
+
+def evaluate(tree: Path, jobs: int, folder: Path) -> tuple[dict[str, Any], list[RunResult]]:
+    results: list[RunResult] = []
+    near = ("scene.robot_start.x=[2.3, 2.4]", "scene.robot_start.y=[-0.5, -0.3]", "scene.robot_start.yaw=[0.0, 0.1]")
+    config = load_run("fetch_cup", tree=tree, seed=3, settings=near)
+    return run_batch(config, 2, jobs, folder, results.append), results
+
+
+def test_two_jobs_give_the_same_document_as_one(look: Path, tmp_path: Path) -> None:
+    (one, results), (two, _) = (evaluate(look, jobs, tmp_path / f"{jobs}") for jobs in (1, 2))
+    assert list(one) == DOCUMENT
+    assert {k: v for k, v in one.items() if k not in WALL_TIMES} == {
+        k: v for k, v in two.items() if k not in WALL_TIMES
+    }
+    assert (one["task"], one["episodes"], one["first_seed"]) == ("fetch_cup", 2, 3)
+    assert [result.seed for result in results] == [3, 4]
+    assert one["sim_time_s"] == pytest.approx(sum(result.sim_time_s for result in results))
+    assert set(one["metrics"]) == {"place_error_mm", "tilt_deg"}
+    assert set(one["metrics"]["place_error_mm"]) == {"median", "p95"}
+    # The tree says success, the cup is not at its goal: the judge is not fooled.
+    assert (one["succeeded"], one["success_rate"], one["false_successes"]) == (0, 0.0, 2)
+    assert one["interval"] == [0.0, 0.6576]
+    assert one["audit_clean"] is True
+    assert [failure["seed"] for failure in one["failures"]] == [3, 4]
+    assert list(one["failures"][0]) == ["seed", "node", "error_code", "why"]
+    assert one["failures"][0]["node"] == "judge"
+    assert "not standing on the counter" in one["failures"][0]["why"]
+    for jobs in (1, 2):
+        folders = sorted((tmp_path / f"{jobs}").iterdir())
+        assert [json.loads((folder / "result.json").read_text())["seed"] for folder in folders] == [3, 4]
+
+
+def test_an_episode_that_breaks_counts_as_failed_with_its_cause_and_the_batch_goes_on(tmp_path: Path) -> None:
+    (tmp_path / "broken.xml").write_text(BROKEN)
+    (tmp_path / "break.py").write_text(BREAK)
+    config = load_run("fetch_cup", tree=tmp_path / "broken.xml", seed=3, plugins=[str(tmp_path / "break.py")])
+    document = run_batch(config, 2, folder=tmp_path / "runs")
+    assert (document["episodes"], document["succeeded"]) == (2, 0)
+    assert document["failures"] == [
+        {"seed": seed, "node": "", "error_code": "error", "why": "ZeroDivisionError: division by zero"}
+        for seed in (3, 4)
+    ]
+    for folder in (tmp_path / "runs").iterdir():
+        assert json.loads((folder / "result.json").read_text())["outcome"] == "error"
+
+
+def test_what_is_wrong_with_the_task_is_told_before_the_first_episode(tmp_path: Path) -> None:
+    config = load_run("fetch_cup", settings=["predicate=plced"])
+    with pytest.raises(ConfigurationError, match="unknown predicate 'plced'; did you mean 'placed'"):
+        run_batch(config, 2, folder=tmp_path / "runs")
+    assert not (tmp_path / "runs").exists()

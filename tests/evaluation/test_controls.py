@@ -1,0 +1,53 @@
+"""Control experiments: where the task cannot be done, the fetch fails, and says in words what was in its way."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import data_root, load_run
+from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.result import Outcome, RunResult
+from tests.behaviours.at_the_table import AT_THE_TABLE
+
+
+@pytest.fixture
+def without_retries(tmp_path: Path) -> Path:
+    """The shipped tree, but everything is tried once."""
+    text = (data_root() / "trees" / "fetch_cup.xml").read_text()
+    once, count = re.subn(r'num_attempts="\d+"', 'num_attempts="1"', text)
+    assert count >= 4
+    path = tmp_path / "fetch_cup_once.xml"
+    path.write_text(once)
+    return path
+
+
+def assert_failed(result: RunResult, node: str, code: str) -> str:
+    """The tree says that it failed, at this leaf; nothing was faked. Returns why."""
+    assert (result.tree_status, result.outcome, result.success) == ("FAILURE", Outcome.FAILURE, False)
+    assert result.failure is not None
+    assert result.failure.node.split("/")[-1].split("::")[0] == node
+    assert result.failure.error_code == code
+    assert all(result.audit[cheat] == 0 for cheat in ("teleports", "grasp_constraints", "ground_truth_reads"))
+    return result.failure.why
+
+
+def test_with_slippery_fingers_the_grasp_fails_and_the_tree_says_so(without_retries: Path) -> None:
+    config = load_run("fetch_cup", tree=without_retries, seed=1, settings=[*AT_THE_TABLE, "scene.finger_friction=0.05"])
+    why = assert_failed(run_episode(config), "Grasp", "grasp_failed")
+    assert "the hand closed but does not hold the cup: it closed to " in why
+
+
+def test_without_a_cup_the_shipped_tree_gives_up_and_says_what_it_saw_instead() -> None:
+    config = load_run("fetch_cup", seed=1, settings=[*AT_THE_TABLE, "scene.objects.cup=absent"])
+    why = assert_failed(run_episode(config), "DetectObject", "object_not_found")
+    assert why.startswith("no cup on the table: seen ")
+    assert "can" in why
+
+
+def test_on_a_covered_counter_no_free_disc_is_found(without_retries: Path) -> None:
+    config = load_run("fetch_cup", tree=without_retries, scene="kitchen_covered_counter", seed=1, settings=AT_THE_TABLE)
+    why = assert_failed(run_episode(config), "FindPlacePose", "surface_full")
+    assert why == "no free 12 cm disc is left on the counter"
