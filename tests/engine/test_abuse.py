@@ -253,7 +253,7 @@ def test_any_arrangement_of_elements_loads_or_is_refused(main: str, other: str, 
 
 def test_a_script_that_doubles_a_string_again_and_again_ends_in_an_error() -> None:
     text = (
-        "<root BTCPP_format=\"4\"><BehaviorTree ID=\"M\"><Sequence><Script code=\"a := 'xxxxxxxxxx'\"/>"
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Script code="a := \'xxxxxxxxxx\'"/>'
         '<Repeat num_cycles="-1"><Script code="a = a .. a"/></Repeat></Sequence></BehaviorTree></root>'
     )
     with pytest.raises(NodeError, match="at most 1000000 are accepted"):

@@ -369,3 +369,41 @@ def test_timeout_and_delay_read_the_clock_at_the_tick() -> None:
         clock.advance(0.1)
     assert results == [RUNNING, RUNNING, RUNNING, SUCCESS]
     assert (slow.ticks, slow.halts) == (2, 1)
+
+
+def test_a_loop_woken_by_a_thread_that_is_not_quite_gone_sees_its_result() -> None:
+    class Lingering(ThreadedAction):
+        def on_work(self, inputs: Any) -> int:
+            return SUCCESS
+
+        def wake_up(self) -> None:
+            super().wake_up()
+            time.sleep(0.2)  # the thread is still alive when the loop looks
+
+    start = time.monotonic()
+    assert build_tree(Lingering()).tick_while_running(period=30.0) == SUCCESS
+    assert time.monotonic() - start < 10.0
+
+
+def test_a_thread_that_exits_the_interpreter_is_told_as_such() -> None:
+    class Exits(ThreadedAction):
+        def on_work(self, inputs: Any) -> int:
+            raise SystemExit(3)
+
+    with pytest.raises(NodeError, match=r"\[Exits\]: .*its on_work\(\) ended with SystemExit\(3\)"):
+        build_tree(Exits()).tick_while_running(period=0.001)
+
+
+def test_a_coroutine_that_awaits_while_it_is_halted_is_named() -> None:
+    class Stubborn(CoroutineAction):
+        async def run_async(self) -> int:
+            try:
+                await self.next_tick()
+            finally:
+                await self.next_tick()
+            return SUCCESS
+
+    tree = build_tree(Stubborn())
+    tree.tick_exactly_once()
+    with pytest.raises(NodeError, match=r"\[Stubborn\]: its run_async\(\) failed while it was halted"):
+        tree.halt()

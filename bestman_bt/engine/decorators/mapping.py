@@ -11,15 +11,21 @@ from bestman_bt.engine.node import odd_status, wrapped
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 
-def mapping_tick_bare(on_success: int, on_failure: int) -> Callable[[Any], int]:
-    """Return the tick of a decorator that maps its child's result, while nobody listens."""
+def mapping_tick_bare(on_success: int, on_failure: int, *, keeps: bool = False) -> Callable[[Any], int]:
+    """Return the tick of a decorator that maps its child's result, while nobody listens.
+
+    With ``keeps`` the node's own result of before, which nobody reset, outlives a child that is skipped.
+    """
 
     def tick(self: Any) -> int:
+        code = self._s
         self._s = RUNNING
         run, child = self.only
         try:
             status = run()
         except NodeError:
+            if keeps and code > RUNNING:
+                self._s = code
             raise
         except Exception as error:
             raise wrapped(error, child) from error
@@ -36,6 +42,8 @@ def mapping_tick_bare(on_success: int, on_failure: int) -> Callable[[Any], int]:
             child._s = -FAILURE
             return on_failure
         if status == SKIPPED:
+            if keeps and code > RUNNING:
+                self._s = code
             return SKIPPED
         raise odd_status(status, child)
 

@@ -21,9 +21,10 @@ def _tick_traced(self: Any) -> int:
     if code <= 1:
         return _traced(self)
     self._s = 1  # one that still holds SUCCESS or FAILURE is not set RUNNING again
-    status = _traced(self)
-    self._s = code
-    return status
+    try:
+        return _traced(self)
+    finally:
+        self._s = code
 
 
 class SubTree(Decorator):
@@ -40,7 +41,7 @@ class SubTree(Decorator):
     RESETS_CHILD = True
     tree_id: str = ""
     subtree_path: str = ""
-    tick_bare = mapping_tick_bare(SUCCESS, FAILURE)
+    tick_bare = mapping_tick_bare(SUCCESS, FAILURE, keeps=True)
     tick_traced = _tick_traced
 
     def __init__(

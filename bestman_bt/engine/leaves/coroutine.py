@@ -55,9 +55,13 @@ class CoroutineAction(StatefulAction):
 
     def on_halted(self) -> None:
         """End the coroutine where it waits."""
-        if self._coroutine is not None:
-            self._coroutine.close()
-            self._coroutine = None
+        coroutine, self._coroutine = self._coroutine, None
+        if coroutine is None:
+            return
+        try:
+            coroutine.close()
+        except RuntimeError as error:
+            raise self.error(f"its run_async() failed while it was halted: {error}") from error
 
     def _step(self) -> int:
         assert self._coroutine is not None

@@ -36,12 +36,14 @@ class ThreadedAction(StatefulAction):
         """Make what the threads are told by."""
         self._halt = threading.Event()
         self._result: int | None = None
-        self._failure: Exception | None = None
+        self._failure: BaseException | None = None
+        self._done = False
 
     def on_start(self) -> int:
         """Start the thread."""
         self._halt.clear()
         self._result = self._failure = None
+        self._done = False
         self._thread = threading.Thread(target=self._run, args=(self.prepare(),), name=self.path, daemon=True)
         self._thread.start()
         return RUNNING
@@ -49,18 +51,20 @@ class ThreadedAction(StatefulAction):
     def _run(self, inputs: Any) -> None:
         try:
             self._result = self.on_work(inputs)
-        except Exception as error:  # noqa: BLE001 - handed to the tick thread, which raises it
+        except BaseException as error:  # noqa: BLE001 - handed to the tick thread, which tells it
             self._failure = error
+        self._done = True  # before the wake-up: the thread may still be alive when the loop looks
         self.wake_up()
 
     def on_running(self) -> int:
         """Look whether the thread is done; what it raised is raised here."""
-        thread = self._thread
-        if thread is not None and thread.is_alive():
+        if not self._done:
             return RUNNING
         self._thread = None
-        if self._failure is not None:
+        if isinstance(self._failure, Exception):
             raise self._failure
+        if self._failure is not None:
+            raise self.error(f"its on_work() ended with {self._failure!r}")
         if self._result not in (SUCCESS, FAILURE, SKIPPED):
             raise self.error(f"its on_work() returned {self._result!r}; SUCCESS, FAILURE or SKIPPED are accepted")
         return self._result
