@@ -32,7 +32,7 @@ class PhysicsParameters:
     gripper_speed: float = 0.2
     finger_stiffness: float = 3e5
     finger_damping: float = 1e4
-    finger_spinning_friction: float = 0.01
+    finger_spinning_friction: float = 0.02
     finger_gear_force: float = 50.0
     finger_gear_erp: float = 0.1
 
