@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,11 +72,11 @@ def load_python_tree(path: Path) -> Node:
     """Return what the ``build()`` of a Python file returns.
 
     Raises:
-        TreeLoadError: the file does not exist, fails to run, or defines no ``build()``.
+        TreeLoadError: the file does not exist, fails to run or ends the program, or defines no ``build()``.
     """
 
-    def fail(message: str) -> TreeLoadError:
-        return TreeLoadError([Problem(str(path), 0, "", "", message)])
+    def fail(message: str, line: int = 0) -> TreeLoadError:
+        return TreeLoadError([Problem(str(path), line, "", "", message)])
 
     if not path.is_file():
         raise fail("the tree file does not exist")
@@ -92,13 +93,22 @@ def load_python_tree(path: Path) -> Node:
         root = build()
     except TreeLoadError:
         raise
-    except Exception as error:
-        raise fail(f"it fails with {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise fail(f"it fails with {type(error).__name__}: {error}", _line_in(error, path)) from error
     finally:
         del sys.modules[specification.name]
     if not isinstance(root, Node):
         raise fail(f"its build() returned {root!r}; a node is expected")
     return root
+
+
+def _line_in(error: BaseException, path: Path) -> int:
+    """The last line of the file that the error has passed; 0 where it has passed none."""
+    file = path.resolve()
+    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).resolve() == file:
+        return error.lineno or 0
+    frames = traceback.extract_tb(error.__traceback__)
+    return next((f.lineno or 0 for f in reversed(frames) if Path(f.filename).resolve() == file), 0)
 
 
 class _Adopter(Builder):

@@ -174,3 +174,24 @@ def test_a_python_tree_that_does_not_build_says_why(source: str, message: str, t
     path.write_text(source)
     with pytest.raises(TreeLoadError, match=message):
         load_tree(path)
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("import sys\nsys.exit(3)\n", "2: it fails with SystemExit: 3"),
+        (
+            "def build():\n    return inner()\n\ndef inner():\n    raise SystemExit('enough')\n",
+            "5: it fails with SystemExit",
+        ),
+        ("x = 1\nraise OSError('broken')\n", "2: it fails with OSError: broken"),
+        ("import json\ndef build():\n    json.loads('{')\n", "3: it fails with JSONDecodeError"),
+        ("x = 1\ndef build(:\n", "2: it fails with SyntaxError"),
+    ],
+)
+def test_a_python_tree_that_raises_or_exits_is_told_with_file_and_line(source: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "tree.py"
+    path.write_text(source)
+    with pytest.raises(TreeLoadError) as caught:
+        load_tree(path)
+    assert str(caught.value).startswith(f"{path}:{told}")
