@@ -94,6 +94,8 @@ def parse_document(text: str, source: str) -> Document:
     try:
         loader = _Loader(text)
         root = loader.get_single_node()
+        if root is None:
+            origins[()] = (source, None)
         if root is not None:
             _record(root, (), source, origins, problems, set())
         data = {} if root is None or problems else loader.construct_document(root)

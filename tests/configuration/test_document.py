@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, parse_document, read_document
+from bestman_bt.configuration import ConfigurationError, load_task, parse_document, read_document
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.scene import load_scene
 
 BELOW = """\
 a: 1
@@ -84,3 +86,14 @@ def test_an_empty_file_is_an_empty_mapping(tmp_path: Path) -> None:
     path = tmp_path / "x.yaml"
     path.write_text("")
     assert read_document(path).data == {}
+
+
+@pytest.mark.parametrize("text", ["", "# nothing but a comment\n"])
+def test_what_is_missing_in_an_empty_file_is_told_with_the_name_of_the_file(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "x.yaml"
+    path.write_text(text)
+    assert str(read_document(path).problem(("tree",), "is missing")) == f"{path}: tree: is missing"
+    for load in (load_task, load_scene, load_robot_model):
+        with pytest.raises(ConfigurationError) as error:
+            load(path)
+        assert all(str(problem).startswith(f"{path}: ") for problem in error.value.problems)
