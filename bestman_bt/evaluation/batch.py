@@ -63,7 +63,7 @@ def _run_all(configs: Sequence[RunConfig], jobs: int, folder: Path | None) -> Ge
                 yield future.result()
         except (GeneratorExit, KeyboardInterrupt):
             for worker in set(multiprocessing.active_children()) - others:
-                worker.terminate()
+                worker.kill()  # SIGTERM would only cancel the episode that it runs
             raise
 
 

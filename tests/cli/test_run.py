@@ -139,17 +139,31 @@ def test_ctrl_c_ends_a_run_as_cancelled(driving: tuple[Program, Path], folder: P
     assert_cancelled(program.answer(), folder, "interrupted from the keyboard")
 
 
-def test_ctrl_c_ends_an_evaluation_and_what_was_done_is_summarised(folder: Path) -> None:
+def test_ctrl_c_ends_an_evaluation_on_two_processes_and_what_was_done_is_summarised(folder: Path) -> None:
     (folder / "look.xml").write_text(LOOK)
     program = Program(
-        *("eval", "fetch_cup", "--set", "tree=look.xml", "--episodes", "50", "--runs", "runs", "--json"), folder=folder
+        *(
+            "eval",
+            "fetch_cup",
+            "--set",
+            "tree=look.xml",
+            "--episodes",
+            "200",
+            "--jobs",
+            "2",
+            "--runs",
+            "runs",
+            "--json",
+        ),
+        folder=folder,
     )
-    wait_for(folder, "runs/*-fetch_cup-2/transitions.btlog")
+    wait_for(folder, "runs/*-fetch_cup-4/transitions.btlog")
     program.interrupt()
-    answer = program.answer()
+    answer = program.answer(timeout=20.0)
     assert answer.code == 130
-    assert 2 <= answer.document["episodes"] < 50
+    assert 2 <= answer.document["episodes"] < 100
     assert answer.document["false_successes"] == answer.document["episodes"]
+    assert "Traceback" not in answer.err
 
 
 def test_a_stop_leaves_the_robot_at_rest(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,23 @@ class Break(Skill):
     def execute(self) -> Steps:
         self.skills.clock.every(0.1, lambda: 1 / 0)
         yield self.skills.head.move_to([0.5, 0.5])
+'''
+STOP = '''
+import os
+import signal
+
+from bestman_bt.engine import RUNNING, StatefulAction
+
+
+class Stop(StatefulAction):
+    """Asks for its own end."""
+
+    def on_start(self) -> int:
+        os.kill(os.getpid(), signal.SIGINT)
+        return RUNNING
+
+    def on_running(self) -> int:
+        return RUNNING
 '''
 DOCUMENT = [
     "task", "episodes", "first_seed", "succeeded", "success_rate", "interval", "audit_clean", "false_successes",
@@ -86,6 +105,28 @@ def test_an_episode_that_breaks_counts_as_failed_with_its_cause_and_the_batch_go
     ]
     for folder in (tmp_path / "runs").iterdir():
         assert json.loads((folder / "result.json").read_text())["outcome"] == "error"
+
+
+def test_an_interrupt_ends_the_batch_and_what_was_done_is_summarised(look: Path) -> None:
+    def interrupt(_: RunResult) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        document = run_batch(load_run("fetch_cup", tree=look, seed=3), 5, on_result=interrupt)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert document["episodes"] == 1
+
+
+def test_an_episode_that_is_stopped_ends_the_batch_and_does_not_count(tmp_path: Path) -> None:
+    """As ``bestman-bt stop`` does: a robot that somebody stopped must not start anew."""
+    (tmp_path / "stop.py").write_text(STOP)
+    (tmp_path / "stop.xml").write_text(BROKEN.replace("Break", "Stop"))
+    config = load_run("fetch_cup", tree=tmp_path / "stop.xml", seed=3, plugins=[str(tmp_path / "stop.py")])
+    assert run_batch(config, 5, folder=tmp_path / "runs")["episodes"] == 0
+    (stopped,) = (tmp_path / "runs").iterdir()
+    assert json.loads((stopped / "result.json").read_text())["outcome"] == "cancelled"
 
 
 def test_what_is_wrong_with_the_task_is_told_before_the_first_episode(tmp_path: Path) -> None:
