@@ -1,0 +1,93 @@
+"""The judge looks at the truth, whatever the tree says; a success needs both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import load_run
+from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.result import Outcome, RunResult
+
+COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
+GOAL_IN_THE_MIDDLE = (
+    "scene.goals.place.region.x=[-0.12, -0.12]",
+    "scene.goals.place.region.y=[0, 0]",
+    "scene.goals.place.clearance=null",
+)
+
+
+def judged(leaf: str, folder: Path, *settings: str) -> RunResult:
+    """Run a tree of one leaf where the goal is 12 cm before the middle of the counter."""
+    tree = folder / "tree.xml"
+    tree.write_text(f'<root BTCPP_format="4"><BehaviorTree ID="Main">{leaf}</BehaviorTree></root>')
+    return run_episode(
+        load_run("fetch_cup", tree=tree, seed=1, settings=[*COUNTER_AS_MAPPED, *GOAL_IN_THE_MIDDLE, *settings])
+    )
+
+
+def cup_at(x: float, y: float) -> tuple[str, ...]:
+    """The cup stands on the counter from the beginning."""
+    return (
+        "scene.objects.cup.surface=counter/top",
+        f"scene.objects.cup.region.x=[{x}, {x}]",
+        f"scene.objects.cup.region.y=[{y}, {y}]",
+        "scene.objects.counter_can=absent",
+        "scene.objects.counter_box=absent",
+    )
+
+
+def test_a_cup_at_its_goal_and_a_tree_that_succeeds_are_a_success(tmp_path: Path) -> None:
+    result = judged("<AlwaysSuccess/>", tmp_path, *cup_at(-0.12, 0.0))
+    assert (result.success, result.outcome, result.predicate, result.failure) == (True, Outcome.SUCCESS, True, None)
+    assert result.metrics["place_error_mm"] == pytest.approx(0.0, abs=0.5)
+    assert result.metrics["tilt_deg"] == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_tree_that_fails_is_no_success_even_where_the_cup_is_at_its_goal(tmp_path: Path) -> None:
+    result = judged("<AlwaysFailure/>", tmp_path, *cup_at(-0.12, 0.0))
+    assert (result.success, result.outcome, result.predicate) == (False, Outcome.FAILURE, True)
+    assert result.failure is not None
+    assert result.failure.why == "the tree failed and no skill has told why"
+
+
+@pytest.mark.parametrize(("off", "success"), [(0.018, True), (0.022, False)])
+def test_two_centimetres_are_near_enough(tmp_path: Path, off: float, success: bool) -> None:
+    result = judged("<AlwaysSuccess/>", tmp_path, *cup_at(-0.12, off))
+    assert result.success is success
+    assert result.metrics["place_error_mm"] == pytest.approx(1e3 * off, abs=0.5)
+    assert (result.failure is None) is success
+    if result.failure is not None:
+        assert result.failure.why == "the cup is 22 mm from the goal"
+
+
+def test_a_cup_that_was_left_where_it_was_is_judged_in_words(tmp_path: Path) -> None:
+    result = judged("<AlwaysSuccess/>", tmp_path)
+    assert result.tree_status == "SUCCESS"
+    assert not result.success
+    assert result.failure is not None
+    assert (result.failure.node, result.failure.error_code) == ("judge", "predicate")
+    assert "mm from the goal, not standing on the counter" in result.failure.why
+
+
+def test_a_scene_without_the_cup_cannot_be_a_success(tmp_path: Path) -> None:
+    result = judged("<AlwaysSuccess/>", tmp_path, "scene.objects.cup=absent")
+    assert not result.success
+    assert result.failure is not None
+    assert result.failure.why == "there is no cup in the scene"
+
+
+def test_a_run_that_takes_too_long_has_failed(tmp_path: Path) -> None:
+    result = judged('<NavigateTo goal="1.5;-0.4;0"/>', tmp_path, "time_limit=1 s")
+    assert (result.outcome, result.tree_status) == (Outcome.FAILURE, "IDLE")
+    assert result.failure is not None
+    assert (result.failure.error_code, result.failure.why) == ("timeout", "not done within 1 s")
+
+
+def test_too_deep_a_contact_fails_a_run_that_was_a_success_otherwise(tmp_path: Path) -> None:
+    result = judged("<AlwaysSuccess/>", tmp_path, *cup_at(-0.12, 0.0), "max_penetration=0 mm")
+    assert (result.tree_status, result.predicate, result.success) == ("SUCCESS", True, False)
+    assert result.failure is not None
+    assert result.failure.node == "audit"
+    assert "overlap by" in result.failure.why
