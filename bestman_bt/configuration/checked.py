@@ -73,7 +73,18 @@ def _problem(document: Document, fault: dict[str, Any]) -> Problem:
         case "quantity":
             return document.problem(path, str(fault["msg"]))
     message = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input ")
-    return document.problem(path, f"{message}, got {fault['input']!r}")
+    return document.problem(path, f"{message}, got {_written(document, path, fault['input'])!r}")
+
+
+def _written(document: Document, path: FieldPath, converted: Any) -> Any:
+    """The value at ``path`` as it was written: ``-2 mm`` where a check has been given -0.002."""
+    value: Any = document.data
+    for key in path:
+        try:
+            value = value[key]
+        except (KeyError, IndexError, TypeError):
+            return converted
+    return value
 
 
 def _unknown_fields(data: Any, annotation: Any, path: FieldPath) -> list[tuple[FieldPath, str]]:

@@ -14,6 +14,7 @@ from bestman_bt.registry import suggestion
 from bestman_bt.scene.bodies import read_furniture, read_object
 from bestman_bt.scene.scene import FurnitureModel, Surface
 from bestman_bt.scene.scene_config import SceneFile
+from bestman_bt.scene.scene_faults import scene_faults
 
 _ABSENT = "absent"
 _REMOVABLE = ("furniture", "objects", "goals")
@@ -84,7 +85,7 @@ def _without_absent(document: Document) -> Document:
 
 
 def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
-    problems: list[Problem] = []
+    problems = list(scene_faults(file, document))
     furniture: dict[str, FurnitureModel] = {}
     models: dict[str, ObjectModel] = {}
     goal_models: dict[str, ObjectModel] = {}

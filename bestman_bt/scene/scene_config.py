@@ -11,6 +11,7 @@ from bestman_bt.configuration.quantity import (
     Angle,
     Angles3,
     Color,
+    Distance,
     Friction,
     Length,
     Lengths3,
@@ -107,7 +108,7 @@ class FurniturePlacement:
 
     model: str
     at: tuple[Length, Length, Angle]
-    offset: Length = 0.03
+    offset: Distance = 0.03
     turn: Angle = _TWO_DEGREES
 
 
@@ -136,8 +137,8 @@ class GoalPlacement:
     model: str
     surface: str
     region: RegionConfig
-    margin: Length = 0.1
-    clearance: Length | None = 0.12
+    margin: Distance = 0.1
+    clearance: Distance | None = 0.12
 
 
 @dataclass(frozen=True)
@@ -153,8 +154,8 @@ class SceneFile:
     objects: Mapping[str, ObjectPlacement]
     robot_start: RegionConfig
     goals: Mapping[str, GoalPlacement] = field(default_factory=dict)
-    clearance: Length = 0.08
-    start_clearance: Length = 0.45
+    clearance: Distance = 0.08
+    start_clearance: Distance = 0.45
     finger_friction: Friction | None = None
     extends: str | None = None
     description: str = ""

@@ -105,3 +105,37 @@ def test_the_cup_looks_hollow_and_collides_as_a_solid() -> None:
     material = float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6  # positive: every face turns outwards
     solid = np.pi * 0.033**2 * 0.100
     assert 0.05 * solid < material < 0.35 * solid
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (
+            "objects: {table: {model: cup, surface: table, at: [0, 0, 0]}}\n",
+            "objects.table: the name 'table' is taken by a piece of furniture; choose another",
+        ),
+        (
+            "objects: {robot: {model: cup, surface: table, at: [0, 0, 0]}}\n",
+            "objects.robot: the name 'robot' is taken: ",
+        ),
+        ("furniture: {wall_0: {model: table, at: [1, 1, 0]}}\n", "furniture.wall_0: the name 'wall_0' is taken: "),
+        (
+            "objects: {cup: {region: {x: [12 cm, -28 cm]}}}\n",
+            "objects.cup.region.x: the smaller limit comes first: [-28 cm, 12 cm], got [12 cm, -28 cm]",
+        ),
+        (
+            "goals: {place: {region: {yaw: [90 deg, 0]}}}\n",
+            "goals.place.region.yaw: the smaller limit comes first: [0, 90 deg], got [90 deg, 0]",
+        ),
+        ("robot_start: {y: [1, -1.5]}\n", "robot_start.y: the smaller limit comes first: [-1.5, 1], got [1, -1.5]"),
+        (
+            "walls: {lines: [[[0, 0], [0, 0]]]}\n",
+            "walls.lines[0]: a wall needs two different ends, got [[0, 0], [0, 0]]",
+        ),
+        ("clearance: -8 cm\n", "clearance: should be greater than or equal to 0, got '-8 cm'"),
+    ],
+)
+def test_what_no_world_can_be_made_of_is_refused_with_its_place(text: str, told: str, tmp_path: Path) -> None:
+    path = variant(tmp_path, text)
+    (problem,) = problems(path)
+    assert problem.startswith(f"{path}:2: {told}")

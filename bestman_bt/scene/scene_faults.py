@@ -1,0 +1,57 @@
+"""What types cannot tell of a scene's file: names that clash, ranges the wrong way round, walls without a length."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from bestman_bt.configuration import Document, Problem
+from bestman_bt.scene.scene_config import RegionConfig, SceneFile
+
+_WALL = re.compile(r"wall_\d+")
+_RESERVED = ("robot", "fingers", "floor")
+
+
+def scene_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
+    """All faults of a scene's file, each at the line that is at fault."""
+    yield from _name_faults(file, document)
+    regions = {("objects", name, "region"): placement.region for name, placement in file.objects.items()}
+    regions |= {("goals", name, "region"): goal.region for name, goal in file.goals.items()}
+    regions[("robot_start",)] = file.robot_start
+    for path, region in regions.items():
+        if region is not None:
+            yield from _range_faults(region, path, document)
+    for index, (start, end) in enumerate(file.walls.lines):
+        if start == end:
+            message = f"a wall needs two different ends, got {_written(document, 'walls', 'lines', index)}"
+            yield document.problem(("walls", "lines", index), message)
+
+
+def _name_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
+    """Contacts are told by name, so each body needs one of its own."""
+    for kind, names in (("furniture", file.furniture), ("objects", file.objects)):
+        for name in names:
+            if name in _RESERVED or _WALL.fullmatch(name):
+                message = f"the name {name!r} is taken: {', '.join(_RESERVED)} and wall_0, wall_1, … have a meaning"
+                yield document.problem((kind, name), f"{message} of their own; choose another")
+            elif kind == "objects" and name in file.furniture:
+                message = f"the name {name!r} is taken by a piece of furniture; choose another"
+                yield document.problem((kind, name), message)
+
+
+def _range_faults(region: RegionConfig, path: tuple[str, ...], document: Document) -> Iterator[Problem]:
+    for axis in ("x", "y", "yaw"):
+        lower, upper = getattr(region, axis)
+        if lower > upper:
+            first, second = _written(document, *path, axis)
+            message = f"the smaller limit comes first: [{second}, {first}], got [{first}, {second}]"
+            yield document.problem((*path, axis), message)
+
+
+def _written(document: Document, *path: str | int) -> Any:
+    """The value at ``path`` as it stands in the file."""
+    value: Any = document.data
+    for key in path:
+        value = value[key]
+    return value
