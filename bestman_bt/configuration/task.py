@@ -6,16 +6,20 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
+
+from pydantic import Field
 
 from bestman_bt.configuration.checked import check
 from bestman_bt.configuration.data import data_names, find_data
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.configuration.quantity import Angle, Frequency, Length, Time
+from bestman_bt.configuration.quantity import Frequency, PositiveAngle, PositiveLength, PositiveTime, Time
+from bestman_bt.registry import suggestion
 
 T = TypeVar("T")
 _TEN_DEGREES = math.radians(10.0)
+TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about a millisecond
 
 
 @dataclass(frozen=True)
@@ -35,9 +39,9 @@ class GoalConfig:
 class TolerancesConfig:
     """How near a success has to come: metres, radians (``yaw`` None: any), seconds of rest before it is judged."""
 
-    position: Length = 0.02
-    tilt: Angle = _TEN_DEGREES
-    yaw: Angle | None = None
+    position: PositiveLength = 0.02
+    tilt: PositiveAngle = _TEN_DEGREES
+    yaw: PositiveAngle | None = None
     rest_time: Time = 1.0
 
 
@@ -46,7 +50,8 @@ class TaskConfig:
     """A task.
 
     ``predicate``: the name of the success predicate. ``allowed_contacts``: pairs that may touch, each an object, a
-    piece of furniture or ``fingers``. ``max_penetration``: metres. ``time_limit``: simulated seconds.
+    piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``: metres. ``time_limit``:
+    simulated seconds. ``tick_rate``: hertz, 1000 at most.
     ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default.
     """
 
@@ -57,9 +62,9 @@ class TaskConfig:
     predicate: str | None = None
     tolerances: TolerancesConfig = field(default_factory=TolerancesConfig)
     allowed_contacts: tuple[tuple[str, str], ...] = ()
-    max_penetration: Length = 0.002
-    time_limit: Time = 300.0
-    tick_rate: Frequency = 20.0
+    max_penetration: PositiveLength = 0.002
+    time_limit: PositiveTime = 300.0
+    tick_rate: TickRate = 20.0
     algorithms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     plugins: tuple[str, ...] = ()
     description: str = ""
@@ -99,11 +104,14 @@ def load_task(name_or_path: str | Path) -> TaskConfig:
 def check_task(document: Document) -> TaskConfig:
     """A task from its document; raises ConfigurationError."""
     task = check(document, TaskConfig)
-    problems = [
-        document.problem(("algorithms", slot), "'algorithm' is missing: the name of the algorithm")
-        for slot, parameters in task.algorithms.items()
-        if not isinstance(parameters.get("algorithm"), str)
-    ]
+    slots = list(read_document(find_data("algorithms", "default")).data)
+    problems = []
+    for slot, parameters in task.algorithms.items():
+        if slot not in slots:
+            problems.append(document.problem(("algorithms", slot), f"unknown slot; {suggestion(slot, slots)}"))
+        elif not isinstance(parameters.get("algorithm"), str):
+            message = "'algorithm' is missing: the name of the algorithm"
+            problems.append(document.problem(("algorithms", slot), message))
     if problems:
         raise ConfigurationError(problems)
     return task

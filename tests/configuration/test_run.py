@@ -122,11 +122,44 @@ def test_bad_input_is_refused_with_the_remedy(arguments: dict[str, object], mess
     assert message in problem
 
 
-def test_a_slot_without_an_algorithm_is_refused(tmp_path: Path) -> None:
+TASK = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n"
+
+
+@pytest.mark.parametrize(
+    ("algorithms", "message"),
+    [
+        ("{segmentatoin: {algorithm: plane_dbscan}}", "segmentatoin: unknown slot; did you mean 'segmentation'?"),
+        ("{cooking: {heat: 3}}", "cooking: unknown slot; known: collision, global_planning, grasp_pose, "),
+        ("{detection: {algorithm: nope}}", "detection: unknown slot; "),
+        ("{trajectory: {algorithm: 3}}", "trajectory: 'algorithm' is missing: the name of the algorithm"),
+    ],
+)
+def test_a_slot_that_there_is_not_or_without_an_algorithm_is_refused(
+    algorithms: str, message: str, tmp_path: Path
+) -> None:
     path = tmp_path / "mine.yaml"
-    path.write_text("tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\nalgorithms: {cooking: {heat: 3}}\n")
-    found = problems(task=path)
-    assert found == [f"{path}:4: algorithms.cooking: 'algorithm' is missing: the name of the algorithm"]
+    path.write_text(f"{TASK}algorithms: {algorithms}\n")
+    (found,) = problems(task=path)
+    assert found.startswith(f"{path}:4: algorithms.{message}")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("max_penetration: -2 mm", "max_penetration: should be greater than 0, got '-2 mm'"),
+        ("tolerances: {position: -2 cm}", "tolerances.position: should be greater than 0, got '-2 cm'"),
+        ("tolerances: {tilt: -10 deg}", "tolerances.tilt: should be greater than 0, got '-10 deg'"),
+        ("tolerances: {yaw: 0}", "tolerances.yaw: should be greater than 0, got 0"),
+        ("tolerances: {rest_time: -1 s}", "tolerances.rest_time: should be greater than or equal to 0, got '-1 s'"),
+        ("time_limit: 0 s", "time_limit: should be greater than 0, got '0 s'"),
+        ("tick_rate: 0", "tick_rate: should be greater than 0, got 0"),
+        ("tick_rate: 1.5 kHz", "tick_rate: should be less than or equal to 1000, got '1.5 kHz'"),
+    ],
+)
+def test_a_limit_that_nothing_could_keep_is_refused(line: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"{TASK}{line}\n")
+    assert problems(task=path) == [f"{path}:4: {message}"]
 
 
 def test_parameters_of_an_algorithm_are_checked_against_its_dataclass() -> None:
