@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -50,6 +52,7 @@ def prepare(config: RunConfig) -> Setup:
     )
     setup = Setup(config, registry, robot_model, world, world_model)
     problems = [*_driver_problems(config), *_robot_problems(setup), *_goal_problems(setup)]
+    problems += _contact_problems(setup)
     if problems:
         raise ConfigurationError(problems)
     load_for(setup)
@@ -117,3 +120,18 @@ def _goal_problems(setup: Setup) -> Iterable[Problem]:
     ):
         if value not in names:
             yield config.problem(("goal", field), f"{what} {value!r}; {suggestion(value, names)}")
+
+
+def _contact_problems(setup: Setup) -> Iterable[Problem]:
+    """``allowed_contacts`` name bodies of the world, parts of the robot, or what the robot may be asked to fetch."""
+    known, robot = setup.world_model, ElementTree.fromstring(setup.robot_model.urdf)
+    walls = [f"wall_{index}" for index in range(len(setup.world.walls))]
+    names = [*known.models, *known.map.furniture, "floor", *walls, "fingers", "robot"]
+    links = [link.get("name", "") for link in robot.iter("link")]
+    for index, pair in enumerate(setup.config.task.allowed_contacts):
+        for side, name in enumerate(pair):
+            if name not in names and name not in links:
+                close = get_close_matches(name, [*names, *links], n=1)
+                remedy = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)} and the robot's links"
+                message = f"there is no object, piece of furniture or link {name!r}; {remedy}"
+                yield setup.config.problem(("allowed_contacts", index, side), message)

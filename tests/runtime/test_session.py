@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import bestman_bt
@@ -62,3 +64,29 @@ def test_a_tree_made_of_python_nodes_runs_in_a_session() -> None:
 def test_an_unknown_driver_is_refused_before_anything_starts() -> None:
     with pytest.raises(ConfigurationError, match="unknown robot driver 'pybulet'; did you mean 'pybullet'"):
         prepare(load_run("fetch_cup", driver="pybulet"))
+
+
+@pytest.mark.parametrize(
+    ("pair", "side", "told"),
+    [
+        ("[cup, tabel]", 1, "there is no object, piece of furniture or link 'tabel'; did you mean 'table'?"),
+        ("[fingrs, cup]", 0, "there is no object, piece of furniture or link 'fingrs'; did you mean 'fingers'?"),
+        ("[cup, xyz]", 1, "there is no object, piece of furniture or link 'xyz'; known: "),
+    ],
+)
+def test_a_contact_allowed_with_what_there_is_not_is_refused_with_its_line(
+    pair: str, side: int, told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\nallowed_contacts:\n  - {pair}\n")
+    with pytest.raises(ConfigurationError) as error:
+        prepare(load_run(path))
+    (problem,) = error.value.problems
+    assert str(problem).startswith(f"{path}:5: allowed_contacts[0][{side}]: {told}")
+
+
+def test_contacts_may_be_allowed_with_walls_the_robot_and_its_links(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    pairs = "[[robot, wall_0], [floor, can], [panda_hand, counter], [fingers, counter_box]]"
+    path.write_text(f"tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\nallowed_contacts: {pairs}\n")
+    assert len(prepare(load_run(path)).config.task.allowed_contacts) == 4
