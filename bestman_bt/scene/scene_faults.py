@@ -16,9 +16,9 @@ _RESERVED = ("robot", "fingers", "floor")
 def scene_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
     """All faults of a scene's file, each at the line that is at fault."""
     yield from _name_faults(file, document)
-    regions = {("objects", name, "region"): placement.region for name, placement in file.objects.items()}
+    regions: dict[tuple[str, ...], RegionConfig | None] = {("robot_start",): file.robot_start}
+    regions |= {("objects", name, "region"): placement.region for name, placement in file.objects.items()}
     regions |= {("goals", name, "region"): goal.region for name, goal in file.goals.items()}
-    regions[("robot_start",)] = file.robot_start
     for path, region in regions.items():
         if region is not None:
             yield from _range_faults(region, path, document)
