@@ -86,7 +86,7 @@ def test_a_run_that_takes_too_long_has_failed(tmp_path: Path) -> None:
 
 
 def test_too_deep_a_contact_fails_a_run_that_was_a_success_otherwise(tmp_path: Path) -> None:
-    result = judged("<AlwaysSuccess/>", tmp_path, *cup_at(-0.12, 0.0), "max_penetration=0 mm")
+    result = judged("<AlwaysSuccess/>", tmp_path, *cup_at(-0.12, 0.0), "max_penetration=0.001 mm")
     assert (result.tree_status, result.predicate, result.success) == ("SUCCESS", True, False)
     assert result.failure is not None
     assert result.failure.node == "audit"
