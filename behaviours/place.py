@@ -121,7 +121,10 @@ class PlaceOn(Skill):
 class Release(Skill):
     """Open the hand slowly, and believe that the object stands where the hand has left it."""
 
-    INPUT_PORTS: ClassVar = {"object": PortInformation(str, description="the held object")}
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the held object"),
+        "surface": PortInformation(str, required=False, description="the surface below it, to look for it there later"),
+    }
     DECLARATION = Declaration(
         pre=("lowered({object}, {pose})",), effects=("not holding({object})", "at({object}, {pose})")
     )
@@ -135,7 +138,7 @@ class Release(Skill):
         map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
         skills.world.held = None
         skills.world.objects[held.name] = ObjectBelief(
-            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now()
+            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.get_input("surface")
         )
         yield skills.gripper.release()
 

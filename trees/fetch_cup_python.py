@@ -76,7 +76,7 @@ def place() -> Node:
             LookAt(surface="{surface}", point="{goal}"),
             FindPlacePose(object="{object}", surface="{surface}", goal="{goal}", pose="{place_pose}"),
             PlaceOn(object="{object}", pose="{place_pose}"),
-            Release(object="{object}"),
+            Release(object="{object}", surface="{surface}"),
             Retreat(posture="carry"),
         ],
     )
@@ -85,11 +85,17 @@ def place() -> Node:
 
 def verify() -> Node:
     """Look whether the object stands where it should."""
-    return Sequence(
-        "verify",
+    look = Sequence(
+        "look",
         [
             LookAt(surface="{surface}", point="{goal}"),
             DetectObject(object="{object}", surface="{surface}"),
+        ],
+    )
+    return Sequence(
+        "verify",
+        [
+            RetryUntilSuccessful("try_looks", [look], num_attempts=2),
             ObjectAt(object="{object}", goal="{goal}", tolerance=0.015),
         ],
     )

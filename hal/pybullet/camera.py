@@ -14,6 +14,9 @@ from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.simulation import Simulation
 
 DEPTH_STEP = 0.001
+NUDGE = 1e-4
+"""Metres: at rare poses TinyRenderer draws nothing, a black frame; a tenth of a millimetre further on it draws."""
+ATTEMPTS = 4
 EDGE_CURVATURE = 0.03
 
 
@@ -59,18 +62,21 @@ def render(reader: Reader, map_from_optical: Pose, model: CameraModel) -> tuple[
     """Exact colour (H, W, 3) and depth (H, W) metres, 0 beyond ``far``, as a pinhole with these intrinsics sees."""
     k = model.intrinsics
     rotation = map_from_optical.rotation
-    eye, forward, up = map_from_optical.position, rotation[:, 2], -rotation[:, 1]
-    view = pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
-    image = reader.getCameraImage(
-        k.width,
-        k.height,
-        viewMatrix=view,
-        projectionMatrix=projection_matrix(k, model.near, model.far),
-        shadow=0,
-        renderer=pybullet.ER_TINY_RENDERER,
-    )
-    rgb = np.asarray(image[2], dtype=np.uint8).reshape(k.height, k.width, 4)[..., :3]
-    buffer = np.asarray(image[3], dtype=np.float64).reshape(k.height, k.width)
+    forward, up = rotation[:, 2], -rotation[:, 1]
+    for attempt in range(ATTEMPTS):
+        eye = map_from_optical.position + attempt * NUDGE * forward
+        image = reader.getCameraImage(
+            k.width,
+            k.height,
+            viewMatrix=pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist()),
+            projectionMatrix=projection_matrix(k, model.near, model.far),
+            shadow=0,
+            renderer=pybullet.ER_TINY_RENDERER,
+        )
+        rgb = np.asarray(image[2], dtype=np.uint8).reshape(k.height, k.width, 4)[..., :3]
+        buffer = np.asarray(image[3], dtype=np.float64).reshape(k.height, k.width)
+        if rgb.any() or (buffer < 1.0).any():
+            break
     depth = model.far * model.near / (model.far - (model.far - model.near) * buffer)
     return rgb, np.where(buffer < 1.0, depth, 0.0)
 
