@@ -1,4 +1,4 @@
-"""Steps that several arm skills share: moving freely, following a straight path, opening the hand."""
+"""Steps that several arm skills share: moving freely, following a straight path."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.skill import Skill, Steps
-from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene, hand_links
+from bestman_bt.manipulation.collision import CollisionWorld, hand_links
 from bestman_bt.manipulation.motion_planning import Upright
 from bestman_bt.manipulation.trajectory import SpeedScale
 
@@ -24,7 +24,7 @@ def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
     return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
 
 
-def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], scene: PlanningScene | None = None) -> Steps:
+def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]]) -> Steps:
     """Plan around everything that is believed to one of ``goals``, each (n,) radians, and go there.
 
     What is held stays upright within 25°, if it is now.
@@ -36,7 +36,7 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], scene: Plannin
         upright = Upright(skills.algorithms.kinematics, skills.world.held.tool_from_object, MAX_HELD_TILT)
         constraint = upright if upright.satisfied(start) else None
         speed = CARRYING_SPEED
-    world = skills.arm_world(scene or skills.planning_scene())
+    world = skills.arm_world(skills.planning_scene())
     timed = yield skill.compute(
         "motion_planning",
         skills.algorithms.motion_planning.plan,
@@ -60,8 +60,3 @@ def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, 
         "trajectory", skills.algorithms.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
     )
     yield skills.arm.follow(trajectory)
-
-
-def open_hand(skills: SkillContext, width: float | None = None, speed: float | None = None) -> Steps:
-    """Open the hand to ``width`` metres (fully by default) at ``speed`` m/s."""
-    yield skills.gripper.open(width, speed)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, hand_contacts, move_free, open_hand
+from behaviours.arm_motion import follow_path, hand_contacts, move_free
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
@@ -113,7 +113,7 @@ class Grasp(Skill):
         grasp, rest = grasps[0], grasps[1:]
         self.set_output("grasps", rest)
         skills.world.held = None
-        yield from open_hand(skills, grasp.candidate.opening)
+        yield skills.gripper.open(grasp.candidate.opening)
         yield from move_free(self, [grasp.approach.pre])
         contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
         yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
@@ -122,7 +122,7 @@ class Grasp(Skill):
         try:
             self._check_held(grasp.candidate.width)
         except SkillFailure:
-            yield from open_hand(skills, grasp.candidate.opening)
+            yield skills.gripper.open(grasp.candidate.opening)
             yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
             raise
         tool_from_object = self._tool_from_object(grasp)

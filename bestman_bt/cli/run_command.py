@@ -48,7 +48,7 @@ def command(
 def execute(setup: Setup, runs: Path, pictures: bool, gui: bool = False) -> RunResult:
     """Run with a live view, print the summary, and return the result."""
     folder = make_run_folder(setup.config, runs)
-    with RunView(setup.config.name, quiet=False) as view:
+    with RunView(setup.config.name) as view:
         result = run_episode(setup, folder, pictures, view.watch, gui)
     summary(result, setup, folder)
     return result

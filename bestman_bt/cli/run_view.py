@@ -23,9 +23,8 @@ CONSOLE = Console(stderr=True)
 class RunView:
     """Shows a running tree: redrawn in place on a terminal, one line per event elsewhere."""
 
-    def __init__(self, title: str, quiet: bool = False) -> None:
+    def __init__(self, title: str) -> None:
         self._title = title
-        self._quiet = quiet
         self._live: Live | None = None
 
     def __enter__(self) -> RunView:
@@ -42,13 +41,13 @@ class RunView:
         shown = LiveTree(describe_tree(tree), self._title)
         clock, start, wall_start = session.robot.clock, session.robot.clock.now(), time.perf_counter()
         on_terminal = CONSOLE.is_terminal
-        if on_terminal and not self._quiet:
+        if on_terminal:
             self._live = Live(shown, console=CONSOLE, auto_refresh=False, vertical_overflow="crop")
             self._live.start()
 
         def on_changes(changes: StateChanges) -> None:
             for event in shown.apply(describe_changes(tree, changes)):
-                if not on_terminal and not self._quiet:
+                if not on_terminal:
                     CONSOLE.print(str(event), highlight=False, markup=False, soft_wrap=True)
 
         drawn = 0.0
