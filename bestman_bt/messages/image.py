@@ -12,7 +12,11 @@ from bestman_bt.messages.frozen_array import frozen_array
 
 @dataclass(frozen=True)
 class CameraIntrinsics:
-    """Pinhole model: sizes, focal lengths and principal point in pixels (pixel centres at whole numbers)."""
+    """Pinhole model: sizes, focal lengths and principal point in pixels (pixel centres at whole numbers).
+
+    ``distortion``: of the lens, OpenCV's (k1, k2, p1, p2, k3) or nothing; empty means an ideal or rectified image,
+    which is all that algorithms accept: the sensor rectifies.
+    """
 
     width: int
     height: int
@@ -20,6 +24,7 @@ class CameraIntrinsics:
     fy: float
     cx: float
     cy: float
+    distortion: tuple[float, ...] = ()
 
     @property
     def matrix(self) -> NDArray[np.float64]:

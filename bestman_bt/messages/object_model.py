@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages.pose import Pose
 from bestman_bt.messages.shapes import Box, Cylinder, Mesh, PlacedShape, Sphere
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectGrasp:
+    """A grasp found beforehand: ``object_from_tool`` (z leaves the hand, y closes), metres between the fingers where
+    they touch, and ``quality`` 0 to 1.
+    """
+
+    object_from_tool: Pose
+    width: float
+    quality: float
 
 
 @dataclass(frozen=True)
@@ -16,7 +28,8 @@ class ObjectModel:
 
     ``color``: rgb, each 0 to 1. ``mass``: kg. ``friction``: lateral coefficient. ``collision``: solid parts;
     ``visual``: what a camera sees (empty: the collision shapes). ``symmetry_order``: rotations about z that look
-    the same: 1 none, 2 half turns, 4 quarter turns, 0 any angle (a body of revolution).
+    the same: 1 none, 2 half turns, 4 quarter turns, 0 any angle (a body of revolution). ``visual_colors``: rgb of each
+    visual shape; empty: all have ``color``. ``grasps``: antipodal grasps found beforehand, best first; may be empty.
     """
 
     name: str
@@ -26,6 +39,8 @@ class ObjectModel:
     collision: tuple[PlacedShape, ...]
     visual: tuple[PlacedShape, ...] = ()
     symmetry_order: int = 1
+    visual_colors: tuple[tuple[float, float, float], ...] = ()
+    grasps: tuple[ObjectGrasp, ...] = field(default=(), compare=False)
 
     def bounds(self) -> NDArray[np.float64]:
         """The bounding box of the collision shapes in the object frame: (2, 3), lower and upper corner, metres."""

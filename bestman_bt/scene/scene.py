@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape, Pose, Pose2D
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,33 @@ class Surface:
     size: tuple[float, float]
 
 
+@dataclass(frozen=True, eq=False)
+class Articulation:
+    """A door or drawer: what moves, about or along which axis, and what it is pulled by.
+
+    All in the furniture frame, while closed.
+
+    ``origin``: (3,) metres, a point on the axis; ``axis``: (3,) unit; the joint opens in its positive sense, from 0 to
+    ``upper`` (radians or metres). ``friction``: N m or N that the joint resists with. ``handle``: its true handle.
+    """
+
+    name: str
+    kind: JointKind
+    origin: tuple[float, float, float]
+    axis: tuple[float, float, float]
+    upper: float
+    parts: tuple[PlacedShape, ...]
+    colors: tuple[tuple[float, float, float, float], ...]
+    mass: float
+    friction: float
+    handle: Handle
+
+
 @dataclass(frozen=True)
 class FurnitureModel:
     """A piece of furniture; its frame lies on the floor at the centre of the footprint, the front faces -x.
 
-    ``footprint``: (x, y) extents in metres. ``parts``: solid shapes with rgba colours beside them.
+    ``footprint``: (x, y) extents in metres. ``parts``: solid shapes that never move, rgba colours beside them.
     """
 
     name: str
@@ -41,6 +63,7 @@ class FurnitureModel:
     colors: tuple[tuple[float, float, float, float], ...]
     surfaces: tuple[Surface, ...]
     friction: float = 0.8
+    articulations: tuple[Articulation, ...] = ()
 
 
 @dataclass(frozen=True)

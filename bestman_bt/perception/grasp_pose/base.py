@@ -2,24 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Box, Handle, ObjectModel, PlacedShape, PointCloud, Pose
 from bestman_bt.perception.segmentation.base import Cluster
 from bestman_bt.robot_model import GripperModel
 
 
 @dataclass(frozen=True, eq=False)
 class GraspTarget:
-    """What is to be grasped: a box around it, and the model where it is known.
+    """What is to be grasped: a box around it, and what else is known of it; all in one frame whose z points up.
 
-    ``box``: in the frame of the support surface's height, z up. ``model`` and ``frame_from_object``: both or neither.
+    ``model`` and ``frame_from_object``: both or neither. ``cloud``: its measured points, with normals not given.
+    ``viewpoints``: (V, 3) where the cameras stood that measured it. ``surroundings``: (N, 3) points of everything
+    else near it (not the support surface, which is given by its height): the hand must not touch these.
+    ``handle``: where it is a door or a drawer.
     """
 
     box: PlacedShape
     model: ObjectModel | None = None
     frame_from_object: Pose | None = None
+    cloud: PointCloud | None = None
+    viewpoints: NDArray[np.float64] | None = None
+    surroundings: NDArray[np.float64] | None = None
+    handle: Handle | None = None
 
     @classmethod
     def of_model(cls, model: ObjectModel, frame_from_object: Pose) -> GraspTarget:
@@ -41,7 +52,8 @@ class GraspCandidate:
 
     ``pre_grasp``: on the approach line, before the object. ``lift``: above the grasp. ``width``: metres between the
     fingers where they touch. ``opening``: metres to open to before the approach. ``quality``: 0 to 1.
-    ``approach``: ``top`` or ``side``.
+    ``approach``: ``top``, ``side``, or ``handle`` (where ``lift`` is where the opened handle would be after 5 cm).
+    ``clearance``: metres between the open hand at the grasp and the nearest other thing, as far as known.
     """
 
     grasp: Pose
@@ -51,6 +63,7 @@ class GraspCandidate:
     opening: float
     quality: float
     approach: str
+    clearance: float = math.inf
 
 
 class GraspPlanner(ABC):

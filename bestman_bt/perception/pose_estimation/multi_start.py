@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from bestman_bt.messages import Box, ObjectModel, Pose
+from bestman_bt.messages import Box, ObjectModel, Pose, YawSet
 from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
 from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, Evidence, color_distance, judge
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_surface
@@ -123,18 +123,18 @@ class MultiStart(PoseEstimator):
             and logit - other_logit < p.yaw_margin
             and _yaw_difference(fit.yaw - other_fit.yaw, model.symmetry_order) > p.yaw_separation
         ]
+        yaws = [pose.yaw, *alternatives] if model.symmetry_order else []
         return PoseHypothesis(
             model=model,
             pose=pose,
             confidence=1.0 / (1.0 + math.exp(-logit)),
-            position_std=fit.position_std,
-            yaw_std=fit.yaw_std,
+            covariance=np.diag([fit.position_std**2] * 2 + [0.001**2, 0.0, 0.0, fit.yaw_std**2]),
+            yaw_set=YawSet(tuple((yaw, 2.0 * fit.yaw_std) for yaw in yaws)),
             rmse=evidence.rmse,
             explained=evidence.explained,
             visible_fraction=evidence.visible_fraction,
             floating=evidence.floating,
             color_distance=color,
-            yaw_alternatives=tuple(alternatives),
             upright=upright,
         )
 

@@ -1,0 +1,42 @@
+"""Space in cubes: free, occupied, or not yet seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.messages.pose import Pose
+
+VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED = 0, 1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelGrid:
+    """``states``: (X, Y, Z) uint8 of VOXEL_UNKNOWN, VOXEL_FREE, VOXEL_OCCUPIED; ``resolution``: a voxel's edge, metres.
+
+    ``frame_from_grid``: the outer corner of voxel (0, 0, 0); the axes run along the grid. ``stamp``: the latest view's.
+    """
+
+    states: NDArray[np.uint8]
+    resolution: float
+    frame_from_grid: Pose
+    stamp: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "states", frozen_array(self.states, (None, None, None), "VoxelGrid states", np.uint8))
+
+    def centres(self, state: int) -> NDArray[np.float64]:
+        """Centres (N, 3) of all voxels in ``state``, metres, in the frame."""
+        indices = np.argwhere(self.states == state)
+        return self.frame_from_grid.apply((indices + 0.5) * self.resolution)
+
+    def state_at(self, points: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """States (N,) at points (N, 3) of the frame; VOXEL_UNKNOWN outside the grid."""
+        indices = np.floor(self.frame_from_grid.inverse().apply(points) / self.resolution).astype(np.intp)
+        inside = ((indices >= 0) & (indices < self.states.shape)).all(axis=1)
+        states = np.full(len(points), VOXEL_UNKNOWN, dtype=np.uint8)
+        states[inside] = self.states[tuple(indices[inside].T)]
+        return states
