@@ -1,7 +1,6 @@
 """Rendered table scenes with known truth: what the perception benchmark and the perception tests look at.
 
-PyBullet's TinyRenderer draws a table top with objects (and, as a counter, with a wall behind it); the depth gets the
-noise of a structured-light camera: Gaussian, growing with the square of the distance, with drop-outs at edges.
+A table top with objects or, as a counter, with a wall behind it.
 """
 
 from __future__ import annotations
@@ -10,47 +9,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
-import pybullet
-from numpy.typing import NDArray
 
+from benchmarks.rendering import Color, DepthNoise, render_view
 from bestman_bt.messages import (
     Box,
-    CameraIntrinsics,
     Cylinder,
     Mesh,
     ObjectModel,
     PlacedShape,
     Pose,
-    RGBDImage,
     Sphere,
 )
 from bestman_bt.perception import View
 from bestman_bt.perception.segmentation import Region
-
-WIDTH, HEIGHT, VERTICAL_FOV = 640, 480, math.radians(58.0)
-NEAR, FAR = 0.05, 6.0
-
-
-@dataclass(frozen=True)
-class DepthNoise:
-    """See bestman_bt.robot_model.CameraModel; ``quantum``: metres between two depth values."""
-
-    base: float = 0.0012
-    quadratic: float = 0.0019
-    edge_dropout: float = 0.7
-    dropout: float = 0.005
-    quantum: float = 0.001
-
-    def apply(self, depth: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float32]:
-        """Return a measured depth image for a true one."""
-        noisy = depth + rng.normal(size=depth.shape) * (self.base + self.quadratic * np.clip(depth - 0.4, 0, None) ** 2)
-        edges = cv2.dilate((np.abs(cv2.Laplacian(depth, cv2.CV_64F)) > 0.03).astype(np.uint8), np.ones((3, 3)))
-        noisy[(edges > 0) & (rng.random(depth.shape) < self.edge_dropout)] = 0.0
-        noisy[rng.random(depth.shape) < self.dropout] = 0.0
-        noisy[depth > 5.0] = 0.0
-        return (np.round(noisy / self.quantum) * self.quantum).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,27 +175,24 @@ def render_table(
 ) -> RenderedTable:
     """Render ``objects`` on the table; the camera hangs on a mast above the robot's base and looks 40 to 50° down."""
     frame_from_camera = _mast_camera(math.radians(rng.uniform(40.0, 50.0)), rng.uniform(-0.15, 0.15))
-    client = pybullet.connect(pybullet.DIRECT)
-    try:
-        _draw(client, Box((6.0, 6.0, 0.02)), Pose.from_xyz_rpy((2.0, 0.0, -0.01)), (0.55, 0.52, 0.5))
-        depth_of_body = float(table.position[2]) if wall_behind else 0.03
-        slab = Pose.from_xyz_rpy((0.0, 0.0, -depth_of_body / 2))
-        _draw(client, Box((*size, depth_of_body)), table @ slab, (0.75, 0.6, 0.42))
-        if wall_behind:
-            wall = table @ Pose.from_xyz_rpy((size[0] / 2 + 0.06, 0.0, 0.3))
-            _draw(client, Box((0.1, 4.0, 1.8)), wall, (0.85, 0.85, 0.8))
-        for item in objects:
-            for part in item.model.visual or item.model.collision:
-                _draw(client, part.shape, item.pose @ part.pose, item.model.color)
-        rgb, depth = _picture(client, frame_from_camera)
-    finally:
-        pybullet.disconnect(client)
-    image = RGBDImage(rgb, (noise or DepthNoise()).apply(depth, rng), intrinsics(), 0.0)
+    depth_of_body = float(table.position[2]) if wall_behind else 0.03
+    slab = table @ Pose.from_xyz_rpy((0.0, 0.0, -depth_of_body / 2))
+    parts: list[tuple[PlacedShape, Color]] = [
+        (PlacedShape(Box((6.0, 6.0, 0.02)), Pose.from_xyz_rpy((2.0, 0.0, -0.01))), (0.55, 0.52, 0.5)),
+        (PlacedShape(Box((*size, depth_of_body)), slab), (0.75, 0.6, 0.42)),
+    ]
+    if wall_behind:
+        wall = table @ Pose.from_xyz_rpy((size[0] / 2 + 0.06, 0.0, 0.3))
+        parts.append((PlacedShape(Box((0.1, 4.0, 1.8)), wall), (0.85, 0.85, 0.8)))
+    for item in objects:
+        shapes = item.model.visual or item.model.collision
+        parts += [(PlacedShape(part.shape, item.pose @ part.pose), item.model.color) for part in shapes]
+    view = render_view(parts, frame_from_camera, rng, noise)
     believed = table @ Pose.from_xyz_rpy(
         rng.uniform([-0.03, -0.03, 0], [0.03, 0.03, 0]), (0, 0, rng.uniform(-1, 1) * 0.035)
     )
     region = Region(believed, (size[0] + 0.1, size[1] + 0.1))
-    return RenderedTable(View(image, frame_from_camera), region, tuple(objects), table, size)
+    return RenderedTable(view, region, tuple(objects), table, size)
 
 
 def recolored(model: ObjectModel, color: tuple[float, float, float]) -> ObjectModel:
@@ -231,65 +200,8 @@ def recolored(model: ObjectModel, color: tuple[float, float, float]) -> ObjectMo
     return replace(model, color=color)
 
 
-def intrinsics() -> CameraIntrinsics:
-    """640 × 480 pixels, 58° vertical field of view.
-
-    TinyRenderer samples at the corners of pixels, bottom row first: measured on a slanted plane, its principal point
-    is (W/2, H/2 - 1) exactly; (W-1)/2, (H-1)/2 would shift all points by half a pixel, 1.7 mm at 1.5 m.
-    """
-    focal = HEIGHT / 2 / math.tan(VERTICAL_FOV / 2)
-    return CameraIntrinsics(WIDTH, HEIGHT, focal, focal, WIDTH / 2, HEIGHT / 2 - 1)
-
-
 def _mast_camera(pitch: float, yaw: float) -> Pose:
     mast_from_camera = Pose.from_matrix(
         np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     )
     return Pose.from_xyz_rpy((-0.2, 0.0, 1.65), (0.0, pitch, yaw)) @ mast_from_camera
-
-
-def _draw(client: int, shape: Box | Cylinder | Sphere | Mesh, pose: Pose, color: tuple[float, float, float]) -> None:
-    rgba = [*color, 1.0]
-    match shape:
-        case Box():
-            half = [extent / 2 for extent in shape.size]
-            visual = pybullet.createVisualShape(
-                pybullet.GEOM_BOX, halfExtents=half, rgbaColor=rgba, physicsClientId=client
-            )
-        case Cylinder():
-            visual = pybullet.createVisualShape(
-                pybullet.GEOM_CYLINDER,
-                radius=shape.radius,
-                length=shape.length,
-                rgbaColor=rgba,
-                physicsClientId=client,
-            )
-        case Sphere():
-            visual = pybullet.createVisualShape(
-                pybullet.GEOM_SPHERE, radius=shape.radius, rgbaColor=rgba, physicsClientId=client
-            )
-        case Mesh():
-            corners = shape.vertices[shape.faces]
-            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-            visual = pybullet.createVisualShape(
-                pybullet.GEOM_MESH,
-                vertices=corners.reshape(-1, 3).tolist(),
-                indices=list(range(3 * len(corners))),
-                normals=np.repeat(normals, 3, axis=0).tolist(),
-                rgbaColor=rgba,
-                physicsClientId=client,
-            )
-    pybullet.createMultiBody(0.0, -1, visual, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=client)
-
-
-def _picture(client: int, frame_from_camera: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    rotation, eye = frame_from_camera.rotation, frame_from_camera.position
-    view = pybullet.computeViewMatrix(eye.tolist(), (eye + rotation[:, 2]).tolist(), (-rotation[:, 1]).tolist())
-    projection = pybullet.computeProjectionMatrixFOV(math.degrees(VERTICAL_FOV), WIDTH / HEIGHT, NEAR, FAR)
-    _, _, rgba, buffer, _ = pybullet.getCameraImage(
-        WIDTH, HEIGHT, view, projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client
-    )
-    rgb = np.reshape(np.asarray(rgba, dtype=np.uint8), (HEIGHT, WIDTH, 4))[..., :3]
-    depth_buffer = np.reshape(np.asarray(buffer, dtype=np.float64), (HEIGHT, WIDTH))
-    return np.ascontiguousarray(rgb), FAR * NEAR / (FAR - (FAR - NEAR) * depth_buffer)

@@ -1,0 +1,115 @@
+"""Rendered RGB-D images of scenes with known truth: TinyRenderer and the noise of a structured-light camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Box, CameraIntrinsics, Cylinder, Mesh, PlacedShape, Pose, RGBDImage, Sphere
+from bestman_bt.perception import View
+
+Color = tuple[float, float, float]
+
+WIDTH, HEIGHT, VERTICAL_FOV = 640, 480, math.radians(58.0)
+NEAR, FAR = 0.05, 6.0
+
+
+@dataclass(frozen=True)
+class DepthNoise:
+    """See bestman_bt.robot_model.CameraModel; ``quantum``: metres between two depth values."""
+
+    base: float = 0.0012
+    quadratic: float = 0.0019
+    edge_dropout: float = 0.7
+    dropout: float = 0.005
+    quantum: float = 0.001
+
+    def apply(self, depth: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float32]:
+        """Return a measured depth image for a true one."""
+        noisy = depth + rng.normal(size=depth.shape) * (self.base + self.quadratic * np.clip(depth - 0.4, 0, None) ** 2)
+        edges = cv2.dilate((np.abs(cv2.Laplacian(depth, cv2.CV_64F)) > 0.03).astype(np.uint8), np.ones((3, 3)))
+        noisy[(edges > 0) & (rng.random(depth.shape) < self.edge_dropout)] = 0.0
+        noisy[rng.random(depth.shape) < self.dropout] = 0.0
+        noisy[depth > 5.0] = 0.0
+        return (np.round(noisy / self.quantum) * self.quantum).astype(np.float32)
+
+
+def render_view(
+    parts: Sequence[tuple[PlacedShape, Color]],
+    frame_from_camera: Pose,
+    rng: np.random.Generator,
+    noise: DepthNoise | None = None,
+) -> View:
+    """What a camera sees of coloured shapes, placed in the frame."""
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        for placed, color in parts:
+            _draw(client, placed.shape, placed.pose, color)
+        rgb, depth = _picture(client, frame_from_camera)
+    finally:
+        pybullet.disconnect(client)
+    image = RGBDImage(rgb, (noise or DepthNoise()).apply(depth, rng), intrinsics(), 0.0)
+    return View(image, frame_from_camera)
+
+
+def intrinsics() -> CameraIntrinsics:
+    """640 × 480 pixels, 58° vertical field of view.
+
+    TinyRenderer samples at the corners of pixels, bottom row first: measured on a slanted plane, its principal point
+    is (W/2, H/2 - 1) exactly; (W-1)/2, (H-1)/2 would shift all points by half a pixel, 1.7 mm at 1.5 m.
+    """
+    focal = HEIGHT / 2 / math.tan(VERTICAL_FOV / 2)
+    return CameraIntrinsics(WIDTH, HEIGHT, focal, focal, WIDTH / 2, HEIGHT / 2 - 1)
+
+
+def _draw(client: int, shape: Box | Cylinder | Sphere | Mesh, pose: Pose, color: Color) -> None:
+    rgba = [*color, 1.0]
+    match shape:
+        case Box():
+            half = [extent / 2 for extent in shape.size]
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_BOX, halfExtents=half, rgbaColor=rgba, physicsClientId=client
+            )
+        case Cylinder():
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_CYLINDER,
+                radius=shape.radius,
+                length=shape.length,
+                rgbaColor=rgba,
+                physicsClientId=client,
+            )
+        case Sphere():
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_SPHERE, radius=shape.radius, rgbaColor=rgba, physicsClientId=client
+            )
+        case Mesh():
+            corners = shape.vertices[shape.faces]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+            visual = pybullet.createVisualShape(
+                pybullet.GEOM_MESH,
+                vertices=corners.reshape(-1, 3).tolist(),
+                indices=list(range(3 * len(corners))),
+                normals=np.repeat(normals, 3, axis=0).tolist(),
+                rgbaColor=rgba,
+                physicsClientId=client,
+            )
+    pybullet.createMultiBody(0.0, -1, visual, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=client)
+
+
+def _picture(client: int, frame_from_camera: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    rotation, eye = frame_from_camera.rotation, frame_from_camera.position
+    view = pybullet.computeViewMatrix(eye.tolist(), (eye + rotation[:, 2]).tolist(), (-rotation[:, 1]).tolist())
+    projection = pybullet.computeProjectionMatrixFOV(math.degrees(VERTICAL_FOV), WIDTH / HEIGHT, NEAR, FAR)
+    _, _, rgba, buffer, _ = pybullet.getCameraImage(
+        WIDTH, HEIGHT, view, projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client
+    )
+    rgb = np.reshape(np.asarray(rgba, dtype=np.uint8), (HEIGHT, WIDTH, 4))[..., :3]
+    depth_buffer = np.reshape(np.asarray(buffer, dtype=np.float64), (HEIGHT, WIDTH))
+    return np.ascontiguousarray(rgb), FAR * NEAR / (FAR - (FAR - NEAR) * depth_buffer)
