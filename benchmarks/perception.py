@@ -30,7 +30,7 @@ from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.perception.detection import DetectedScene, Detection, ModelRegistration
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.segmentation import surface_coverage
-from bestman_bt.scene.bodies import read_object
+from bestman_bt.scene import read_object
 
 SHIPPED = ("cup", "can", "box")
 

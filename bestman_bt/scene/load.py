@@ -11,7 +11,8 @@ from typing import Any
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, override, read_document
 from bestman_bt.messages import ObjectModel
 from bestman_bt.registry import suggestion
-from bestman_bt.scene.bodies import read_furniture, read_object
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.object_file import read_object
 from bestman_bt.scene.scene import FurnitureModel, Surface
 from bestman_bt.scene.scene_config import SceneFile
 from bestman_bt.scene.scene_faults import scene_faults

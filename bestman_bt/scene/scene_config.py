@@ -1,84 +1,23 @@
-"""The YAML of scenes, furniture and objects."""
+"""The YAML of scenes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
 from bestman_bt.configuration.quantity import (
     Angle,
-    Angles3,
-    Color,
     Distance,
     Friction,
     Length,
-    Lengths3,
-    Mass,
     PositiveLength,
     Share,
-    Size2,
-    Size3,
 )
 
 _TWO_DEGREES = math.radians(2.0)
 Point2 = tuple[Length, Length]
 Range = tuple[Length, Length]
-
-
-@dataclass(frozen=True)
-class TubeConfig:
-    """A straight vessel, open at the top: outer radius, height, thickness of wall and bottom."""
-
-    radius: PositiveLength
-    length: PositiveLength
-    wall: PositiveLength
-    bottom: PositiveLength
-
-
-@dataclass(frozen=True)
-class ShapeConfig:
-    """One of ``box`` (extents), ``cylinder`` (radius, length, along z) and ``tube``, centred at ``xyz``."""
-
-    box: Size3 | None = None
-    cylinder: Size2 | None = None
-    tube: TubeConfig | None = None
-    xyz: Lengths3 = (0.0, 0.0, 0.0)
-    rpy: Angles3 = (0.0, 0.0, 0.0)
-    color: Color = (0.7, 0.7, 0.7)
-
-
-@dataclass(frozen=True)
-class SurfaceConfig:
-    """A horizontal rectangle centred at ``xyz`` in the furniture frame."""
-
-    xyz: Lengths3
-    size: Size2
-
-
-@dataclass(frozen=True)
-class FurnitureFile:
-    """A piece of furniture; its frame is on the floor in the middle of the footprint, the front faces -x."""
-
-    footprint: Size2
-    parts: tuple[ShapeConfig, ...]
-    surfaces: Mapping[str, SurfaceConfig] = field(default_factory=dict)
-    friction: Friction = 0.8
-    description: str = ""
-
-
-@dataclass(frozen=True)
-class ObjectFile:
-    """A movable object; its frame is in the middle of its bounding box. ``symmetry``: turns about z that look alike."""
-
-    mass: Mass
-    color: Color
-    collision: tuple[ShapeConfig, ...]
-    visual: tuple[ShapeConfig, ...] = ()
-    friction: Friction = 0.8
-    symmetry: Literal["none", "half turns", "quarter turns", "any"] = "none"
-    description: str = ""
 
 
 @dataclass(frozen=True)

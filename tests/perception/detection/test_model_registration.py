@@ -9,7 +9,7 @@ from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, r
 from bestman_bt.messages import Pose
 from bestman_bt.perception.detection import DetectedScene, ModelRegistration
 from bestman_bt.perception.segmentation import PlaneDbscan, PlaneDbscanParameters
-from bestman_bt.scene.bodies import read_object
+from bestman_bt.scene import read_object
 
 Tables = Callable[..., RenderedTable]
 MODELS = known_models(1)

@@ -1,51 +1,40 @@
-"""Furniture and objects from their YAML: shapes, surfaces, models."""
+"""Shapes as furniture and object files write them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
-from bestman_bt.messages import Box, Cylinder, Mesh, ObjectModel, PlacedShape, Pose, Shape
-from bestman_bt.scene.scene import FurnitureModel, Surface
-from bestman_bt.scene.scene_config import FurnitureFile, ObjectFile, ShapeConfig, TubeConfig
-
-_SYMMETRY_ORDERS = {"none": 1, "half turns": 2, "quarter turns": 4, "any": 0}
+from bestman_bt.configuration import ConfigurationError, Document
+from bestman_bt.configuration.quantity import Angles3, Color, Lengths3, PositiveLength, Size2, Size3
+from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Shape
 
 
-def read_furniture(name: str, asked_by: Problem | None = None) -> FurnitureModel:
-    """The furniture of a shipped name or a file; raises ConfigurationError."""
-    path = find_data("furniture", name, asked_by)
-    document = read_document(path)
-    file = check(document, FurnitureFile)
-    return FurnitureModel(
-        name=path.stem,
-        footprint=file.footprint,
-        parts=_placed(file.parts, document, "parts"),
-        colors=tuple((*part.color, 1.0) for part in file.parts),
-        surfaces=tuple(Surface(key, Pose.from_xyz_rpy(s.xyz), s.size) for key, s in file.surfaces.items()),
-        friction=file.friction,
-    )
+@dataclass(frozen=True)
+class TubeConfig:
+    """A straight vessel, open at the top: outer radius, height, thickness of wall and bottom."""
+
+    radius: PositiveLength
+    length: PositiveLength
+    wall: PositiveLength
+    bottom: PositiveLength
 
 
-def read_object(name: str, asked_by: Problem | None = None) -> ObjectModel:
-    """The object of a shipped name or a file; raises ConfigurationError."""
-    path = find_data("object", name, asked_by)
-    document = read_document(path)
-    file = check(document, ObjectFile)
-    if not file.collision:
-        raise ConfigurationError([document.problem(("collision",), "an object needs at least one shape")])
-    return ObjectModel(
-        name=path.stem,
-        color=file.color,
-        mass=file.mass,
-        friction=file.friction,
-        collision=_placed(file.collision, document, "collision"),
-        visual=_placed(file.visual, document, "visual"),
-        symmetry_order=_SYMMETRY_ORDERS[file.symmetry],
-    )
+@dataclass(frozen=True)
+class ShapeConfig:
+    """One of ``box`` (extents), ``cylinder`` (radius, length, along z) and ``tube``, centred at ``xyz``."""
+
+    box: Size3 | None = None
+    cylinder: Size2 | None = None
+    tube: TubeConfig | None = None
+    xyz: Lengths3 = (0.0, 0.0, 0.0)
+    rpy: Angles3 = (0.0, 0.0, 0.0)
+    color: Color = (0.7, 0.7, 0.7)
 
 
-def _placed(configs: tuple[ShapeConfig, ...], document: Document, field: str) -> tuple[PlacedShape, ...]:
+def placed_shapes(configs: tuple[ShapeConfig, ...], document: Document, field: str) -> tuple[PlacedShape, ...]:
+    """The shapes of a list in a file, each at its place; raises ConfigurationError."""
     shapes = []
     for index, config in enumerate(configs):
         given = [name for name in ("box", "cylinder", "tube") if getattr(config, name) is not None]
