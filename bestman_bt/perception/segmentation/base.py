@@ -78,6 +78,11 @@ class SupportPlane:
         a, b, c = self.normal
         return float((self.offset - a * x - b * y) / c)
 
+    def seen_from(self, other_from_frame: Pose) -> SupportPlane:
+        """The same plane, given in another frame."""
+        pose = other_from_frame @ self.frame_from_plane
+        return SupportPlane(pose, self.size, other_from_frame.apply(self.inliers), self.rms)
+
     def slab(self, thickness: float, grow: float = 0.0) -> PlacedShape:
         """A box whose top face is the seen rectangle, grown by ``grow`` metres on each side: for collision worlds."""
         size = (self.size[0] + 2 * grow, self.size[1] + 2 * grow, thickness)
@@ -110,6 +115,11 @@ class Cluster:
         top = float(np.percentile(local[:, 2], 99.0))
         plane_from_box = Pose.from_xyz_rpy((x, y, top / 2), (0.0, 0.0, float(np.radians(degrees))))
         return PlacedShape(Box((float(width), float(depth), top)), self.plane.frame_from_plane @ plane_from_box)
+
+    def seen_from(self, other_from_frame: Pose) -> Cluster:
+        """The same cluster, given in another frame."""
+        points, plane = other_from_frame.apply(self.points), self.plane.seen_from(other_from_frame)
+        return Cluster(points, self.colors, plane, self.at_border)
 
     def obstacle(self, grow: float = 0.0) -> PlacedShape:
         """The bounding box, ``grow`` metres larger on each side and above: for collision worlds."""
