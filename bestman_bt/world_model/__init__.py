@@ -1,14 +1,24 @@
 """What the robot believes: the semantic map, seen objects, what it holds, where it is."""
 
 from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
-from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, Obstacle, WorldModel
+from bestman_bt.world_model.world_model import (
+    BasePose,
+    HandleBelief,
+    HeldObject,
+    ObjectBelief,
+    ObjectChange,
+    Obstacle,
+    WorldModel,
+)
 
 __all__ = [
     "BasePose",
+    "HandleBelief",
     "HeldObject",
     "MapFurniture",
     "MapSurface",
     "ObjectBelief",
+    "ObjectChange",
     "Obstacle",
     "SemanticMap",
     "WorldModel",

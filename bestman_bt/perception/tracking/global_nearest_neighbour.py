@@ -1,0 +1,154 @@
+"""Identities by global nearest neighbour: all sightings of a view are assigned at once, at the least total distance.
+
+The assignment is the one of Munkres (Blackman, "Multiple-Target Tracking with Radar Applications", 1986); objects of
+different models are never exchanged. What a view cannot contradict is kept: an object that is hidden is not removed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from bestman_bt.messages import Pose, wrap_angle
+from bestman_bt.perception.tracking.base import Tracked, Tracker
+from bestman_bt.perception.tracking.presence import Presence, presence
+from bestman_bt.perception.view import View
+from bestman_bt.world_model import ObjectBelief, ObjectChange
+
+THING = "thing"
+"""The name of what no model explains; its identities are ``thing_1``, ``thing_2``, …"""
+
+
+@dataclass(frozen=True)
+class GlobalNearestNeighbourParameters:
+    """Metres and radians.
+
+    ``moved_distance``: an object that is so far from its place counts as moved, or ``deviations`` times the standard
+    deviation of the distance where that is more; ``moved_turn``: the same for turns of objects whose yaw is known.
+    ``thing_distance``: a thing without a model is not recognised again farther away. ``replaced_distance``: what
+    is found so near to an object's place, and is not that object, has taken its place.
+    """
+
+    moved_distance: float = 0.03
+    moved_turn: float = math.radians(25.0)
+    deviations: float = 3.0
+    thing_distance: float = 0.08
+    replaced_distance: float = 0.04
+
+
+class GlobalNearestNeighbour(Tracker):
+    """See the module."""
+
+    def __init__(self, parameters: GlobalNearestNeighbourParameters | None = None) -> None:
+        self.parameters = parameters or GlobalNearestNeighbourParameters()
+
+    def update(
+        self,
+        beliefs: Mapping[str, ObjectBelief],
+        sightings: Sequence[ObjectBelief],
+        view: View,
+        drift: float = 0.0,
+        taken: Sequence[str] = (),
+    ) -> Tracked:
+        """See Tracker."""
+        stamp = view.image.stamp
+        objects = {name: belief for name, belief in beliefs.items() if name not in taken}
+        matches = self._matches(objects, sightings)
+        unseen = [name for name in objects if name not in matches.values()]
+        changes: list[ObjectChange] = []
+        identities = []
+        for index, sighting in enumerate(sightings):
+            name = matches.get(index)
+            if name is None:
+                name = _new_name(sighting, {*objects, *taken})
+                objects[name] = replace(sighting, name=name, since=sighting.stamp)
+                changes.append(ObjectChange("added", name, stamp, after=sighting.pose))
+            else:
+                before = objects[name]
+                moved = self._moved(before, sighting, drift)
+                objects[name] = _seen_again(before, sighting, moved)
+                if moved:
+                    changes.append(ObjectChange("moved", name, stamp, before.pose, sighting.pose))
+            identities.append(name)
+        for name in unseen:
+            kind = self._contradiction(objects[name], sightings, view)
+            if kind is not None:
+                changes.append(ObjectChange(kind, name, stamp, before=objects.pop(name).pose))
+        return Tracked(objects, tuple(changes), tuple(identities))
+
+    def _matches(self, objects: Mapping[str, ObjectBelief], sightings: Sequence[ObjectBelief]) -> dict[int, str]:
+        """Index of a sighting → identity. Known objects are recognised at any distance, things only nearby."""
+        names = list(objects)
+        impossible = 1e6
+        costs = np.full((len(sightings), len(names)), impossible)
+        for i, sighting in enumerate(sightings):
+            for j, name in enumerate(names):
+                belief = objects[name]
+                if belief.recognised != sighting.recognised:
+                    continue
+                distance = float(np.linalg.norm(belief.pose.position - sighting.pose.position))
+                same = belief.model.name == sighting.model.name if belief.recognised else self._alike(belief, sighting)
+                if same and (belief.recognised or distance < self.parameters.thing_distance):
+                    costs[i, j] = distance
+        rows, columns = linear_sum_assignment(costs)
+        return {int(i): names[j] for i, j in zip(rows, columns, strict=True) if costs[i, j] < impossible}
+
+    def _alike(self, belief: ObjectBelief, sighting: ObjectBelief) -> bool:
+        """Boxes of one thing differ where it was seen from another side."""
+        sizes = [np.sort(thing.model.size) for thing in (belief, sighting)]
+        return bool(np.abs(sizes[0] - sizes[1]).max() < self.parameters.thing_distance)
+
+    def _moved(self, before: ObjectBelief, sighting: ObjectBelief, drift: float) -> bool:
+        p = self.parameters
+        distance = float(np.linalg.norm(before.pose.position - sighting.pose.position))
+        deviation = math.sqrt(before.position_std**2 + sighting.position_std**2 + 2 * drift**2)
+        if distance > max(p.moved_distance, p.deviations * deviation):
+            return True
+        if not before.recognised or not before.model.symmetry_order:
+            return False
+        return all(
+            abs(wrap_angle(middle - other)) - half - other_half > p.moved_turn
+            for middle, half in _with_symmetry(before)
+            for other, other_half in sighting.yaw_set.arcs or ((sighting.pose.yaw, 0.0),)
+        )
+
+    def _contradiction(
+        self, belief: ObjectBelief, sightings: Sequence[ObjectBelief], view: View
+    ) -> Literal["removed", "replaced"] | None:
+        for other in sightings:
+            apart = float(np.linalg.norm((belief.pose.position - other.pose.position)[:2]))
+            if apart < self.parameters.replaced_distance:
+                return "replaced"
+        return "removed" if presence(belief.model, belief.pose, view) is Presence.GONE else None
+
+
+def _seen_again(before: ObjectBelief, sighting: ObjectBelief, moved: bool) -> ObjectBelief:
+    """The new sighting; a yaw that was known better before is kept while the object has not moved."""
+    since = sighting.stamp if moved else before.since
+    known_better = not moved and before.yaw_set.arcs and before.yaw_set.width < sighting.yaw_set.width
+    if not known_better:
+        return replace(sighting, name=before.name, since=since)
+    turn = before.pose.yaw - sighting.pose.yaw
+    turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn)) @ Pose(np.zeros(3), sighting.pose.quaternion)
+    pose = Pose(sighting.pose.position, turned.quaternion)
+    return replace(sighting, name=before.name, pose=pose, yaw_set=before.yaw_set, since=since)
+
+
+def _with_symmetry(belief: ObjectBelief) -> list[tuple[float, float]]:
+    turns = [2 * math.pi * i / belief.model.symmetry_order for i in range(belief.model.symmetry_order)]
+    arcs = belief.yaw_set.arcs or ((belief.pose.yaw, 0.0),)
+    return [(wrap_angle(middle + turn), half) for middle, half in arcs for turn in turns]
+
+
+def _new_name(sighting: ObjectBelief, known: set[str]) -> str:
+    if sighting.recognised and sighting.name not in known:
+        return sighting.name
+    stem, number = (sighting.name, 2) if sighting.recognised else (THING, 1)
+    while f"{stem}_{number}" in known:
+        number += 1
+    return f"{stem}_{number}"

@@ -1,0 +1,149 @@
+"""Identities over views of rendered tables: what was moved, removed, added, and what was only hidden."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.rendering import Color, render_view
+from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, YawSet
+from bestman_bt.perception.tracking import GlobalNearestNeighbour, Presence, presence
+from bestman_bt.perception.view import View
+from bestman_bt.world_model import ObjectBelief
+
+CAN = ObjectModel("can", (0.8, 0.2, 0.2), 0.3, 0.6, (PlacedShape(Cylinder(0.033, 0.1), Pose()),), symmetry_order=0)
+BOX = ObjectModel("box", (0.2, 0.3, 0.8), 0.3, 0.6, (PlacedShape(Box((0.06, 0.1, 0.12)), Pose()),), symmetry_order=2)
+TOP = 0.75
+CAMERA = Pose.from_matrix(
+    [[0.0, -0.7071, 0.7071, -0.3], [-1.0, 0.0, 0.0, 0.0], [0.0, -0.7071, -0.7071, 1.6], [0.0, 0.0, 0.0, 1.0]]
+)
+
+
+def standing(model: ObjectModel, x: float, y: float, yaw: float = 0.0) -> Pose:
+    return Pose.from_xyz_rpy((x, y, TOP + model.size[2] / 2), (0.0, 0.0, yaw))
+
+
+def sighted(model: ObjectModel, x: float, y: float, stamp: float = 1.0, name: str = "") -> ObjectBelief:
+    return ObjectBelief(name or model.name, model, standing(model, x, y), 0.95, 0.001, stamp, "table/top")
+
+
+def table_with(*things: tuple[ObjectModel, Pose]) -> View:
+    parts: list[tuple[PlacedShape, Color]] = [
+        (PlacedShape(Box((0.8, 1.2, 0.04)), Pose.from_xyz_rpy((0.6, 0.0, TOP - 0.02))), (0.7, 0.6, 0.4))
+    ]
+    for model, pose in things:
+        parts += [(PlacedShape(part.shape, pose @ part.pose), model.color) for part in model.collision]
+    return render_view(parts, CAMERA, np.random.default_rng(1))
+
+
+def update(beliefs: Sequence[ObjectBelief], sightings: Sequence[ObjectBelief], view: View, **options):
+    return GlobalNearestNeighbour().update({belief.name: belief for belief in beliefs}, sightings, view, **options)
+
+
+@pytest.fixture(scope="module")
+def empty_table() -> View:
+    return table_with()
+
+
+def test_what_is_seen_first_is_added(empty_table) -> None:
+    tracked = update([], [sighted(CAN, 0.5, 0.1)], empty_table)
+    assert list(tracked.objects) == ["can"]
+    assert [change.kind for change in tracked.changes] == ["added"]
+    assert tracked.objects["can"].since == 1.0
+
+
+def test_what_stands_where_it_stood_keeps_its_name_and_since_when(empty_table) -> None:
+    first = update([], [sighted(CAN, 0.5, 0.1, stamp=1.0)], empty_table)
+    again = update(list(first.objects.values()), [sighted(CAN, 0.504, 0.1, stamp=7.0)], empty_table)
+    assert again.changes == ()
+    assert (again.objects["can"].since, again.objects["can"].stamp) == (1.0, 7.0)
+
+
+def test_two_of_a_kind_get_two_names_and_keep_them_in_any_order(empty_table) -> None:
+    first = update([], [sighted(CAN, 0.5, 0.1), sighted(CAN, 0.5, -0.2)], empty_table)
+    assert set(first.objects) == {"can", "can_2"}
+    again = update(list(first.objects.values()), [sighted(CAN, 0.5, -0.2), sighted(CAN, 0.5, 0.1)], empty_table)
+    assert again.identities == ("can_2", "can")
+    assert again.changes == ()
+
+
+def test_an_object_that_stands_elsewhere_was_moved(empty_table) -> None:
+    tracked = update([sighted(CAN, 0.5, 0.1)], [sighted(CAN, 0.6, -0.2, stamp=3.0)], empty_table)
+    (change,) = tracked.changes
+    assert (change.kind, change.name) == ("moved", "can")
+    assert change.before is not None
+    assert np.allclose(change.before.position[:2], [0.5, 0.1])
+    assert tracked.objects["can"].since == 3.0
+
+
+def test_drift_of_the_map_is_not_taken_for_motion(empty_table) -> None:
+    drifted = update([sighted(CAN, 0.5, 0.1)], [sighted(CAN, 0.55, 0.1)], empty_table, drift=0.02)
+    exact = update([sighted(CAN, 0.5, 0.1)], [sighted(CAN, 0.55, 0.1)], empty_table)
+    assert (len(drifted.changes), len(exact.changes)) == (0, 1)
+
+
+def test_an_object_is_removed_where_the_camera_looks_through_its_place(empty_table) -> None:
+    tracked = update([sighted(CAN, 0.5, 0.1)], [], empty_table)
+    assert [(change.kind, change.name) for change in tracked.changes] == [("removed", "can")]
+    assert tracked.objects == {}
+
+
+def test_an_object_behind_another_one_is_kept() -> None:
+    tall = ObjectModel("tall", (0.2, 0.7, 0.2), 1.0, 0.6, (PlacedShape(Box((0.05, 0.3, 0.4)), Pose()),))
+    hidden = table_with((tall, standing(tall, 0.4, 0.0)))
+    tracked = update([sighted(CAN, 0.5, 0.0)], [], hidden)
+    assert list(tracked.objects) == ["can"]
+    assert tracked.changes == ()
+
+
+def test_an_object_outside_the_picture_is_kept(empty_table) -> None:
+    assert list(update([sighted(CAN, 0.5, 3.0)], [], empty_table).objects) == ["can"]
+
+
+def test_another_object_at_its_place_has_replaced_it() -> None:
+    view = table_with((BOX, standing(BOX, 0.5, 0.1)))
+    tracked = update([sighted(CAN, 0.5, 0.1)], [sighted(BOX, 0.5, 0.1)], view)
+    assert {change.kind for change in tracked.changes} == {"added", "replaced"}
+    assert list(tracked.objects) == ["box"]
+
+
+def test_what_the_hand_holds_is_not_the_one_on_the_table(empty_table) -> None:
+    tracked = update([], [sighted(CAN, 0.5, 0.1)], empty_table, taken=["can"])
+    assert list(tracked.objects) == ["can_2"]
+
+
+def test_a_thing_without_a_model_is_known_again_nearby_and_is_new_far_away(empty_table) -> None:
+    thing = replace(sighted(BOX, 0.5, 0.1), name="thing", recognised=False)
+    first = update([], [thing], empty_table)
+    assert list(first.objects) == ["thing_1"]
+    near = update(list(first.objects.values()), [replace(thing, pose=standing(BOX, 0.52, 0.1))], empty_table)
+    assert near.identities == ("thing_1",)
+    far = update(list(first.objects.values()), [replace(thing, pose=standing(BOX, 0.7, -0.3))], empty_table)
+    assert far.identities == ("thing_2",)
+
+
+def test_a_yaw_that_was_known_is_kept_until_the_object_moves(empty_table) -> None:
+    mug = replace(CAN, name="mug", symmetry_order=1)
+    known = replace(sighted(mug, 0.5, 0.1), pose=standing(mug, 0.5, 0.1, 0.3), yaw_set=YawSet(((0.3, 0.1),)))
+    vague = replace(sighted(mug, 0.503, 0.1), pose=standing(mug, 0.503, 0.1, 0.9), yaw_set=YawSet(((0.5, 1.2),)))
+    kept = update([known], [vague], empty_table).objects["mug"]
+    assert kept.pose.yaw == pytest.approx(0.3)
+    assert kept.pose.position[0] == pytest.approx(0.503)
+    moved = update([known], [replace(vague, pose=standing(mug, 0.7, 0.1, 0.9))], empty_table).objects["mug"]
+    assert moved.yaw_set.width == pytest.approx(2.4)
+
+
+def test_a_turned_object_was_moved(empty_table) -> None:
+    turned = replace(sighted(BOX, 0.5, 0.1), pose=standing(BOX, 0.5, 0.1, 0.8), yaw_set=YawSet(((0.8, 0.05),)))
+    half_turn = replace(turned, pose=standing(BOX, 0.5, 0.1, np.pi), yaw_set=YawSet(((np.pi, 0.05),)))
+    before = replace(sighted(BOX, 0.5, 0.1), yaw_set=YawSet(((0.0, 0.05),)))
+    assert [change.kind for change in update([before], [turned], empty_table).changes] == ["moved"]
+    assert update([before], [half_turn], empty_table).changes == ()
+
+
+def test_presence_of_an_object_that_is_there_is_possible() -> None:
+    pose = standing(CAN, 0.5, 0.1)
+    assert presence(CAN, pose, table_with((CAN, pose))) is Presence.POSSIBLE
