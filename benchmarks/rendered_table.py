@@ -172,9 +172,11 @@ def render_table(
     rng: np.random.Generator,
     wall_behind: bool = False,
     noise: DepthNoise | None = None,
+    frame_from_camera: Pose | None = None,
 ) -> RenderedTable:
-    """Render ``objects`` on the table; the camera hangs on a mast above the robot's base and looks 40 to 50° down."""
-    frame_from_camera = _mast_camera(math.radians(rng.uniform(40.0, 50.0)), rng.uniform(-0.15, 0.15))
+    """Render ``objects`` on the table; else the camera hangs on a mast above the robot's base, 40 to 50° down."""
+    if frame_from_camera is None:
+        frame_from_camera = mast_camera(math.radians(rng.uniform(40.0, 50.0)), rng.uniform(-0.15, 0.15))
     depth_of_body = float(table.position[2]) if wall_behind else 0.03
     slab = table @ Pose.from_xyz_rpy((0.0, 0.0, -depth_of_body / 2))
     parts: list[tuple[PlacedShape, Color]] = [
@@ -185,8 +187,7 @@ def render_table(
         wall = table @ Pose.from_xyz_rpy((size[0] / 2 + 0.06, 0.0, 0.3))
         parts.append((PlacedShape(Box((0.1, 4.0, 1.8)), wall), (0.85, 0.85, 0.8)))
     for item in objects:
-        shapes = item.model.visual or item.model.collision
-        parts += [(PlacedShape(part.shape, item.pose @ part.pose), item.model.color) for part in shapes]
+        parts += colored_parts(item.model, item.pose)
     view = render_view(parts, frame_from_camera, rng, noise)
     believed = table @ Pose.from_xyz_rpy(
         rng.uniform([-0.03, -0.03, 0], [0.03, 0.03, 0]), (0, 0, rng.uniform(-1, 1) * 0.035)
@@ -195,12 +196,23 @@ def render_table(
     return RenderedTable(view, region, tuple(objects), table, size)
 
 
+def colored_parts(model: ObjectModel, frame_from_object: Pose) -> list[tuple[PlacedShape, Color]]:
+    """What a camera sees of an object at that pose."""
+    shapes = model.visual or model.collision
+    colors = model.visual_colors or (model.color,) * len(shapes)
+    return [
+        (PlacedShape(part.shape, frame_from_object @ part.pose), color)
+        for part, color in zip(shapes, colors, strict=True)
+    ]
+
+
 def recolored(model: ObjectModel, color: tuple[float, float, float]) -> ObjectModel:
     """The same model in another colour."""
     return replace(model, color=color)
 
 
-def _mast_camera(pitch: float, yaw: float) -> Pose:
+def mast_camera(pitch: float, yaw: float) -> Pose:
+    """Above the robot's base, looking ahead and ``pitch`` radians down."""
     mast_from_camera = Pose.from_matrix(
         np.array([[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     )

@@ -58,6 +58,30 @@ def render_view(
     return View(image, frame_from_camera)
 
 
+def occlusion(
+    bodies: Sequence[Sequence[PlacedShape]], frame_from_camera: Pose, scale: float = 0.5
+) -> NDArray[np.float64]:
+    """The share (n,) of each body's pixels that the other bodies hide; 1 where it is not in the image at all.
+
+    Each body is rendered alone and with all others, at ``scale`` times the size of the image.
+    """
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        members = [[_draw(client, s.shape, s.pose, (0.5, 0.5, 0.5)) for s in body] for body in bodies]
+        together = _mask(client, frame_from_camera, scale)
+        for body in members:
+            _move(client, body, away=True)
+        shares = []
+        for body in members:
+            _move(client, body, away=False)
+            alone = int(np.isin(_mask(client, frame_from_camera, scale), body).sum())
+            _move(client, body, away=True)
+            shares.append(1.0 - int(np.isin(together, body).sum()) / alone if alone else 1.0)
+    finally:
+        pybullet.disconnect(client)
+    return np.clip(np.array(shares), 0.0, 1.0)
+
+
 def intrinsics() -> CameraIntrinsics:
     """640 × 480 pixels, 58° vertical field of view.
 
@@ -68,7 +92,7 @@ def intrinsics() -> CameraIntrinsics:
     return CameraIntrinsics(WIDTH, HEIGHT, focal, focal, WIDTH / 2, HEIGHT / 2 - 1)
 
 
-def _draw(client: int, shape: Box | Cylinder | Sphere | Mesh, pose: Pose, color: Color) -> None:
+def _draw(client: int, shape: Box | Cylinder | Sphere | Mesh, pose: Pose, color: Color) -> int:
     rgba = [*color, 1.0]
     match shape:
         case Box():
@@ -100,16 +124,36 @@ def _draw(client: int, shape: Box | Cylinder | Sphere | Mesh, pose: Pose, color:
                 rgbaColor=rgba,
                 physicsClientId=client,
             )
-    pybullet.createMultiBody(0.0, -1, visual, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=client)
+    body: int = pybullet.createMultiBody(
+        0.0, -1, visual, pose.position.tolist(), pose.quaternion.tolist(), physicsClientId=client
+    )
+    return body
 
 
-def _picture(client: int, frame_from_camera: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+def _move(client: int, bodies: Sequence[int], away: bool) -> None:
+    for body in bodies:
+        position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+        shifted = [position[0], position[1], position[2] + (-100.0 if away else 100.0)]
+        pybullet.resetBasePositionAndOrientation(body, shifted, quaternion, physicsClientId=client)
+
+
+def _mask(client: int, frame_from_camera: Pose, scale: float) -> NDArray[np.int64]:
+    size = round(scale * WIDTH), round(scale * HEIGHT)
+    return np.asarray(_camera_image(client, frame_from_camera, size)[4], dtype=np.int64).reshape(size[1], size[0])
+
+
+def _camera_image(client: int, frame_from_camera: Pose, size: tuple[int, int]) -> tuple[object, ...]:
     rotation, eye = frame_from_camera.rotation, frame_from_camera.position
     view = pybullet.computeViewMatrix(eye.tolist(), (eye + rotation[:, 2]).tolist(), (-rotation[:, 1]).tolist())
     projection = pybullet.computeProjectionMatrixFOV(math.degrees(VERTICAL_FOV), WIDTH / HEIGHT, NEAR, FAR)
-    _, _, rgba, buffer, _ = pybullet.getCameraImage(
-        WIDTH, HEIGHT, view, projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client
+    image: tuple[object, ...] = pybullet.getCameraImage(
+        *size, view, projection, shadow=0, renderer=pybullet.ER_TINY_RENDERER, physicsClientId=client
     )
+    return image
+
+
+def _picture(client: int, frame_from_camera: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    _, _, rgba, buffer, _ = _camera_image(client, frame_from_camera, (WIDTH, HEIGHT))
     rgb = np.reshape(np.asarray(rgba, dtype=np.uint8), (HEIGHT, WIDTH, 4))[..., :3]
     depth_buffer = np.reshape(np.asarray(buffer, dtype=np.float64), (HEIGHT, WIDTH))
     return np.ascontiguousarray(rgb), FAR * NEAR / (FAR - (FAR - NEAR) * depth_buffer)

@@ -1,0 +1,109 @@
+"""Rendered tables on which known objects stand close together and hide parts of each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.rendered_table import RenderedTable, TrueObject, colored_parts, mast_camera, render_table
+from benchmarks.rendering import DepthNoise, occlusion
+from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.perception.pose_estimation.model_surface import model_surface
+
+MIN_GAP = 0.03
+MAX_OCCLUSION = 0.30
+
+
+def crowded_table(
+    seed: int,
+    models: Sequence[ObjectModel],
+    count: tuple[int, int] = (3, 6),
+    counter: bool | None = None,
+    noise: DepthNoise | None = None,
+) -> RenderedTable:
+    """From ``count[0]`` to ``count[1]`` different ones of ``models``, upright, at any yaw.
+
+    Two in three stand 3 to 8 cm beside another (between the outlines seen from above), no gap is smaller; of none do
+    the others hide more than 30 % of its pixels, and all lie in the image.
+    """
+    rng = np.random.default_rng(seed)
+    counter = bool(rng.random() < 0.5) if counter is None else counter
+    size = (0.6, 1.2) if counter else (0.8, 1.2)
+    table = Pose.from_xyz_rpy(
+        (0.30 + rng.uniform(0.0, 0.12) + size[0] / 2, rng.uniform(-0.1, 0.1), 0.9 if counter else 0.75),
+        (0, 0, rng.uniform(-0.06, 0.06)),
+    )
+    camera = mast_camera(math.radians(rng.uniform(40.0, 50.0)), rng.uniform(-0.15, 0.15))
+    wanted = int(rng.integers(count[0], count[1] + 1))
+    placed: list[TrueObject] = []
+    for index in rng.permutation(len(models))[:wanted]:
+        for _ in range(60):
+            item = TrueObject(models[index], _somewhere(models[index], placed, table, size, rng), True)
+            if _gap(item, placed) >= MIN_GAP and _hidden([*placed, item], camera) <= MAX_OCCLUSION:
+                placed.append(item)
+                break
+    return render_table(placed, table, size, rng, counter, noise, camera)
+
+
+def _somewhere(
+    model: ObjectModel,
+    placed: Sequence[TrueObject],
+    table: Pose,
+    size: tuple[float, float],
+    rng: np.random.Generator,
+) -> Pose:
+    lower, upper = np.array([-size[0] / 2 + 0.08, -0.35]), np.array([min(size[0] / 2 - 0.08, 0.15), 0.35])
+    yaw = rng.uniform(-math.pi, math.pi)
+    x, y = rng.uniform(lower, upper)
+    if placed and rng.random() < 2 / 3:
+        other = table.inverse().apply(placed[int(rng.integers(len(placed)))].pose.position)
+        direction, gap = rng.uniform(-math.pi, math.pi), rng.uniform(MIN_GAP, 0.08)
+        away = np.array([math.cos(direction), math.sin(direction)])
+        # Moved outwards in steps until the gap is as wide as drawn.
+        for distance in np.arange(0.02, 0.40, 0.004):
+            x, y = other[:2] + distance * away
+            item = TrueObject(model, _standing(model, table, x, y, yaw), True)
+            if _gap(item, placed) >= gap:
+                break
+        x, y = np.clip([x, y], lower, upper)
+    return _standing(model, table, x, y, yaw)
+
+
+def _standing(model: ObjectModel, table: Pose, x: float, y: float, yaw: float) -> Pose:
+    return table @ Pose.from_xyz_rpy((x, y, -float(model.bounds()[0, 2])), (0.0, 0.0, yaw))
+
+
+def _gap(item: TrueObject, others: Sequence[TrueObject]) -> float:
+    """Metres between the outlines seen from above; 0 where they overlap."""
+    return min((_polygon_distance(_outline(item), _outline(other)) for other in others), default=math.inf)
+
+
+def _outline(item: TrueObject) -> NDArray[np.float64]:
+    corners = _footprint(item.model)
+    return item.pose.apply(np.column_stack([corners, np.zeros(len(corners))]))[:, :2]
+
+
+@cache
+def _footprint(model: ObjectModel) -> NDArray[np.float64]:
+    points = model_surface(model, Pose(), 0.003).points[:, :2]
+    hull: NDArray[np.float64] = cv2.convexHull((1000.0 * points).astype(np.float32))[:, 0].astype(np.float64) / 1000.0
+    return hull
+
+
+def _polygon_distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    distances = []
+    for corners, polygon in ((a, b), (b, a)):
+        contour = (1000.0 * polygon).astype(np.float32)
+        for x, y in 1000.0 * corners:
+            distances.append(-cv2.pointPolygonTest(contour, (float(x), float(y)), True) / 1000.0)
+    return max(0.0, min(distances))
+
+
+def _hidden(items: Sequence[TrueObject], camera: Pose) -> float:
+    """The largest share of an object that others hide."""
+    return float(occlusion([[part for part, _ in colored_parts(i.model, i.pose)] for i in items], camera).max())
