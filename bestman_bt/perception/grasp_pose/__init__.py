@@ -1,11 +1,13 @@
 """Grasps for parallel grippers."""
 
+from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModelParameters, antipodal_grasps
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.bounding_box import BoundingBox, BoundingBoxParameters
 from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
 from bestman_bt.perception.grasp_pose.model_based import ModelBased, ModelBasedParameters
 
 __all__ = [
+    "AntipodalModelParameters",
     "BoundingBox",
     "BoundingBoxParameters",
     "GraspCandidate",
@@ -14,4 +16,5 @@ __all__ = [
     "HandPlacementParameters",
     "ModelBased",
     "ModelBasedParameters",
+    "antipodal_grasps",
 ]

@@ -1,0 +1,102 @@
+"""An open parallel hand as three boxes: what must stay clear of the object, of its surroundings and of the support."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import GripperModel
+
+# Points times hands that one pass may hold, to bound the memory.
+_PASS = 1_500_000
+
+
+@dataclass(frozen=True)
+class HandShapeParameters:
+    """Metres; the defaults hold for a Franka hand, the rest (opening, depth, pads) is in the GripperModel.
+
+    ``finger_thickness``: from the pad outwards. ``palm_size``: full (across, along) the closing direction.
+    ``palm_length``: behind the palm, with the room that the hand needs to come in on a straight line.
+    """
+
+    finger_thickness: float = 0.024
+    palm_size: tuple[float, float] = (0.070, 0.210)
+    palm_length: float = 0.200
+
+
+@dataclass(frozen=True, eq=False)
+class HandPoses:
+    """K tool frames: ``rotations`` (K, 3, 3) with columns (across, closing, approach), ``positions`` (K, 3) metres."""
+
+    rotations: NDArray[np.float64]
+    positions: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def selected(self, index: NDArray[np.bool_] | NDArray[np.intp] | slice) -> HandPoses:
+        """Those that ``index`` (mask, indices or slice) selects."""
+        return HandPoses(self.rotations[index], self.positions[index])
+
+    def passes(self, points: int) -> list[slice]:
+        """Slices of the poses, so few at once that ``points`` points in their frames fit into memory."""
+        step = max(1, _PASS // max(points, 1))
+        return [slice(start, start + step) for start in range(0, len(self), step)]
+
+    def local(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """x, y and z of ``points`` (N, 3) in each tool frame, (K, N) each."""
+        offsets = np.einsum("kij,ki->kj", self.rotations, self.positions)
+        return tuple(self.rotations[:, :, axis] @ points.T - offsets[:, axis, None] for axis in range(3))
+
+
+@dataclass(frozen=True)
+class HandShape:
+    """The fingers of ``gripper``, opened, and the palm behind them."""
+
+    gripper: GripperModel
+    parameters: HandShapeParameters
+
+    def boxes(self, openings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centres and half sizes (K, 3, 3) of two fingers and the palm in the tool frame, for openings (K,)."""
+        thickness, palm = self.parameters.finger_thickness, self.parameters.palm_size
+        pad_width, pad_height = self.gripper.pad_size
+        depth, length = self.gripper.finger_depth, self.parameters.palm_length
+        centres = np.zeros((len(openings), 3, 3))
+        centres[:, 0, 1] = (openings + thickness) / 2
+        centres[:, 1, 1] = -centres[:, 0, 1]
+        centres[:, :2, 2] = (pad_height / 2 - depth) / 2
+        centres[:, 2, 2] = -depth - length / 2
+        finger = [pad_width / 2, thickness / 2, (pad_height / 2 + depth) / 2]
+        halves = np.array([finger, finger, [palm[0] / 2, palm[1] / 2, length / 2]])
+        return centres, np.broadcast_to(halves, centres.shape)
+
+    def clearances(
+        self, hands: HandPoses, openings: NDArray[np.float64], points: NDArray[np.float64], enough: float = np.inf
+    ) -> NDArray[np.float64]:
+        """Metres (K,) from each open hand to the nearest of ``points`` (N, 3); 0 where one lies inside it.
+
+        ``enough``: the answer where there is no point, or none nearer.
+        """
+        result = np.full(len(hands), enough)
+        if not len(points):
+            return result
+        centres, halves = self.boxes(openings)
+        for part in hands.passes(len(points)):
+            local = hands.selected(part).local(points)
+            for box in range(3):
+                squared = np.zeros_like(local[0])
+                for axis in range(3):
+                    outside = np.abs(local[axis] - centres[part, box, axis, None]) - halves[part, box, axis, None]
+                    squared += np.square(np.maximum(outside, 0.0))
+                result[part] = np.minimum(result[part], np.sqrt(squared.min(axis=1)))
+        return result
+
+    def lowest(self, hands: HandPoses, openings: NDArray[np.float64]) -> NDArray[np.float64]:
+        """z (K,) of the lowest corner of each open hand, metres in the frame of the poses."""
+        centres, halves = self.boxes(openings)
+        row = hands.rotations[:, None, 2, :]
+        heights = (row * centres).sum(axis=2) - (np.abs(row) * halves).sum(axis=2)
+        lowest: NDArray[np.float64] = hands.positions[:, 2] + heights.min(axis=1)
+        return lowest
