@@ -1,0 +1,52 @@
+"""Furniture by kind: the options of each, and what a random number generator makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.registry import suggestion
+from bestman_bt.scene.furniture_generator.cupboard import CupboardOptions, cupboard
+from bestman_bt.scene.furniture_generator.dishwasher import DishwasherOptions, dishwasher
+from bestman_bt.scene.furniture_generator.drawer_chest import DrawerChestOptions, drawer_chest
+from bestman_bt.scene.furniture_generator.fridge import FridgeOptions, fridge
+from bestman_bt.scene.furniture_generator.microwave import MicrowaveOptions, microwave
+from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
+from bestman_bt.scene.furniture_generator.shelf import ShelfOptions, shelf
+from bestman_bt.scene.scene import FurnitureModel
+
+_KINDS: Mapping[str, tuple[type, Callable[..., FurnitureModel]]] = {
+    "shelf": (ShelfOptions, shelf),
+    "drawer_chest": (DrawerChestOptions, drawer_chest),
+    "fridge": (FridgeOptions, fridge),
+    "cupboard": (CupboardOptions, cupboard),
+    "microwave": (MicrowaveOptions, microwave),
+    "dishwasher": (DishwasherOptions, dishwasher),
+}
+FURNITURE_KINDS = tuple(_KINDS)
+
+
+def generate_furniture(kind: str, rng: np.random.Generator, name: str | None = None, **options: Any) -> FurnitureModel:
+    """A piece of furniture of a kind of FURNITURE_KINDS; the same options and generator state give the same piece.
+
+    ``options``: fields of the kind's options, for example ``drawers=3, handle=HandleOptions(kind="bar")``; what is not
+    given is drawn. Raises FurnitureOptionError.
+    """
+    chosen = options_of(kind)
+    known = [field.name for field in fields(chosen)]
+    for key in options:
+        if key not in known:
+            raise FurnitureOptionError((key,), f"unknown option of a {kind}; {suggestion(key, known)}")
+    _, build = _KINDS[kind]
+    return build(name or kind, chosen(**options), rng)
+
+
+def options_of(kind: str) -> type:
+    """The options' dataclass of a kind; FurnitureOptionError names the kinds."""
+    if kind not in _KINDS:
+        message = f"unknown kind of furniture {kind!r}; {suggestion(kind, list(FURNITURE_KINDS))}"
+        raise FurnitureOptionError(("kind",), message)
+    return _KINDS[kind][0]

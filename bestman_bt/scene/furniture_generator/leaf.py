@@ -1,0 +1,171 @@
+"""Doors and drawers of generated furniture: what moves, about which axis, pulled by which handle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import Handle, Pose
+from bestman_bt.messages.handle import HingeSide
+from bestman_bt.scene.furniture_generator.finish import Finish
+from bestman_bt.scene.furniture_generator.handle_design import HandleDesign
+from bestman_bt.scene.furniture_generator.panel import (
+    FreeBorder,
+    Panel,
+    PanelHandle,
+    front_with_handle,
+    furniture_from_panel,
+)
+from bestman_bt.scene.furniture_generator.solid import Point, Solid, block
+from bestman_bt.scene.scene import Articulation
+
+GAP = 0.002  # metres between a closed leaf and the body behind it
+SEAM = 0.004  # metres between neighbouring fronts
+_OPPOSITE: dict[HingeSide, FreeBorder] = {"left": "right", "right": "left", "top": "bottom", "bottom": "top"}
+# The axis about which a door that is hinged on a side turns towards -x, in the furniture frame.
+_AXES: dict[HingeSide, Point] = {
+    "left": (0.0, 0.0, -1.0),
+    "right": (0.0, 0.0, 1.0),
+    "top": (0.0, 1.0, 0.0),
+    "bottom": (0.0, -1.0, 0.0),
+}
+_BOX_WALL, _BOX_BOTTOM = 0.012, 0.008
+
+
+@dataclass(frozen=True)
+class Front:
+    """The face of a door or drawer: its middle in the furniture frame and its size; metres."""
+
+    centre: Point
+    width: float
+    height: float
+
+
+def door(
+    name: str,
+    front: Front,
+    hinge_side: HingeSide,
+    design: HandleDesign,
+    finish: Finish,
+    *,
+    thickness: float,
+    density: float,
+    friction: float,
+    upper: float,
+    extra: Sequence[Solid] = (),
+) -> Articulation:
+    """A door that turns about a border of its front, in the middle of its thickness.
+
+    ``extra``: more solids of the leaf, in the panel frame (a window). ``density``: kg/m³.
+    """
+    panel = Panel(front.width, front.height, thickness, _OPPOSITE[hinge_side], closed_behind=True)
+    solids, handle = front_with_handle(panel, design, finish, centred=False)
+    half_width, half_height = front.width / 2, front.height / 2
+    on_panel = {
+        "left": (-half_width, 0.0),
+        "right": (half_width, 0.0),
+        "top": (0.0, half_height),
+        "bottom": (0.0, -half_height),
+    }[hinge_side]
+    pose = furniture_from_panel(front.centre)
+    hinge = pose.apply(np.array([[*on_panel, -thickness / 2]]))[0]
+    axis = np.array(_AXES[hinge_side])
+    placed = pose @ handle.pose
+    pulled = np.cross(axis, placed.position - hinge)
+    truth = _handle(design, front, pose, handle, pulled / np.linalg.norm(pulled), hinge_side, hinge, axis)
+    return _articulation(name, "revolute", hinge, axis, upper, [*solids, *extra], pose, density, friction, truth)
+
+
+def drawer(
+    name: str,
+    front: Front,
+    design: HandleDesign,
+    finish: Finish,
+    *,
+    thickness: float,
+    depth: float,
+    box_width: float,
+    density: float,
+    friction: float,
+    upper: float,
+) -> Articulation:
+    """A drawer: a front with an open box ``box_width`` × ``depth`` behind it."""
+    panel = Panel(front.width, front.height, thickness, "top", closed_behind=False)
+    solids, handle = front_with_handle(panel, design, finish, centred=True)
+    half, low = box_width / 2, -front.height / 2 + 0.015
+    high = low + 0.6 * front.height
+    back = -thickness - depth
+    solids += [
+        block((-half, low, back), (half, low + _BOX_BOTTOM, -thickness), finish.body),
+        block((-half, low, back), (-half + _BOX_WALL, high, -thickness), finish.body),
+        block((half - _BOX_WALL, low, back), (half, high, -thickness), finish.body),
+        block((-half, low, back), (half, high, back + _BOX_WALL), finish.body),
+    ]
+    pose = furniture_from_panel(front.centre)
+    axis = np.array([-1.0, 0.0, 0.0])
+    truth = _handle(design, front, pose, handle, axis, None, None, None)
+    origin = np.array(front.centre)
+    return _articulation(name, "prismatic", origin, axis, upper, solids, pose, density, friction, truth)
+
+
+def _handle(
+    design: HandleDesign,
+    front: Front,
+    furniture_from_front: Pose,
+    handle: PanelHandle,
+    opening_direction: np.ndarray,
+    hinge_side: HingeSide | None,
+    hinge: np.ndarray | None,
+    hinge_direction: np.ndarray | None,
+) -> Handle:
+    return Handle(
+        kind=design.kind,
+        pose=furniture_from_front @ handle.pose,
+        radius=handle.radius,
+        length=handle.length,
+        standoff=handle.standoff,
+        opening_direction=opening_direction,
+        confidence=1.0,
+        position_std=0.0,
+        joint="prismatic" if hinge_side is None else "revolute",
+        joint_confidence=1.0,
+        hinge_side=hinge_side,
+        hinge=hinge,
+        hinge_direction=hinge_direction,
+        panel=furniture_from_front,
+        panel_size=(front.width, front.height),
+    )
+
+
+def _articulation(
+    name: str,
+    kind: str,
+    origin: np.ndarray,
+    axis: np.ndarray,
+    upper: float,
+    solids: Sequence[Solid],
+    pose: Pose,
+    density: float,
+    friction: float,
+    handle: Handle,
+) -> Articulation:
+    placed = [solid.seen_from(pose) for solid in solids]
+    return Articulation(
+        name=name,
+        kind="revolute" if kind == "revolute" else "prismatic",
+        origin=_point(origin),
+        axis=_point(axis),
+        upper=upper,
+        parts=tuple(solid.placed for solid in placed),
+        colors=tuple(solid.rgba for solid in placed),
+        mass=density * sum(solid.volume for solid in solids),
+        friction=friction,
+        handle=handle,
+    )
+
+
+def _point(values: np.ndarray) -> Point:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
