@@ -11,6 +11,8 @@ from bestman_bt.messages import Pose
 from bestman_bt.scene.scene import FurnitureModel, Surface
 from bestman_bt.scene.shape_file import ShapeConfig, placed_shapes
 
+DEFAULT_COLOR = (0.7, 0.7, 0.7)
+
 
 @dataclass(frozen=True)
 class SurfaceConfig:
@@ -40,7 +42,7 @@ def read_furniture(name: str, asked_by: Problem | None = None) -> FurnitureModel
         name=path.stem,
         footprint=file.footprint,
         parts=placed_shapes(file.parts, document, "parts"),
-        colors=tuple((*part.color, 1.0) for part in file.parts),
+        colors=tuple((*(part.color or DEFAULT_COLOR), 1.0) for part in file.parts),
         surfaces=tuple(Surface(key, Pose.from_xyz_rpy(s.xyz), s.size) for key, s in file.surfaces.items()),
         friction=file.friction,
     )

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
-from bestman_bt.configuration import ConfigurationError, Problem, check, find_data, read_document
+from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
 from bestman_bt.configuration.quantity import Color, Friction, Mass
-from bestman_bt.messages import ObjectModel
-from bestman_bt.scene.shape_file import ShapeConfig, placed_shapes
+from bestman_bt.messages import Mesh, ObjectModel, PlacedShape, Pose
+from bestman_bt.scene.random_shape import random_shape_document
+from bestman_bt.scene.shape_file import ShapeConfig, convex_shapes, placed_shapes
 
+SMALLEST, LARGEST = 0.005, 1.0
+"""Metres: limits of the longest side of an object; beyond them its units are likely to be wrong."""
 _SYMMETRY_ORDERS = {"none": 1, "half turns": 2, "quarter turns": 4, "any": 0}
+_RANDOM = re.compile(r"random_(\d{3})")
 
 
 @dataclass(frozen=True)
 class ObjectFile:
-    """A movable object; its frame is in the middle of its bounding box. ``symmetry``: turns about z that look alike."""
+    """A movable object; its frame is put into the middle of the bounding box of its collision shapes, z up.
+
+    ``collision``: solid shapes; those that are not convex are cut into convex parts. ``visual``: what cameras see,
+    where that is something else. ``symmetry``: turns about z that look alike.
+    """
 
     mass: Mass
     color: Color
@@ -26,19 +36,53 @@ class ObjectFile:
     description: str = ""
 
 
-def read_object(name: str, asked_by: Problem | None = None) -> ObjectModel:
-    """The object of a shipped name or a file; raises ConfigurationError."""
+def read_object(name: str | Path, asked_by: Problem | None = None) -> ObjectModel:
+    """The object of a shipped name, of a file, or ``random_000`` to ``random_999``; raises ConfigurationError.
+
+    Those are the random shapes of pybullet_data, see ``random_shape_document``.
+    """
+    match = _RANDOM.fullmatch(str(name))
+    if match is not None:
+        return object_of(str(name), random_shape_document(int(match[1])), Path())
     path = find_data("object", name, asked_by)
-    document = read_document(path)
+    return object_of(path.stem, read_document(path), path.parent)
+
+
+def object_of(name: str, document: Document, folder: Path) -> ObjectModel:
+    """The object that a document describes; meshes are relative to ``folder``. Raises ConfigurationError."""
     file = check(document, ObjectFile)
     if not file.collision:
         raise ConfigurationError([document.problem(("collision",), "an object needs at least one shape")])
-    return ObjectModel(
-        name=path.stem,
+    collision = convex_shapes(file.collision, document, "collision", folder)
+    seen = file.visual or file.collision
+    visual = placed_shapes(seen, document, "visual" if file.visual else "collision", folder)
+    colors = tuple(shape.color or file.color for shape in seen) if any(shape.color for shape in seen) else ()
+    if not file.visual and not colors and not any(isinstance(placed.shape, Mesh) for placed in visual):
+        visual = ()
+    model = ObjectModel(
+        name=name,
         color=file.color,
         mass=file.mass,
         friction=file.friction,
-        collision=placed_shapes(file.collision, document, "collision"),
-        visual=placed_shapes(file.visual, document, "visual"),
+        collision=collision,
+        visual=visual,
         symmetry_order=_SYMMETRY_ORDERS[file.symmetry],
+        visual_colors=colors,
+    )
+    longest = float(model.size.max())
+    if not SMALLEST <= longest <= LARGEST:
+        message = f"the longest side should be {SMALLEST * 1e3:g} mm to {LARGEST:g} m, got {longest:.4g} m"
+        raise ConfigurationError([document.problem(("collision",), f"{message}; check units and scale")])
+    return _centred(model)
+
+
+def _centred(model: ObjectModel) -> ObjectModel:
+    middle = model.bounds().mean(axis=0)
+    if abs(middle).max() < 1e-9:
+        return model
+    shift = Pose(-middle)
+    return replace(
+        model,
+        collision=tuple(PlacedShape(placed.shape, shift @ placed.pose) for placed in model.collision),
+        visual=tuple(PlacedShape(placed.shape, shift @ placed.pose) for placed in model.visual),
     )

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
+from pathlib import Path
 
 from bestman_bt.configuration import ConfigurationError, Document
-from bestman_bt.configuration.quantity import Angles3, Color, Lengths3, PositiveLength, Size2, Size3
-from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Shape
+from bestman_bt.configuration.quantity import (
+    Angle,
+    Angles3,
+    Color,
+    Distance,
+    Length,
+    Lengths3,
+    PositiveLength,
+    Size2,
+    Size3,
+)
+from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose, Shape, Sphere
+from bestman_bt.scene.generated_shapes import bent_bar, revolved_mesh, revolved_parts, tube_mesh
+from bestman_bt.scene.mesh_file import MeshConfig, MeshError, read_convex_parts, read_mesh
 
 
 @dataclass(frozen=True)
@@ -22,54 +34,136 @@ class TubeConfig:
 
 
 @dataclass(frozen=True)
+class RevolveConfig:
+    """A body turned about z, as on a lathe.
+
+    ``profile``: (radius, z) from the bottom on the axis up along the outside and, of a vessel, down along the inside,
+    to end on the axis.
+    """
+
+    profile: tuple[tuple[Distance, Length], ...]
+
+
+@dataclass(frozen=True)
+class ArcConfig:
+    """A round bar of radius ``bar``, bent along an arc in the xz plane, from ``start`` (0 is x, 90 deg is z) on."""
+
+    radius: PositiveLength
+    bar: PositiveLength
+    start: Angle
+    sweep: Angle
+
+
+@dataclass(frozen=True)
 class ShapeConfig:
-    """One of ``box`` (extents), ``cylinder`` (radius, length, along z) and ``tube``, centred at ``xyz``."""
+    """One of ``box`` (extents), ``cylinder`` (radius, length, along z), ``sphere`` (radius), ``tube``, ``revolve``,
+    ``arc`` and ``mesh``, placed at ``xyz`` and turned by ``rpy``; all but meshes and profiles are centred there.
+    """
 
     box: Size3 | None = None
     cylinder: Size2 | None = None
+    sphere: PositiveLength | None = None
     tube: TubeConfig | None = None
+    revolve: RevolveConfig | None = None
+    arc: ArcConfig | None = None
+    mesh: MeshConfig | None = None
     xyz: Lengths3 = (0.0, 0.0, 0.0)
     rpy: Angles3 = (0.0, 0.0, 0.0)
-    color: Color = (0.7, 0.7, 0.7)
+    color: Color | None = None
 
 
-def placed_shapes(configs: tuple[ShapeConfig, ...], document: Document, field: str) -> tuple[PlacedShape, ...]:
-    """The shapes of a list in a file, each at its place; raises ConfigurationError."""
-    shapes = []
+_KINDS = ("box", "cylinder", "sphere", "tube", "revolve", "arc", "mesh")
+
+
+def placed_shapes(
+    configs: tuple[ShapeConfig, ...], document: Document, field: str, folder: Path | None = None
+) -> tuple[PlacedShape, ...]:
+    """The shapes of a list in a file as they are seen, one for each entry; raises ConfigurationError.
+
+    ``folder``: that meshes are given relative to.
+    """
+    shapes = _each(configs, document, field, folder, _seen)
+    return tuple(placed for (placed,) in shapes)
+
+
+def convex_shapes(
+    configs: tuple[ShapeConfig, ...], document: Document, field: str, folder: Path | None = None
+) -> tuple[PlacedShape, ...]:
+    """The convex parts that the shapes of a list consist of, for physics; raises ConfigurationError."""
+    return tuple(placed for parts in _each(configs, document, field, folder, _convex) for placed in parts)
+
+
+def _each(
+    configs: tuple[ShapeConfig, ...],
+    document: Document,
+    field: str,
+    folder: Path | None,
+    shapes_of: Callable[[ShapeConfig, Path], tuple[Shape, ...]],
+) -> list[tuple[PlacedShape, ...]]:
+    made = []
     for index, config in enumerate(configs):
-        given = [name for name in ("box", "cylinder", "tube") if getattr(config, name) is not None]
+        given = [kind for kind in _KINDS if getattr(config, kind) is not None]
         if len(given) != 1:
-            message = f"one of box, cylinder and tube should be given, got {', '.join(given) or 'none'}"
+            message = (
+                f"one of {', '.join(_KINDS[:-1])} and {_KINDS[-1]} should be given, got {', '.join(given) or 'none'}"
+            )
             raise ConfigurationError([document.problem((field, index), message)])
-        shapes.append(PlacedShape(_shape(config), Pose.from_xyz_rpy(config.xyz, config.rpy)))
-    return tuple(shapes)
+        fault = _fault(config)
+        if fault is not None:
+            raise ConfigurationError([document.problem((field, index, given[0]), fault)])
+        pose = Pose.from_xyz_rpy(config.xyz, config.rpy)
+        try:
+            made.append(tuple(PlacedShape(shape, pose) for shape in shapes_of(config, folder or Path())))
+        except MeshError as error:
+            raise ConfigurationError([document.problem((field, index, "mesh", "file"), str(error))]) from error
+    return made
 
 
-def _shape(config: ShapeConfig) -> Shape:
+def _fault(config: ShapeConfig) -> str | None:
+    if config.tube is not None and (config.tube.wall >= config.tube.radius or config.tube.bottom >= config.tube.length):
+        return "the wall should be thinner than the radius, and the bottom than the length"
+    if config.arc is not None and not (config.arc.bar < config.arc.radius and 0.0 < abs(config.arc.sweep) < 6.2):
+        return "the bar should be thinner than the arc's radius, and the sweep between 0 and 355 deg"
+    if config.revolve is not None:
+        profile = config.revolve.profile
+        if len(profile) < 4 or profile[0][0] or profile[-1][0] or not all(radius for radius, _ in profile[1:-1]):
+            return "a profile has four points or more, of which the first and the last, and no others, have radius 0"
+        pairs = zip(profile, [*profile[1:], profile[0]], strict=True)
+        if sum(r0 * z1 - r1 * z0 for (r0, z0), (r1, z1) in pairs) <= 0.0:
+            return "a profile goes from the bottom up along the outside; this one goes the other way round"
+    return None
+
+
+def _seen(config: ShapeConfig, folder: Path) -> tuple[Shape, ...]:
+    if config.tube is not None:
+        tube = config.tube
+        return (tube_mesh(tube.radius, tube.length, tube.wall, tube.bottom),)
+    if config.revolve is not None:
+        return (revolved_mesh(config.revolve.profile),)
+    if config.arc is not None:
+        arc = config.arc
+        return (bent_bar(arc.radius, arc.bar, arc.start, arc.sweep)[0],)
+    if config.mesh is not None:
+        return (read_mesh(config.mesh, folder),)
+    return _convex(config, folder)
+
+
+def _convex(config: ShapeConfig, folder: Path) -> tuple[Shape, ...]:
     if config.box is not None:
-        return Box(config.box)
+        return (Box(config.box),)
     if config.cylinder is not None:
-        return Cylinder(*config.cylinder)
-    assert config.tube is not None
-    return tube_mesh(config.tube)
-
-
-def tube_mesh(tube: TubeConfig, segments: int = 40) -> Mesh:
-    """A vessel open at the top, centred on its bounding box, z up; faces turn outwards, the inside included."""
-    angles = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
-    top, bottom, inner = tube.length / 2, -tube.length / 2, tube.radius - tube.wall
-    profile = [(tube.radius, bottom), (tube.radius, top), (inner, top), (inner, bottom + tube.bottom)]
-    rings = [np.column_stack([radius * ring, np.full(segments, z)]) for radius, z in profile]
-    centres = np.array([[0.0, 0.0, bottom], [0.0, 0.0, bottom + tube.bottom]])
-    faces = []
-    for i in range(segments):
-        j = (i + 1) % segments
-        for lower in range(len(profile) - 1):
-            a, b = lower * segments + i, lower * segments + j
-            c, d = (lower + 1) * segments + j, (lower + 1) * segments + i
-            faces += [(a, b, c), (a, c, d)]
-        outside, inside = len(profile) * segments, len(profile) * segments + 1
-        faces.append((outside, j, i))
-        faces.append((inside, 3 * segments + i, 3 * segments + j))
-    return Mesh(np.concatenate([*rings, centres]), np.array(faces))
+        return (Cylinder(*config.cylinder),)
+    if config.sphere is not None:
+        return (Sphere(config.sphere),)
+    if config.tube is not None:
+        outer, half = config.tube.radius, config.tube.length / 2
+        inner, floor = outer - config.tube.wall, config.tube.bottom - half
+        return revolved_parts(
+            [(0.0, -half), (outer, -half), (outer, half), (inner, half), (inner, floor), (0.0, floor)]
+        )
+    if config.revolve is not None:
+        return revolved_parts(config.revolve.profile)
+    if config.arc is not None:
+        return bent_bar(config.arc.radius, config.arc.bar, config.arc.start, config.arc.sweep)[1]
+    assert config.mesh is not None
+    return read_convex_parts(config.mesh, folder)

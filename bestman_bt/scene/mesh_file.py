@@ -1,0 +1,119 @@
+"""Meshes of files: read with trimesh, in metres, z up, as one surface or as convex parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from bestman_bt.configuration.quantity import PositiveLength
+from bestman_bt.messages import Mesh
+from bestman_bt.scene.generated_shapes import convex_hull
+
+CONVEX_SHARE = 0.95
+"""A part that fills less of its convex hull than this is not convex."""
+_PACKAGE = "package://"
+_TURNS = {
+    "x": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "z": np.eye(3),
+}
+
+
+@dataclass(frozen=True)
+class MeshConfig:
+    """``file``: beside the YAML, or ``package://python_package/path``. ``scale``: metres per unit of the file.
+
+    ``up``: the axis of the file that points up when the object stands.
+    """
+
+    file: str
+    scale: PositiveLength = 1.0
+    up: Literal["x", "y", "z"] = "z"
+
+
+class MeshError(ValueError):
+    """A mesh that cannot be found, read or used."""
+
+
+def locate_mesh(file: str, folder: Path) -> Path:
+    """The file behind a path relative to ``folder`` or ``package://python_package/path``. Raises MeshError."""
+    if file.startswith(_PACKAGE):
+        package, _, inside = file.removeprefix(_PACKAGE).partition("/")
+        spec = find_spec(package) if package.isidentifier() else None
+        if spec is None or not spec.submodule_search_locations:
+            raise MeshError(f"the package {package!r} of {file!r} is not installed")
+        path = Path(spec.submodule_search_locations[0]) / inside
+    else:
+        path = folder / file
+    if not path.is_file():
+        raise MeshError(f"no such mesh: {file}")
+    return path
+
+
+def read_mesh(config: MeshConfig, folder: Path) -> Mesh:
+    """The whole surface, in the frame of the file turned upright. Raises MeshError."""
+    return _scaled(read_triangles(locate_mesh(config.file, folder)), config)
+
+
+def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
+    """The separate parts of a mesh, of which each must be convex. Raises MeshError."""
+    groups = read_groups(locate_mesh(config.file, folder))
+    parts = []
+    for index, part in enumerate(part for group in groups for part in group.split(only_watertight=False, repair=False)):
+        hull = convex_hull(np.asarray(part.vertices))
+        share = abs(float(part.volume)) / _volume(hull)
+        if not part.is_watertight or share < CONVEX_SHARE:
+            raise MeshError(
+                f"part {index} of {config.file} is not convex (it fills {share:.0%} of its hull), which physics needs; "
+                "'bestman-bt object add' cuts a mesh into convex parts"
+            )
+        parts.append(_scaled(part, config))
+    return tuple(parts)
+
+
+def read_triangles(path: Path) -> Any:
+    """A file as one trimesh.Trimesh with joined vertices, without triangles of no area. Raises MeshError."""
+    import trimesh
+
+    return _cleaned(trimesh.util.concatenate(_geometries(path)))
+
+
+def read_groups(path: Path) -> list[Any]:
+    """The objects of a file (``o`` of an OBJ file), each as ``read_triangles`` gives it. Raises MeshError."""
+    return [_cleaned(mesh) for mesh in _geometries(path)]
+
+
+def _geometries(path: Path) -> list[Any]:
+    import trimesh
+
+    try:
+        options: dict[str, Any] = {"split_object": True, "group_material": False} if path.suffix == ".obj" else {}
+        scene: Any = trimesh.load_scene(path, process=False, skip_materials=True, **options)
+        meshes = [mesh for mesh in scene.dump() if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces)]
+    except Exception as error:
+        raise MeshError(f"cannot read the mesh {path.name}: {error}") from error
+    if not meshes:
+        raise MeshError(f"the mesh {path.name} has no triangles")
+    if not all(np.isfinite(mesh.vertices).all() for mesh in meshes):
+        raise MeshError(f"the mesh {path.name} has corners that are not finite")
+    return [trimesh.Trimesh(mesh.vertices, mesh.faces, process=False) for mesh in meshes]
+
+
+def _cleaned(mesh: Any) -> Any:
+    mesh.merge_vertices()
+    mesh.update_faces(mesh.nondegenerate_faces(height=0.0))
+    mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+def _scaled(mesh: Any, config: MeshConfig) -> Mesh:
+    return Mesh(np.asarray(mesh.vertices) @ _TURNS[config.up].T * config.scale, np.asarray(mesh.faces))
+
+
+def _volume(mesh: Mesh) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
