@@ -90,7 +90,6 @@ def recorded_bodies(world: World) -> list[RecordedBody]:
         model = furniture.model
         bodies.append(RecordedBody(furniture.name, model.parts, model.colors, furniture.actual.to_pose()))
     for thing in world.objects:
-        shapes = thing.model.visual or thing.model.collision
-        color = (*thing.model.color, 1.0)
-        bodies.append(RecordedBody(thing.name, shapes, (color,) * len(shapes), thing.pose))
+        shapes, colors = zip(*thing.model.appearance, strict=True)
+        bodies.append(RecordedBody(thing.name, shapes, tuple((*color, 1.0) for color in colors), thing.pose))
     return bodies

@@ -42,6 +42,12 @@ class ObjectModel:
     visual_colors: tuple[tuple[float, float, float], ...] = ()
     grasps: tuple[ObjectGrasp, ...] = field(default=(), compare=False)
 
+    @property
+    def appearance(self) -> tuple[tuple[PlacedShape, tuple[float, float, float]], ...]:
+        """What cameras see: each shape and its rgb colour."""
+        seen = self.visual or self.collision
+        return tuple(zip(seen, self.visual_colors or (self.color,) * len(seen), strict=True))
+
     def bounds(self) -> NDArray[np.float64]:
         """The bounding box of the collision shapes in the object frame: (2, 3), lower and upper corner, metres."""
         corners = np.concatenate([placed.pose.apply(_corners(placed)) for placed in self.collision])

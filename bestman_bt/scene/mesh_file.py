@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from scipy.spatial import QhullError
 
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.messages import Mesh
@@ -64,8 +65,10 @@ def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
     groups = read_groups(locate_mesh(config.file, folder))
     parts = []
     for index, part in enumerate(part for group in groups for part in group.split(only_watertight=False, repair=False)):
-        hull = convex_hull(np.asarray(part.vertices))
-        share = abs(float(part.volume)) / _volume(hull)
+        try:
+            share = abs(float(part.volume)) / _volume(convex_hull(np.asarray(part.vertices)))
+        except QhullError as error:
+            raise MeshError(f"part {index} of {config.file} is flat, which physics cannot use") from error
         if not part.is_watertight or share < CONVEX_SHARE:
             raise MeshError(
                 f"part {index} of {config.file} is not convex (it fills {share:.0%} of its hull), which physics needs; "

@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from bestman_bt.messages import Box, Cylinder, Mesh, PlacedShape, Pose, Shape, Sphere
+from hal.pybullet.convex_margin import without_margin
 
 Color = tuple[float, float, float, float]
 
@@ -21,7 +22,8 @@ def body_urdf(
     visual: Sequence[tuple[PlacedShape, Color]],
     folder: Path,
 ) -> str:
-    """One rigid body; ``mass`` in kg (0: fixed). Meshes are written into ``folder`` as OBJ.
+    """One rigid body; ``mass`` in kg (0: fixed). Meshes are written into ``folder`` as OBJ; of one that collides
+    pybullet takes the convex hull.
 
     Pybullet derives the inertia from the collision shapes, about the body's frame.
     """
@@ -36,7 +38,8 @@ def body_urdf(
         material = ElementTree.SubElement(element, "material", name=f"{name}_{i}")
         ElementTree.SubElement(material, "color", rgba=" ".join(map(repr, map(float, color))))
     for i, placed in enumerate(collision):
-        _placed(link, "collision", placed, folder / f"{name}_collision_{i}.obj")
+        solid = PlacedShape(without_margin(placed.shape), placed.pose) if isinstance(placed.shape, Mesh) else placed
+        _placed(link, "collision", solid, folder / f"{name}_collision_{i}.obj")
     return ElementTree.tostring(robot, encoding="unicode")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -67,7 +66,8 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         furniture = {piece.name: _furniture(client, piece, folder) for piece in world.furniture}
         objects = {placed.name: _object(client, placed, parameters, folder) for placed in world.objects}
         urdf, frames = without_bare_frames(model.urdf)
-        robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, fixed=False, flags=ROBOT_FLAGS)
+        # A robot without a base that drives is bolted to where it stands.
+        robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.bases, ROBOT_FLAGS)
     joints, links = _names(client, robot)
     constraints = _set_up_robot(client, model, world, parameters, robot, joints, links)
     return BuiltWorld(floor, walls, furniture, objects, robot, joints, links, frames, constraints)
@@ -118,8 +118,8 @@ def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> i
 
 def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsParameters, folder: Path) -> int:
     model = placed.model
-    seen: Sequence[PlacedShape] = model.visual or model.collision
-    urdf = body_urdf(placed.name, model.mass, model.collision, [(part, (*model.color, 1.0)) for part in seen], folder)
+    seen = [(part, (*color, 1.0)) for part, color in model.appearance]
+    urdf = body_urdf(placed.name, model.mass, model.collision, seen, folder)
     body = _load(client, placed.name, urdf, placed.pose, folder, fixed=False, flags=OBJECT_FLAGS)
     # Finger pads are soft and touch in a patch; points of contact alone let an object pivot in the hand.
     client.changeDynamics(
