@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -29,3 +29,10 @@ class ConfigurationError(ValueError):
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+    def within(self, *path: str) -> ConfigurationError:
+        """The same faults, their fields named from further out: ``drawers`` within ``generate.drawers``."""
+        outer = ".".join(path)
+        return ConfigurationError(
+            replace(problem, field=f"{outer}.{problem.field}" if problem.field else outer) for problem in self.problems
+        )
