@@ -35,6 +35,10 @@ class HandPlacementParameters:
         """Whether the gripper opens wide enough for ``width`` and can close on it."""
         return gripper.min_width < width <= gripper.max_width - 2 * self.clearance
 
+    def openings(self, widths: NDArray[np.float64], gripper: GripperModel) -> NDArray[np.float64]:
+        """How far to open (K,) before the approach to objects of ``widths`` (K,), metres."""
+        return np.minimum(gripper.max_width, widths + 4 * self.clearance)
+
     def reach(self, gripper: GripperModel) -> float:
         """How far an object may stand out from the tool frame towards the palm."""
         return min(self.max_depth, gripper.finger_depth - self.palm_clearance)

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
 from bestman_bt.robot_model import GripperModel
-
-# Points times hands that one pass may hold, to bound the memory.
-_PASS = 1_500_000
 
 
 @dataclass(frozen=True)
@@ -26,37 +24,19 @@ class HandShapeParameters:
     palm_length: float = 0.200
 
 
-@dataclass(frozen=True, eq=False)
-class HandPoses:
-    """K tool frames: ``rotations`` (K, 3, 3) with columns (across, closing, approach), ``positions`` (K, 3) metres."""
-
-    rotations: NDArray[np.float64]
-    positions: NDArray[np.float64]
-
-    def __len__(self) -> int:
-        return len(self.positions)
-
-    def selected(self, index: NDArray[np.bool_] | NDArray[np.intp] | slice) -> HandPoses:
-        """Those that ``index`` (mask, indices or slice) selects."""
-        return HandPoses(self.rotations[index], self.positions[index])
-
-    def passes(self, points: int) -> list[slice]:
-        """Slices of the poses, so few at once that ``points`` points in their frames fit into memory."""
-        step = max(1, _PASS // max(points, 1))
-        return [slice(start, start + step) for start in range(0, len(self), step)]
-
-    def local(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """x, y and z of ``points`` (N, 3) in each tool frame, (K, N) each."""
-        offsets = np.einsum("kij,ki->kj", self.rotations, self.positions)
-        return tuple(self.rotations[:, :, axis] @ points.T - offsets[:, axis, None] for axis in range(3))
-
-
 @dataclass(frozen=True)
 class HandShape:
     """The fingers of ``gripper``, opened, and the palm behind them."""
 
     gripper: GripperModel
     parameters: HandShapeParameters
+
+    @property
+    def reach(self) -> float:
+        """No part is farther from the tool frame than this, metres, opened as wide as it goes."""
+        palm, depth = self.parameters.palm_size, self.gripper.finger_depth
+        side = max(palm[1] / 2, self.gripper.max_width / 2 + self.parameters.finger_thickness)
+        return float(np.linalg.norm([palm[0] / 2, side, depth + self.parameters.palm_length]))
 
     def boxes(self, openings: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Centres and half sizes (K, 3, 3) of two fingers and the palm in the tool frame, for openings (K,)."""

@@ -1,7 +1,6 @@
-"""Antipodal grasps from a known model: from its shape where that is a box, cylinder or ball, else from sampled pairs.
+"""Grasps of a known model: from its shape where that is a box, cylinder or ball, else the antipodal ones found on it.
 
-Two contacts are antipodal where the line between them lies in both friction cones (Nguyen, "Constructing
-Force-Closure Grasps", 1988).
+The latter come with the model (``ObjectModel.grasps``) or are found when it is first asked for.
 """
 
 from __future__ import annotations
@@ -13,10 +12,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Box, Cylinder, ObjectModel, Pose, Sphere
+from bestman_bt.messages import Box, Cylinder, Mesh, ObjectGrasp, ObjectModel, PlacedShape, Pose, Sphere
 from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose.antipodal_model import antipodal_grasps
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
+from bestman_bt.perception.grasp_pose.clearance import clear_candidates, surroundings_of
 from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
+from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.robot_model import GripperModel
 
@@ -28,16 +31,22 @@ class ModelBasedParameters:
     """Metres and radians.
 
     ``yaw_step``: between grasps around an axis of revolution. ``sides``: also propose grasps from the side.
-    ``spacing``: of sampled contacts on meshes and composed shapes; ``friction``: of their cones, tan of the half angle.
-    ``max_candidates``: how many are returned.
+    ``spacing``: of the samples that the hand must not touch. ``max_candidates``: how many are returned.
+    ``surroundings_clearance``: between open hand and ``GraspTarget.surroundings``, at least.
+    ``antipodal_count``: grasps to find on a model that brings none. ``max_tilt``: of their approach from straight down;
+    ``tilt_weight``: share of the quality that is lost at a right angle.
     """
 
     yaw_step: float = math.radians(30.0)
     sides: bool = True
     spacing: float = 0.006
-    friction: float = 0.3
     max_candidates: int = 120
+    surroundings_clearance: float = 0.004
+    antipodal_count: int = 128
+    max_tilt: float = math.radians(95.0)
+    tilt_weight: float = 0.3
     hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
+    shape: HandShapeParameters = field(default_factory=HandShapeParameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,20 +68,56 @@ class ModelBased(GraspPlanner):
 
     def __init__(self, parameters: ModelBasedParameters | None = None) -> None:
         self.parameters = parameters or ModelBasedParameters()
+        self._found: dict[tuple[ObjectModel, GripperModel], tuple[ObjectGrasp, ...]] = {}
 
     def plan(self, target: GraspTarget, gripper: GripperModel, support_height: float) -> tuple[GraspCandidate, ...]:
         """See GraspPlanner."""
         if target.model is None or target.frame_from_object is None:
             raise PerceptionError("ModelBased needs a target with a model; for an unknown object use BoundingBox")
-        outline = self._outline(target.model, target.frame_from_object)
-        candidates = [
-            candidate
-            for contacts in self._contacts(target.model, target.frame_from_object)
-            if self.parameters.hand.fits(contacts.width, gripper)
-            for candidate in self._hands(contacts, outline, gripper, support_height)
-        ]
+        model, pose = target.model, target.frame_from_object
+        if len(model.collision) == 1 and not isinstance(model.collision[0].shape, Mesh):
+            outline = self._outline(model, pose)
+            candidates = [
+                candidate
+                for contacts in self._contacts(model.collision[0], pose)
+                if self.parameters.hand.fits(contacts.width, gripper)
+                for candidate in self._hands(contacts, outline, gripper, support_height)
+            ]
+        else:
+            candidates = list(self._placed(self._grasps(model, gripper), pose, gripper, support_height))
+        hand = HandShape(gripper, self.parameters.shape)
+        others = surroundings_of(target, support_height, hand.reach + float(np.linalg.norm(model.size)) / 2)
+        candidates = clear_candidates(candidates, hand, others, support_height, self.parameters.surroundings_clearance)
         candidates.sort(key=lambda candidate: -candidate.quality)
         return tuple(candidates[: self.parameters.max_candidates])
+
+    def _grasps(self, model: ObjectModel, gripper: GripperModel) -> tuple[ObjectGrasp, ...]:
+        if model.grasps:
+            return model.grasps
+        if (model, gripper) not in self._found:
+            # The same contacts each time: a model has one set of grasps.
+            rng = np.random.default_rng(0)
+            self._found[model, gripper] = antipodal_grasps(model, gripper, rng, self.parameters.antipodal_count)
+        return self._found[model, gripper]
+
+    def _placed(
+        self, grasps: tuple[ObjectGrasp, ...], frame_from_object: Pose, gripper: GripperModel, support_height: float
+    ) -> Iterator[GraspCandidate]:
+        """The grasps of a model that come from above or from the side, clear of the support."""
+        hand, shape = self.parameters.hand, HandShape(gripper, self.parameters.shape)
+        for grasp in grasps:
+            if not hand.fits(grasp.width, gripper):
+                continue
+            tool = frame_from_object @ grasp.object_from_tool
+            rotation = tool.rotation
+            tilt = math.acos(float(np.clip(-rotation[2, 2], -1.0, 1.0)))
+            openings = hand.openings(np.array([grasp.width]), gripper)
+            lowest = float(shape.lowest(HandPoses(rotation[None], tool.position[None]), openings)[0])
+            if tilt > self.parameters.max_tilt or lowest < support_height + hand.support_clearance:
+                continue
+            quality = grasp.quality * (1.0 - self.parameters.tilt_weight * tilt / (math.pi / 2))
+            kind = "top" if tilt < math.pi / 4 else "side"
+            yield hand.candidate(tool.position, rotation[:, 2], rotation[:, 1], grasp.width, quality, kind, gripper)
 
     def _outline(self, model: ObjectModel, frame_from_object: Pose) -> NDArray[np.float64]:
         """Samples of the collision shapes' surface in the frame, (n, 3): what the hand must not touch."""
@@ -83,11 +128,7 @@ class ModelBased(GraspPlanner):
             ]
         )
 
-    def _contacts(self, model: ObjectModel, frame_from_object: Pose) -> Iterator[_Contacts]:
-        if len(model.collision) > 1:
-            yield from self._sampled(model, frame_from_object)
-            return
-        placed = model.collision[0]
+    def _contacts(self, placed: PlacedShape, frame_from_object: Pose) -> Iterator[_Contacts]:
         pose = frame_from_object @ placed.pose
         axes, centre = pose.rotation.T, pose.position
         turns = np.arange(0.0, math.pi - 1e-9, self.parameters.yaw_step)
@@ -116,37 +157,6 @@ class ModelBased(GraspPlanner):
                 for turn in turns:
                     closing = np.array([math.cos(turn), math.sin(turn), 0.0])
                     yield _Contacts(centre, closing, 2 * ball.radius, 1.0, ball.radius / 2)
-            case _:
-                yield from self._sampled(model, frame_from_object)
-
-    def _sampled(self, model: ObjectModel, frame_from_object: Pose) -> Iterator[_Contacts]:
-        """Pairs of samples whose normals oppose each other along the line between them."""
-        parts = [sample_shape(placed.shape, self.parameters.spacing) for placed in model.collision]
-        points = np.concatenate(
-            [placed.pose.apply(part[0]) for placed, part in zip(model.collision, parts, strict=True)]
-        )
-        normals = np.concatenate(
-            [part[1] @ placed.pose.rotation.T for placed, part in zip(model.collision, parts, strict=True)]
-        )
-        points, normals = frame_from_object.apply(points), normals @ frame_from_object.rotation.T
-        kept = np.linspace(0, len(points) - 1, min(len(points), 1200)).astype(np.intp)
-        points, normals = points[kept], normals[kept]
-        lines = points[None, :, :] - points[:, None, :]
-        lengths = np.linalg.norm(lines, axis=2)
-        safe = np.maximum(lengths, 1e-9)
-        cone = 1.0 / math.sqrt(1.0 + self.parameters.friction**2)
-        leaving = -np.einsum("ijk,ik->ij", lines, normals) / safe
-        arriving = np.einsum("ijk,jk->ij", lines, normals) / safe
-        first, second = np.nonzero(np.triu((leaving > cone) & (arriving > cone) & (lengths > 0.004), 1))
-        alignment = np.minimum(leaving[first, second], arriving[first, second])
-        order = np.argsort(-alignment, kind="stable")[: 4 * self.parameters.max_candidates]
-        middle = points.mean(axis=0)
-        for i, j, quality in zip(first[order], second[order], alignment[order], strict=True):
-            centre = (points[i] + points[j]) / 2
-            off_centre = float(np.linalg.norm((centre - middle)[:2]))
-            direction = lines[i, j] / lengths[i, j]
-            good = float(quality) - 4.0 * off_centre
-            yield _Contacts(centre, direction, float(lengths[i, j]), good, self.parameters.spacing)
 
     def _hands(
         self, contacts: _Contacts, outline: NDArray[np.float64], gripper: GripperModel, support_height: float

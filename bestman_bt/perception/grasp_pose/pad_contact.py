@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.perception.grasp_pose.hand_shape import HandPoses
+from bestman_bt.perception.grasp_pose.hand_poses import HandPoses
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,8 +15,8 @@ class PadContacts:
     """For each of K hands, (K,) each; ``width`` is 0 where a pad meets nothing.
 
     ``centre``: middle between the contacts, (K, 3) in the tool frame. ``alignment``: cosine between closing direction
-    and mean normal of the patch, at the worse side. ``extent``: (K, 2) how far the smaller patch spreads across and along the
-    pads, metres (standard deviation). ``offset``: metres between the two patches, seen along the closing direction.
+    and mean normal of the patch, at the worse side. ``extent``: (K, 2) how far the smaller patch spreads across and
+    along the pads, metres (standard deviation). ``offset``: metres between the patches, along the pads' faces.
     ``bulge``: metres by which the object is wider further up between the fingers than at the pads.
     """
 

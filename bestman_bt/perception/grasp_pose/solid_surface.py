@@ -30,11 +30,12 @@ class SolidSurface:
     centre_of_mass: NDArray[np.float64]
 
     def opposite(
-        self, points: NDArray[np.float64], directions: NDArray[np.float64]
+        self, points: NDArray[np.float64], directions: NDArray[np.float64], last: bool = False
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Where rays from surface points (R, 3) along unit inward ``directions`` leave the solid.
 
-        Returns points and outward normals (R, 3); NaN where a ray does not start inside.
+        For the first time, or with ``last`` for good: beyond the hollow of a cup. Returns points and outward normals
+        (R, 3); NaN where a ray does not start inside.
         """
         ends, normals = np.full(points.shape, np.nan), np.full(points.shape, np.nan)
         for i, (point, direction) in enumerate(zip(points, directions, strict=True)):
@@ -45,9 +46,9 @@ class SolidSurface:
             inside = np.cumsum(steps[order])
             left = np.flatnonzero((inside == 0) & (distances[order] > 2 * _GAP))
             if len(left) and inside.min() >= 0:
-                last = order[left[0]]
-                ends[i] = point + (distances[last] - _GAP) * direction
-                normals[i] = outward[last]
+                leaving = order[left[-1 if last else 0]]
+                ends[i] = point + (distances[leaving] - _GAP) * direction
+                normals[i] = outward[leaving]
         return ends, normals
 
 
@@ -78,13 +79,14 @@ def solid_surface(model: ObjectModel, spacing: float) -> SolidSurface:
 def _triangulated(shape: Shape) -> trimesh.Trimesh:
     match shape:
         case Box():
-            return trimesh.creation.box(shape.size)
+            mesh: trimesh.Trimesh = trimesh.creation.box(shape.size)
         case Cylinder():
-            return trimesh.creation.cylinder(shape.radius, shape.length, sections=48)
+            mesh = trimesh.creation.cylinder(shape.radius, shape.length, sections=48)
         case Sphere():
-            return trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
+            mesh = trimesh.creation.icosphere(subdivisions=3, radius=shape.radius)
         case Mesh():
-            return trimesh.Trimesh(shape.vertices.copy(), shape.faces.copy(), process=True)
+            mesh = trimesh.Trimesh(shape.vertices.copy(), shape.faces.copy(), process=True)
+    return mesh
 
 
 def _contains(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -93,7 +95,7 @@ def _contains(triangles: NDArray[np.float64], points: NDArray[np.float64]) -> ND
     The direction is oblique, so that it runs along no face of an ordinary shape.
     """
     lower, upper = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
-    inside = np.all((points > lower) & (points < upper), axis=1)
+    inside: NDArray[np.bool_] = np.all((points > lower) & (points < upper), axis=1)
     direction = np.array([0.5377, 0.3188, 0.7806])
     direction /= math.sqrt(float(direction @ direction))
     for i in np.flatnonzero(inside):
