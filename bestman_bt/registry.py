@@ -66,6 +66,7 @@ ALGORITHMS = Registry(
     "algorithm",
     {
         "segmentation/plane_dbscan": "bestman_bt.perception.segmentation:PlaneDbscan",
+        "segmentation/region_growing": "bestman_bt.perception.segmentation:RegionGrowing",
         "pose_estimation/multi_start": "bestman_bt.perception.pose_estimation:MultiStart",
         "grasp_pose/model_based": "bestman_bt.perception.grasp_pose:ModelBased",
         "grasp_pose/bounding_box": "bestman_bt.perception.grasp_pose:BoundingBox",

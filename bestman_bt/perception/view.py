@@ -42,6 +42,26 @@ class View:
         points.setflags(write=False)
         return PointCloud(points, self.image.rgb[rows, columns][known])
 
+    def organised(
+        self, around: NDArray[np.float64] | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float32], tuple[slice, slice]]:
+        """Points (h, w, 3) in the frame and depths (h, w), metres, pixel by pixel, and the rows and columns they fill.
+
+        Points are NaN and depths 0 where the depth is unknown. ``around``: see ``cloud``.
+        """
+        rows, columns = self._window(around)
+        k = self.image.intrinsics
+        depth = known_depth(self.image.depth[rows, columns])
+        z = np.where(depth > 0, depth, np.nan).astype(np.float64)
+        x = (np.arange(columns.start, columns.stop) - k.cx) / k.fx
+        y = (np.arange(rows.start, rows.stop) - k.cy) / k.fy
+        rotation = self.frame_from_camera.rotation
+        points = np.empty((*z.shape, 3))
+        for axis in range(3):
+            slope = rotation[axis, 0] * x[None, :] + (rotation[axis, 1] * y + rotation[axis, 2])[:, None]
+            points[:, :, axis] = slope * z + self.frame_from_camera.position[axis]
+        return points, depth, (rows, columns)
+
     def seen_from(self, other_from_frame: Pose) -> View:
         """The same view, given in another frame."""
         return View(self.image, other_from_frame @ self.frame_from_camera)
@@ -63,7 +83,7 @@ class View:
         inside: NDArray[np.bool_] = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
         depth = np.full(len(pixels), np.nan)
         depth[inside] = self.image.depth[v[inside], u[inside]]
-        return np.where(depth > 0, depth, np.nan)
+        return np.where(np.isfinite(depth) & np.greater(depth, 0.0), depth, np.nan)
 
     def _window(self, around: NDArray[np.float64] | None) -> tuple[slice, slice]:
         k = self.image.intrinsics
@@ -77,3 +97,9 @@ class View:
         first = np.clip(np.floor(pixels.min(axis=0)), 0, size).astype(int)
         last = np.clip(np.ceil(pixels.max(axis=0)) + 1, 0, size).astype(int)
         return slice(int(first[1]), int(last[1])), slice(int(first[0]), int(last[0]))
+
+
+def known_depth(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The depths with 0 in place of NaN, infinite and negative ones: what a camera writes where it knows nothing."""
+    known: NDArray[np.float32] = np.where(np.isfinite(depth) & np.greater(depth, 0.0), depth, np.float32(0.0))
+    return known

@@ -2,6 +2,7 @@
 
 from bestman_bt.perception.segmentation.base import Cluster, Region, Segmentation, SegmentedScene, SupportPlane
 from bestman_bt.perception.segmentation.plane_dbscan import PlaneDbscan, PlaneDbscanParameters
+from bestman_bt.perception.segmentation.region_growing import RegionGrowing, RegionGrowingParameters
 from bestman_bt.perception.segmentation.surface_coverage import (
     ABSENT,
     FREE,
@@ -20,6 +21,8 @@ __all__ = [
     "PlaneDbscan",
     "PlaneDbscanParameters",
     "Region",
+    "RegionGrowing",
+    "RegionGrowingParameters",
     "Segmentation",
     "SegmentedScene",
     "SupportPlane",

@@ -1,0 +1,152 @@
+"""The support plane near an expected height: random samples, least squares, and the rectangle that holds its points.
+
+Fischler and Bolles, "Random Sample Consensus", 1981; for a plane that is nearly horizontal, so that z = a x + b y + c.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose
+from bestman_bt.perception.errors import NoSurfaceError
+from bestman_bt.perception.segmentation.base import Region, SupportPlane
+
+
+@dataclass(frozen=True)
+class HorizontalPlaneParameters:
+    """Lengths in metres, angles in radians.
+
+    ``min_plane_points``: pixels that a surface must at least fill; at most about ``max_plane_points`` are used.
+    ``max_tilt``: of the plane. ``ransac_samples``, ``ransac_points``: triples tried, points that judge them;
+    ``ransac_distance``: of an inlier.
+    """
+
+    min_plane_points: int = 1500
+    max_plane_points: int = 30000
+    max_tilt: float = math.radians(6.0)
+    ransac_samples: int = 100
+    ransac_points: int = 1500
+    ransac_distance: float = 0.008
+
+
+def inside_region(local: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:
+    """Which points (..., 3) of the region's own frame lie in its box; NaN lies in none."""
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    half_x, half_y = region.size[0] / 2, region.size[1] / 2
+    inside: NDArray[np.bool_] = (np.abs(x) <= half_x) & (np.abs(y) <= half_y)
+    return inside & (z >= -region.tolerance) & (z <= region.height)
+
+
+def find_plane(
+    local: NDArray[np.float64],
+    region: Region,
+    rng: np.random.Generator,
+    p: HorizontalPlaneParameters,
+    pixels_per_point: int = 1,
+) -> SupportPlane:
+    """The plane through the points (N, 3) of the region's own frame that lie near the expected height.
+
+    The result is in the frame of the region's pose. Raises NoSurfaceError, in words, where there is none.
+    """
+    band = local[np.abs(local[:, 2]) <= region.tolerance]
+    if len(band) * pixels_per_point < p.min_plane_points:
+        raise NoSurfaceError(_no_surface(region, len(band) * pixels_per_point, p.min_plane_points))
+    step = max(1, len(band) // p.max_plane_points)
+    band, pixels_per_point = band[::step], pixels_per_point * step
+    judges = band[:: max(1, len(band) // p.ransac_points)]
+    triples = judges[rng.integers(len(judges), size=(p.ransac_samples, 3))]
+    matrices = np.concatenate([triples[:, :, :2], np.ones((p.ransac_samples, 3, 1))], axis=2)
+    usable = np.abs(np.linalg.det(matrices)) > 1e-4
+    planes = np.linalg.solve(matrices[usable], triples[usable][:, :, 2:])[:, :, 0]
+    planes = planes[np.hypot(planes[:, 0], planes[:, 1]) <= math.tan(p.max_tilt)]
+    if len(planes) == 0:
+        raise NoSurfaceError(_no_surface(region, 0, p.min_plane_points))
+    distances = np.abs(planes[:, :2] @ judges[:, :2].T + planes[:, 2:] - judges[:, 2])
+    plane = planes[int(np.argmax((distances < p.ransac_distance).sum(axis=1)))]
+    for limit in (1.5 * p.ransac_distance, p.ransac_distance, p.ransac_distance):
+        inlier = np.abs(_above_plane(band, plane)) < limit
+        found = int(inlier.sum()) * pixels_per_point
+        if found < p.min_plane_points:
+            raise NoSurfaceError(_no_surface(region, found, p.min_plane_points))
+        plane = least_squares_plane(band[inlier])
+    residuals = _above_plane(band, plane)
+    inlier = np.abs(residuals) < p.ransac_distance
+    tall = local[_above_plane(local, plane) > 2 * p.ransac_distance]
+    surface_from_plane, size = rectangle(_beside(band[inlier], tall, 0.012), plane)
+    inliers = region.frame_from_surface.apply(band[inlier])
+    rms = float(np.sqrt(np.mean(residuals[inlier] ** 2)))
+    return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
+
+
+def least_squares_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(a, b, c) of z = a x + b y + c through points (N, 3)."""
+    centre = points.mean(axis=0)
+    x, y, z = (points - centre).T
+    # Sums, not dot products: BLAS adds in another order with another number of threads.
+    xx, xy, yy, xz, yz = ((a * b).sum() for a, b in ((x, x), (x, y), (y, y), (x, z), (y, z)))
+    slopes = np.linalg.solve([[xx, xy], [xy, yy]], [xz, yz])
+    return np.array([slopes[0], slopes[1], centre[2] - slopes @ centre[:2]])
+
+
+def rectangle(
+    inliers: NDArray[np.float64], plane: NDArray[np.float64], max_turn: float = math.radians(6.0)
+) -> tuple[Pose, tuple[float, float]]:
+    """The smallest rectangle around the inliers whose sides lie within ``max_turn`` of the axes, and its size.
+
+    The pose's x is the turned x axis, its z the normal of ``plane`` (a, b, c).
+    """
+    hull = cv2.convexHull(inliers[:, :2].astype(np.float32))[:, 0].astype(np.float64)
+    sides = np.diff(np.vstack([hull, hull[:1]]), axis=0)
+    angles = np.arctan2(sides[:, 1], sides[:, 0])
+    turns = np.mod(angles + math.pi / 4, math.pi / 2) - math.pi / 4
+    long_sides = np.linalg.norm(sides, axis=1) > 0.02
+    best: tuple[float, float, NDArray[np.float64], NDArray[np.float64]] | None = None
+    for turn in [0.0, *np.unique(turns[long_sides & (np.abs(turns) < max_turn)])]:
+        c, s = math.cos(turn), math.sin(turn)
+        rotated = hull @ np.array([[c, -s], [s, c]])
+        lower, upper = rotated.min(axis=0), rotated.max(axis=0)
+        area = float(np.prod(upper - lower))
+        if best is None or area < best[0]:
+            best = (area, float(turn), lower, upper)
+    assert best is not None
+    _, turn, lower, upper = best
+    c, s = math.cos(turn), math.sin(turn)
+    x, y = np.array([[c, -s], [s, c]]) @ ((lower + upper) / 2)
+    normal = np.array([-plane[0], -plane[1], 1.0]) / math.sqrt(1.0 + plane[0] ** 2 + plane[1] ** 2)
+    x_axis = np.array([c, s, plane[0] * c + plane[1] * s])
+    x_axis /= np.linalg.norm(x_axis)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([x_axis, np.cross(normal, x_axis), normal], axis=1)
+    matrix[:3, 3] = x, y, plane[0] * x + plane[1] * y + plane[2]
+    return Pose.from_matrix(matrix), (float(upper[0] - lower[0]), float(upper[1] - lower[1]))
+
+
+def _above_plane(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    above: NDArray[np.float64] = points[:, 2] - plane[0] * points[:, 0] - plane[1] * points[:, 1] - plane[2]
+    return above
+
+
+def _beside(points: NDArray[np.float64], tall: NDArray[np.float64], distance: float) -> NDArray[np.float64]:
+    """The points that have no tall point above or beside them: the foot of a wall does not belong to a surface."""
+    lower = points[:, :2].min(axis=0) - distance
+    column, row = (np.floor((points[:, axis] - lower[axis]) / distance).astype(np.intp) for axis in (0, 1))
+    taken = np.zeros((column.max() + 2, row.max() + 2), dtype=np.uint8)
+    tall_column, tall_row = (np.floor((tall[:, axis] - lower[axis]) / distance).astype(np.intp) for axis in (0, 1))
+    near = (tall_column >= 0) & (tall_column < taken.shape[0]) & (tall_row >= 0) & (tall_row < taken.shape[1])
+    taken[tall_column[near], tall_row[near]] = 1
+    taken = cv2.dilate(taken, np.ones((3, 3), dtype=np.uint8))
+    beside = points[taken[column, row] == 0]
+    return beside if len(beside) > 100 else points
+
+
+def _no_surface(region: Region, found: int, needed: int) -> str:
+    x, y, z = region.frame_from_surface.position
+    return (
+        f"no surface in view near x {x:.2f} y {y:.2f} z {z:.2f} m (±{region.tolerance:.2f} m): "
+        f"{found} measured points, at least {needed} are needed"
+    )
