@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from bestman_bt.engine import StateChanges, Tree
 from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.runtime import Session
-from bestman_bt.scene import World, wall_box
+from bestman_bt.scene import Articulation, PlacedFurniture, World, wall_box
 from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.visualization import RecordedBody, RobotSnapshot, describe_changes, describe_tree
 from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
@@ -69,7 +71,7 @@ class Recording:
                 map_from_base=seen.base_pose,
                 joint_positions=seen.joint_positions,
                 believed_map_from_base=self._session.skills.map_from_base,
-                body_poses=seen.object_poses,
+                body_poses={**seen.object_poses, **seen.leaf_poses},
             )
         )
 
@@ -88,8 +90,17 @@ def recorded_bodies(world: World) -> list[RecordedBody]:
         bodies.append(RecordedBody(f"wall{number}", (PlacedShape(box, Pose()),), (WALL_COLOR,), pose))
     for furniture in world.furniture:
         model = furniture.model
-        bodies.append(RecordedBody(furniture.name, model.parts, model.colors, furniture.actual.to_pose()))
+        bodies.append(RecordedBody(furniture.name, model.parts, model.colors, furniture.pose))
+        bodies += [_leaf(furniture, articulation) for articulation in model.articulations]
     for thing in world.objects:
         shapes, colors = zip(*thing.model.appearance, strict=True)
         bodies.append(RecordedBody(thing.name, shapes, tuple((*color, 1.0) for color in colors), thing.pose))
     return bodies
+
+
+def _leaf(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBody:
+    """A door or drawer in a frame at its joint, as hal.pybullet.SceneSnapshot gives its pose."""
+    joint = Pose(np.array(articulation.origin))
+    shapes = tuple(PlacedShape(part.shape, joint.inverse() @ part.pose) for part in articulation.parts)
+    name = f"{furniture.name}/{articulation.name}"
+    return RecordedBody(name, shapes, articulation.colors, furniture.pose @ joint)

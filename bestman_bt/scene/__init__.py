@@ -6,6 +6,7 @@ from bestman_bt.scene.load import SceneConfig, load_scene
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.object_file import read_object
 from bestman_bt.scene.scene import (
+    Articulation,
     FurnitureModel,
     PlacedFurniture,
     PlacedObject,
@@ -16,6 +17,7 @@ from bestman_bt.scene.scene import (
 )
 
 __all__ = [
+    "Articulation",
     "FurnitureModel",
     "PlacedFurniture",
     "PlacedObject",

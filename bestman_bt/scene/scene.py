@@ -68,12 +68,22 @@ class FurnitureModel:
 
 @dataclass(frozen=True)
 class PlacedFurniture:
-    """Furniture in a world: where the semantic map has it (``nominal``) and where it is (``actual``)."""
+    """Furniture in a world: where the semantic map has it (``nominal``) and where it is (``actual``).
+
+    ``elevation``: metres above the floor, of a piece that stands on another. ``on``: the name of that other.
+    """
 
     name: str
     model: FurnitureModel
     nominal: Pose2D
     actual: Pose2D
+    elevation: float = 0.0
+    on: str | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Where it is, map_from_furniture."""
+        return self.actual.to_pose(self.elevation)
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,7 @@ def body_urdf(
     for i, placed in enumerate(collision):
         solid = PlacedShape(without_margin(placed.shape), placed.pose) if isinstance(placed.shape, Mesh) else placed
         _placed(link, "collision", solid, folder / f"{name}_collision_{i}.obj")
+    ElementTree.indent(robot)  # pybullet breaks lines after 8 kB, wherever that is
     return ElementTree.tostring(robot, encoding="unicode")
 
 

@@ -44,6 +44,19 @@ class GroundTruth:
         """True pose of a piece of furniture."""
         return self._body_pose(name, self._simulation.built.furniture, "furniture")
 
+    @property
+    def articulation_names(self) -> tuple[str, ...]:
+        """Doors and drawers, as ``furniture/name``."""
+        return tuple(self._simulation.built.articulations)
+
+    def articulation_position(self, name: str) -> float:
+        """How far a door or drawer is open, radians or metres from closed."""
+        built = self._simulation.built
+        if name not in built.articulations:
+            known = ", ".join(built.articulations) or "none"
+            raise SimulationError(f"there is no door or drawer {name!r}; there is {known}")
+        return float(self._reader.getJointState(*built.articulations[name])[0])
+
     def base_pose(self) -> Pose:
         """True pose of the robot's base frame."""
         return self.frame_pose(self._simulation.model.base_frame)

@@ -14,12 +14,17 @@ from hal.pybullet.robot import PyBulletRobot
 
 @dataclass(frozen=True, eq=False)
 class SceneSnapshot:
-    """Where everything is at ``stamp``: poses in the map frame, joint positions by name."""
+    """Where everything is at ``stamp``: poses in the map frame, joint positions by name.
+
+    ``leaf_poses``: of doors and drawers, ``furniture/name`` → map_from_leaf, a frame at the joint that is turned as the
+    furniture's while closed.
+    """
 
     stamp: float
     base_pose: Pose
     joint_positions: Mapping[str, float]
     object_poses: Mapping[str, Pose]
+    leaf_poses: Mapping[str, Pose]
 
 
 class SceneRecorder:
@@ -42,9 +47,14 @@ class SceneRecorder:
         for name, body in simulation.built.objects.items():
             position, quaternion = self._reader.getBasePositionAndOrientation(body)
             poses[name] = Pose(np.array(position), np.array(quaternion))
+        leaves = {}
+        for name, (body, link) in simulation.built.articulations.items():
+            position, quaternion = self._reader.getLinkState(body, link, computeForwardKinematics=True)[4:6]
+            leaves[name] = Pose(np.array(position), np.array(quaternion))
         return SceneSnapshot(
             stamp=self._robot.clock.now(),
             base_pose=simulation.link_pose(self._reader, simulation.model.base_frame),
             joint_positions=dict(zip(simulation.joint_names, map(float, simulation.joint_states()[0]), strict=True)),
             object_poses=poses,
+            leaf_poses=leaves,
         )

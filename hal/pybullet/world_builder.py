@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -14,6 +14,7 @@ from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
 from hal.pybullet.client import PhysicsClient, SimulationError
+from hal.pybullet.furniture_urdf import furniture_urdf, joint_name
 from hal.pybullet.parameters import PhysicsParameters
 
 WALL_COLOR: Color = (0.87, 0.87, 0.83, 1.0)
@@ -21,6 +22,7 @@ FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)
 FLOOR_SIZE = 30.0
 # Without this flag a cylinder becomes a prism of 32 sides, 1 mm thicker all around.
 BODY_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER
+FURNITURE_FLAGS = BODY_FLAGS | pybullet.URDF_USE_INERTIA_FROM_FILE
 OBJECT_FLAGS = BODY_FLAGS | pybullet.URDF_ENABLE_SLEEPING
 ROBOT_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
 
@@ -29,7 +31,8 @@ ROBOT_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FR
 class BuiltWorld:
     """Body ids by name, and the robot's joint and link indices by name (its root link is -1).
 
-    ``frames``: of the robot, those that are no links here: frame → (link, link_from_frame).
+    ``frames``: of the robot, those that are no links here: frame → (link, link_from_frame). ``articulations``: of
+    doors and drawers, ``furniture/name`` → (body, joint index).
     """
 
     floor: int
@@ -41,6 +44,7 @@ class BuiltWorld:
     links: dict[str, int]
     frames: dict[str, tuple[str, Pose]]
     constraints: int
+    articulations: dict[str, tuple[int, int]] = field(default_factory=dict)
 
     @property
     def body_names(self) -> dict[int, str]:
@@ -63,14 +67,18 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         folder = Path(name)
         floor = _floor(client, parameters)
         walls = {f"wall_{i}": _wall(client, f"wall_{i}", *wall_box(wall), folder) for i, wall in enumerate(world.walls)}
-        furniture = {piece.name: _furniture(client, piece, folder) for piece in world.furniture}
+        furniture: dict[str, int] = {}
+        articulations: dict[str, tuple[int, int]] = {}
+        for piece in world.furniture:
+            furniture[piece.name], joints_of_piece = _furniture(client, piece, folder)
+            articulations |= joints_of_piece
         objects = {placed.name: _object(client, placed, parameters, folder) for placed in world.objects}
         urdf, frames = without_bare_frames(model.urdf)
         # A robot without a base that drives is bolted to where it stands.
         robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.bases, ROBOT_FLAGS)
     joints, links = _names(client, robot)
     constraints = _set_up_robot(client, model, world, parameters, robot, joints, links)
-    return BuiltWorld(floor, walls, furniture, objects, robot, joints, links, frames, constraints)
+    return BuiltWorld(floor, walls, furniture, objects, robot, joints, links, frames, constraints, articulations)
 
 
 def _load(
@@ -108,12 +116,23 @@ def _wall(client: PhysicsClient, name: str, box: Box, pose: Pose, folder: Path) 
     return _load(client, name, body_urdf(name, 0.0, [placed], [(placed, WALL_COLOR)], folder), pose, folder, fixed=True)
 
 
-def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> int:
-    parts = piece.model.parts
-    urdf = body_urdf(piece.name, 0.0, parts, list(zip(parts, piece.model.colors, strict=True)), folder)
-    body = _load(client, piece.name, urdf, piece.actual.to_pose(), folder, fixed=True)
-    client.changeDynamics(body, -1, lateralFriction=piece.model.friction)
-    return body
+def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> tuple[int, dict[str, tuple[int, int]]]:
+    """A piece that stands fixed, its doors and drawers closed: only the friction of their joints holds them so."""
+    model = piece.model
+    urdf = furniture_urdf(piece.name, model, folder)
+    body = _load(client, piece.name, urdf, piece.pose, folder, fixed=True, flags=FURNITURE_FLAGS)
+    client.changeDynamics(body, -1, lateralFriction=model.friction)
+    joints, _ = _names(client, body)
+    articulations = {}
+    for articulation in model.articulations:
+        joint = joints[joint_name(articulation)]
+        client.changeDynamics(body, joint, lateralFriction=model.friction)
+        # A motor that wants speed 0 with a bounded effort is dry friction; pybullet's default one would hold them shut.
+        client.setJointMotorControl2(
+            body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=articulation.friction
+        )
+        articulations[f"{piece.name}/{articulation.name}"] = (body, joint)
+    return body, articulations
 
 
 def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsParameters, folder: Path) -> int:
