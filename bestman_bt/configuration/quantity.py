@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 _DEGREE = math.pi / 180
@@ -71,6 +71,12 @@ def _reader(*dimensions: str) -> Callable[[Any], float]:
     return read
 
 
+def _four_or_five(values: tuple[float, ...]) -> tuple[float, ...]:
+    if len(values) not in (0, 4, 5):
+        raise _error(f"should hold k1, k2, p1, p2 and maybe k3, or nothing, got {len(values)} numbers")
+    return values
+
+
 Number = Annotated[float, BeforeValidator(_reader())]
 Length = Annotated[float, BeforeValidator(_reader("length"))]
 Angle = Annotated[float, BeforeValidator(_reader("angle"))]
@@ -93,6 +99,7 @@ PositiveLength = Annotated[float, Field(gt=0), BeforeValidator(_reader("length")
 PositiveAngle = Annotated[float, Field(gt=0), BeforeValidator(_reader("angle"))]
 PositiveTime = Annotated[float, Field(gt=0), BeforeValidator(_reader("time"))]
 Distance = Annotated[float, Field(ge=0), BeforeValidator(_reader("length"))]
+Factor = Annotated[float, Field(gt=0), BeforeValidator(_reader())]
 Share = Annotated[float, Field(ge=0, le=1), BeforeValidator(_reader())]
 Friction = Annotated[float, Field(ge=0), BeforeValidator(_reader())]
 WholeNumber = Annotated[int, Field(strict=True, ge=0)]
@@ -102,3 +109,4 @@ Angles3 = tuple[Angle, Angle, Angle]
 Size3 = tuple[PositiveLength, PositiveLength, PositiveLength]
 Size2 = tuple[PositiveLength, PositiveLength]
 Color = tuple[Share, Share, Share]
+LensDistortion = Annotated[tuple[Number, ...], AfterValidator(_four_or_five)]

@@ -26,6 +26,12 @@ class CameraIntrinsics:
     cy: float
     distortion: tuple[float, ...] = ()
 
+    def __post_init__(self) -> None:
+        if len(self.distortion) not in (0, 4, 5):
+            raise ValueError(
+                f"CameraIntrinsics distortion should be empty or k1, k2, p1, p2 and maybe k3, but is {self.distortion}"
+            )
+
     @property
     def matrix(self) -> NDArray[np.float64]:
         """The (3, 3) camera matrix."""
@@ -51,8 +57,13 @@ class RGBDImage:
         object.__setattr__(self, "depth", frozen_array(self.depth, size, "RGBDImage depth", np.float32))
 
     def points(self) -> NDArray[np.float64]:
-        """Organised points in the optical frame, (H, W, 3) metres; NaN where the depth is unknown."""
+        """Organised points in the optical frame, (H, W, 3) metres; NaN where the depth is unknown.
+
+        ValueError on an image of a lens with distortion: rectify it first.
+        """
         k = self.intrinsics
+        if k.distortion:
+            raise ValueError(f"points of an image with distortion {k.distortion} were asked for; rectify it first")
         z = np.where(self.depth > 0, self.depth, np.nan).astype(np.float64)
         u, v = np.meshgrid(np.arange(k.width), np.arange(k.height))
         return np.stack([(u - k.cx) * z / k.fx, (v - k.cy) * z / k.fy, z], axis=-1)

@@ -184,16 +184,20 @@ def _gripper(gripper: GripperPart, root: str) -> GripperModel:
 
 def _camera(camera: CameraPart) -> CameraModel:
     focal = camera.height / 2 / math.tan(camera.vertical_fov / 2)
-    centre = ((camera.width - 1) / 2, (camera.height - 1) / 2)
+    focal_length = camera.focal_length or (focal, focal)
+    centre = camera.principal_point or ((camera.width - 1) / 2, (camera.height - 1) / 2)
     return CameraModel(
         optical_frame=camera.frame,
-        intrinsics=CameraIntrinsics(camera.width, camera.height, focal, focal, *centre),
+        intrinsics=CameraIntrinsics(camera.width, camera.height, *focal_length, *centre, camera.distortion),
         near=camera.near,
         far=camera.far,
         noise_base=camera.noise_base,
         noise_quadratic=camera.noise_quadratic,
         edge_dropout=camera.edge_dropout,
         dropout=camera.dropout,
+        depth_step=camera.depth_step,
+        depth_scale=camera.depth_scale,
+        depth_offset=camera.depth_offset,
     )
 
 

@@ -87,7 +87,9 @@ class CameraModel:
     """An RGB-D camera; ``optical_frame``: x right, y down, z forward.
 
     Depth noise: standard deviation ``noise_base + noise_quadratic * max(0, z - 0.4)²`` metres; a share
-    ``edge_dropout`` of the pixels at depth edges and ``dropout`` of all others have no depth.
+    ``edge_dropout`` of the pixels at depth edges and ``dropout`` of all others have no depth; the rest comes in steps
+    of ``depth_step`` metres. Systematic error: the camera tells ``depth_scale * z + depth_offset``; simulated cameras
+    err that way, and the sensor takes it away again.
     """
 
     optical_frame: str
@@ -98,6 +100,9 @@ class CameraModel:
     noise_quadratic: float
     edge_dropout: float
     dropout: float
+    depth_step: float = 0.001
+    depth_scale: float = 1.0
+    depth_offset: float = 0.0
 
 
 @dataclass(frozen=True)

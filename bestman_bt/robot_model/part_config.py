@@ -12,6 +12,8 @@ from bestman_bt.configuration.quantity import (
     AngularAcceleration,
     AngularSpeed,
     Damping,
+    Distance,
+    Factor,
     Force,
     Frequency,
     Friction,
@@ -21,6 +23,8 @@ from bestman_bt.configuration.quantity import (
     JointSpeed,
     Length,
     Lengths3,
+    LensDistortion,
+    Number,
     PositiveLength,
     Share,
     Size2,
@@ -149,7 +153,12 @@ class JointGroupPart(PartConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraPart(PartConfig):
-    """An RGB-D camera; noise as in ``CameraModel``. ``frame``: the link with x right, y down, z forward."""
+    """An RGB-D camera; noise and systematic depth error as in ``CameraModel``.
+
+    ``frame``: the link with x right, y down, z forward. ``focal_length`` (fx, fy) and ``principal_point`` (cx, cy),
+    pixels, come from a calibration and take the place of ``vertical_fov`` and the image centre.
+    ``distortion``: of the lens, OpenCV's k1, k2, p1, p2 and maybe k3.
+    """
 
     kind: Literal["camera"]
     frame: str
@@ -162,6 +171,12 @@ class CameraPart(PartConfig):
     noise_quadratic: Length
     edge_dropout: Share
     dropout: Share
+    depth_step: Distance = 0.001
+    depth_scale: Factor = 1.0
+    depth_offset: Length = 0.0
+    focal_length: tuple[Factor, Factor] | None = None
+    principal_point: tuple[Number, Number] | None = None
+    distortion: LensDistortion = ()
 
 
 @dataclass(frozen=True, kw_only=True)

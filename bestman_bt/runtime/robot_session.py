@@ -152,7 +152,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         arm=ArmController(_first(robot, Arm), clock),
         gripper=GripperController(_first(robot, Gripper)),
         head=HeadController(_first(robot, JointGroup, Arm), forward, joints, camera.optical_frame),
-        camera=RGBDSensor(camera, forward, joints, world),
+        camera=RGBDSensor(camera, forward, joints, world, clock),
         joints=joints,
         algorithms=make_algorithms(config, model),
         computation=InlineComputation(clock),

@@ -4,7 +4,7 @@ from hal.api.arm import Arm
 from hal.api.battery import Battery, BatteryReading
 from hal.api.camera import Camera
 from hal.api.clock import Clock, Timer
-from hal.api.errors import CommandRefusedError, NotConnectedError, RobotError, UnknownPartError
+from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, RobotError, UnknownPartError
 from hal.api.force_torque import ForceTorque
 from hal.api.gripper import Gripper, GripperDescription, GripperState
 from hal.api.imu import Imu, ImuReading
@@ -38,6 +38,7 @@ __all__ = [
     "MotionError",
     "MotionErrorCode",
     "MotionStatus",
+    "NoDataError",
     "NotConnectedError",
     "Part",
     "Robot",

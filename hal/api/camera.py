@@ -26,4 +26,4 @@ class Camera(Sensor):
 
     @abstractmethod
     def capture(self) -> RGBDImage:
-        """Take one image now."""
+        """Take one image now. Raises NoDataError if the camera does not deliver one."""

@@ -11,6 +11,10 @@ class NotConnectedError(RobotError):
     """A part was used before ``connect()`` or after ``disconnect()``."""
 
 
+class NoDataError(RobotError):
+    """A sensor did not deliver: it is switched off, unplugged or silent."""
+
+
 class CommandRefusedError(RobotError, ValueError):
     """A command was refused and nothing moves: it is malformed, beyond a limit, or the robot is stopped."""
 

@@ -1,6 +1,10 @@
-"""Simulated RGB-D cameras: software rendering plus the noise of a structured-light sensor."""
+"""Simulated RGB-D cameras: software rendering, a lens, and the errors of a structured-light sensor."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from enum import Enum
+from functools import cached_property
 
 import numpy as np
 import pybullet
@@ -9,29 +13,43 @@ from scipy import ndimage
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.robot_model import CameraModel
-from hal.api import Camera, NotConnectedError
+from hal.api import Camera, NoDataError, NotConnectedError
 from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.lens import Lens
 from hal.pybullet.simulation import Simulation
 
-DEPTH_STEP = 0.001
 NUDGE = 1e-4
 """Metres: at rare poses TinyRenderer draws nothing, a black frame; a tenth of a millimetre further on it draws."""
 ATTEMPTS = 4
 EDGE_CURVATURE = 0.03
 
 
+class CameraFault(Enum):
+    """How a camera can fail: no image at all, a black one, one without depth, or the last one again and again."""
+
+    SILENT = "silent"
+    BLACK = "black"
+    NO_DEPTH = "no_depth"
+    FROZEN = "frozen"
+
+
 class SimulatedCamera(Camera):
-    """Renders when asked, never otherwise; the true pose of its link is used for that alone."""
+    """Renders when asked, never otherwise; the true pose of its link is used for that alone.
+
+    ``fault``: set it to make the camera fail from now on, None to repair it.
+    """
 
     def __init__(self, name: str, model: CameraModel, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
         self._simulation: Simulation | None = None
         self._reader: Reader | None = None
+        self._last: RGBDImage | None = None
+        self.fault: CameraFault | None = None
 
     @property
     def intrinsics(self) -> CameraIntrinsics:
-        """The pinhole model."""
+        """The camera model: a pinhole, with the distortion of its lens if it has any."""
         return self._model.intrinsics
 
     @property
@@ -43,19 +61,40 @@ class SimulatedCamera(Camera):
         """Render colour and depth, and spoil the depth as the model says."""
         if self._simulation is None or self._reader is None:
             raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
+        if self.fault is CameraFault.SILENT:
+            raise NoDataError(f"{self.name} delivers no images")
+        if self.fault is CameraFault.FROZEN and self._last is not None:
+            return self._last
         simulation, model = self._simulation, self._model
         map_from_optical = simulation.link_pose(self._reader, model.optical_frame)
-        rgb, depth = render(self._reader, map_from_optical, model)
+        rgb, depth = self._seen(map_from_optical)
         noisy = spoil_depth(depth, model, self._rng)
-        return RGBDImage(rgb, noisy, model.intrinsics, simulation.steps * simulation.parameters.time_step)
+        if self.fault is CameraFault.BLACK:
+            rgb = np.zeros_like(rgb)
+        if self.fault in (CameraFault.BLACK, CameraFault.NO_DEPTH):
+            noisy = np.zeros_like(noisy)
+        self._last = RGBDImage(rgb, noisy, model.intrinsics, simulation.now)
+        return self._last
 
     def attach(self, simulation: Simulation) -> None:
         """Look into this simulation."""
         self._simulation, self._reader = simulation, simulation.client.reader(ReadPurpose.SENSOR)
+        self._last = None
 
     def detach(self) -> None:
         """Let go."""
         self._simulation = self._reader = None
+
+    @cached_property
+    def _lens(self) -> Lens | None:
+        return Lens(self._model.intrinsics) if any(self._model.intrinsics.distortion) else None
+
+    def _seen(self, map_from_optical: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+        assert self._reader is not None
+        if self._lens is None:
+            return render(self._reader, map_from_optical, self._model)
+        rgb, depth = render(self._reader, map_from_optical, replace(self._model, intrinsics=self._lens.ideal))
+        return self._lens.color(rgb), self._lens.depth(depth)
 
 
 def render(reader: Reader, map_from_optical: Pose, model: CameraModel) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
@@ -94,11 +133,12 @@ def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[floa
 
 
 def spoil_depth(depth: NDArray[np.float64], model: CameraModel, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Noise that grows with the square of the distance, holes at edges and at random, steps of a millimetre."""
+    """Systematic error, noise that grows with the square of the distance, holes at edges and at random, steps."""
     deviation = model.noise_base + model.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
-    noisy = depth + rng.standard_normal(depth.shape) * deviation
+    noisy = model.depth_scale * depth + model.depth_offset + rng.standard_normal(depth.shape) * deviation
     edges = ndimage.binary_dilation(np.abs(ndimage.laplace(depth)) > EDGE_CURVATURE)
     holes = rng.random(depth.shape) < np.where(edges, model.edge_dropout, model.dropout)
     noisy[holes | (depth <= 0.0)] = 0.0
-    stepped = np.round(noisy / DEPTH_STEP) * DEPTH_STEP
-    return np.clip(stepped, 0.0, None).astype(np.float32)
+    if model.depth_step > 0.0:
+        noisy = np.round(noisy / model.depth_step) * model.depth_step
+    return np.clip(noisy, 0.0, None).astype(np.float32)

@@ -53,7 +53,7 @@ class SimulatedLidar(Lidar):
             angle_increment=(model.angle_max - model.angle_min) / model.beams,
             range_min=model.range_min,
             range_max=model.range_max,
-            stamp=simulation.steps * simulation.parameters.time_step,
+            stamp=simulation.now,
         )
 
     def attach(self, simulation: Simulation) -> None:

@@ -110,6 +110,7 @@ class PyBulletRobot(Robot):
                 part.detach()
             client.disconnect()
             raise
+        simulation.epoch = self._clock.now()
         self._simulation = simulation
         self._guard = RawCallGuard(client)
         self._guard.install()

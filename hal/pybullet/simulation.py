@@ -27,6 +27,7 @@ class Simulation:
         self.client, self.model, self.parameters = client, model, parameters
         self.built: BuiltWorld = build_world(client, model, world, parameters)
         self.steps = 0
+        self.epoch = 0.0
         self.controls: list[Callable[[], None]] = []
         self.effort_controls: list[Callable[[], None]] = []
         self.step_observers: list[Callable[[], None]] = []
@@ -46,6 +47,11 @@ class Simulation:
         self._states: NDArray[np.float64] = np.zeros((3, len(self._indices)))
         self._read_at = -1
         client.seal(self.built.robot)
+
+    @property
+    def now(self) -> float:
+        """The robot's time: ``epoch``, when this simulation began, and the steps since then; seconds."""
+        return self.epoch + self.steps * self.parameters.time_step
 
     def step(self) -> None:
         """One physics step, with the controllers that are due before it and the observers after it."""

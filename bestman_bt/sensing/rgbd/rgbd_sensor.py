@@ -1,71 +1,57 @@
-"""RGB-D cameras: images together with where they were taken from, by encoders and forward kinematics."""
+"""RGB-D cameras: images that algorithms can work with, or a typed error that says why there is none."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.messages import CameraIntrinsics, PointCloud, Pose, RGBDImage
-from bestman_bt.perception import View
+from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
+from bestman_bt.perception.camera_model import DepthCorrection, rectification
 from bestman_bt.sensing.joint_state import JointStateSensor
+from bestman_bt.sensing.rgbd.errors import CameraError, CameraErrorCode
+from bestman_bt.sensing.rgbd.rgbd_view import RGBDView
 from bestman_bt.sensing.rgbd.self_filter import SelfFilter
 from bestman_bt.world_model import WorldModel
-from hal.api import Camera
+from hal.api import Camera, Clock, RobotError
 
 
-@dataclass(frozen=True, eq=False)
-class RGBDView:
-    """An image, the camera's pose in the base frame, and the base's believed pose in the map when it was taken.
+@dataclass(frozen=True)
+class RGBDSensorParameters:
+    """When an image counts as none.
 
-    ``own_body``: (H, W), True where a pixel shows the robot or what it holds; views leave these pixels out.
+    ``max_age``: seconds between its stamp and now. ``black_level``: of 255; an image without a pixel above it is black.
+    ``min_depth_share``: share of the pixels that must have a depth.
     """
 
-    image: RGBDImage
-    base_from_camera: Pose
-    map_from_base: Pose
-    own_body: NDArray[np.bool_]
-
-    @property
-    def stamp(self) -> float:
-        """When the image was taken, seconds on the robot's clock."""
-        return self.image.stamp
-
-    @cached_property
-    def _of_the_world(self) -> RGBDImage:
-        depth = np.where(self.own_body, np.float32(0.0), self.image.depth)
-        return RGBDImage(self.image.rgb, depth, self.image.intrinsics, self.image.stamp)
-
-    @property
-    def in_base(self) -> View:
-        """The view in the base frame."""
-        return View(self._of_the_world, self.base_from_camera)
-
-    @property
-    def in_map(self) -> View:
-        """The view in the map frame, as good as the localisation."""
-        return View(self._of_the_world, self.map_from_base @ self.base_from_camera)
-
-    @cached_property
-    def cloud(self) -> PointCloud:
-        """The measured points in the base frame."""
-        return self.in_base.cloud()
+    max_age: float = 0.5
+    black_level: int = 8
+    min_depth_share: float = 0.001
 
 
 class RGBDSensor:
-    """Captures views through one camera."""
+    """Captures views through one camera: rectified, and with the systematic error of the depth taken away.
+
+    ``clock``: tells how old an image is; without one, ages are not checked.
+    """
 
     def __init__(
-        self, camera: Camera, kinematics: ForwardKinematics, joints: JointStateSensor, world: WorldModel
+        self,
+        camera: Camera,
+        kinematics: ForwardKinematics,
+        joints: JointStateSensor,
+        world: WorldModel,
+        clock: Clock | None = None,
+        parameters: RGBDSensorParameters = RGBDSensorParameters(),
     ) -> None:
         self._camera = camera
         self._kinematics = kinematics
         self._joints = joints
         self._world = world
+        self._clock = clock
+        self._parameters = parameters
         self._self_filter = SelfFilter(kinematics.robot, kinematics)
         self._subscribers: list[Callable[[RGBDView], None]] = []
 
@@ -76,8 +62,8 @@ class RGBDSensor:
 
     @property
     def intrinsics(self) -> CameraIntrinsics:
-        """The pinhole model."""
-        return self._camera.intrinsics
+        """The pinhole model of the views."""
+        return replace(self._camera.intrinsics, distortion=())
 
     @property
     def optical_frame(self) -> str:
@@ -93,8 +79,8 @@ class RGBDSensor:
         self._subscribers.append(subscriber)
 
     def capture(self) -> RGBDView:
-        """Take one image now."""
-        image = self._camera.capture()
+        """Take one image now; CameraError if the camera delivers nothing to work with."""
+        image = self._ideal(self._taken())
         positions = self._joints.positions()
         base_from_camera = self._kinematics.pose(self._camera.optical_frame, positions)
         own_body = self._self_filter.mask(image, base_from_camera, positions, self._world.held)
@@ -102,3 +88,35 @@ class RGBDSensor:
         for subscriber in self._subscribers:
             subscriber(view)
         return view
+
+    def _taken(self) -> RGBDImage:
+        try:
+            image = self._camera.capture()
+        except (RobotError, OSError, ValueError) as error:  # ValueError: sizes that do not fit the intrinsics
+            raise CameraError(CameraErrorCode.NO_IMAGE, f"{self.name} gave no image: {error}") from error
+        parameters = self._parameters
+        age = 0.0 if self._clock is None else self._clock.now() - image.stamp
+        if abs(age) > parameters.max_age:
+            which = "old" if age > 0.0 else "in the future"
+            text = f"{self.name} gave an image that is {abs(age):.2f} s {which}, {parameters.max_age:g} s are allowed"
+            raise CameraError(CameraErrorCode.STALE, text)
+        if not (image.rgb > parameters.black_level).any():
+            raise CameraError(CameraErrorCode.BLACK, f"{self.name} gave a black image")
+        return image
+
+    def _ideal(self, image: RGBDImage) -> RGBDImage:
+        known = np.isfinite(image.depth) & (image.depth > 0.0)
+        share = float(known.mean())
+        if share < self._parameters.min_depth_share:
+            raise CameraError(
+                CameraErrorCode.NO_DEPTH,
+                f"{self.name} gave an image without depth ({share:.2%} of its pixels have one)",
+            )
+        model = self._kinematics.robot.cameras.get(self.name)
+        correction = DepthCorrection() if model is None else DepthCorrection(model.depth_scale, model.depth_offset)
+        depth = correction.apply(image.depth if known.all() else np.where(known, image.depth, np.float32(0.0)))
+        image = replace(image, depth=depth)
+        rectify = rectification(image.intrinsics)
+        if rectify is None:
+            return replace(image, intrinsics=replace(image.intrinsics, distortion=()))
+        return rectify.apply(image)

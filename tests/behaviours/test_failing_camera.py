@@ -1,0 +1,44 @@
+"""A camera that stops delivering makes the skill fail, in words; nothing is invented, and the next look works again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from bestman_bt.configuration import load_run
+from bestman_bt.engine import FAILURE, SUCCESS
+from bestman_bt.runtime import Session, open_session
+from hal.pybullet.camera import CameraFault
+from tests.behaviours.at_the_table import AT_THE_TABLE, failures_of, tick, tree_of
+
+DETECT = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surface="table"/></Sequence>'
+
+
+@pytest.fixture(scope="module")
+def session() -> Iterator[Session]:
+    with open_session(load_run("fetch_cup", seed=3, settings=AT_THE_TABLE)) as opened:
+        yield opened
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        (CameraFault.SILENT, "camera_no_image"),
+        (CameraFault.BLACK, "camera_black"),
+        (CameraFault.NO_DEPTH, "camera_no_depth"),
+        (CameraFault.FROZEN, "camera_stale"),
+    ],
+)
+def test_detection_fails_with_the_camera_and_works_when_it_works(session: Session, fault, code: str) -> None:
+    camera = session.robot.parts["head_camera"]
+    assert tick(session.load(tree_of(DETECT)), 200) == SUCCESS
+    before = dict(session.skills.world.objects)
+    session.robot.clock.sleep(0.6)
+    camera.fault = fault
+    assert tick(session.load(tree_of(DETECT)), 200) == FAILURE
+    assert failures_of(session)[0][0] == code
+    assert "head_camera gave" in failures_of(session)[0][1]
+    assert session.skills.world.objects == before
+    camera.fault = None
+    assert tick(session.load(tree_of(DETECT)), 200) == SUCCESS

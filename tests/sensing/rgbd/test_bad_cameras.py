@@ -1,0 +1,113 @@
+"""What the sensor makes of lenses, of wrong depths and of cameras that stop delivering."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import CameraIntrinsics, RGBDImage
+from bestman_bt.perception import PerceptionError
+from bestman_bt.scene import semantic_map
+from bestman_bt.sensing.rgbd import CameraError, CameraErrorCode, RGBDSensor
+from bestman_bt.world_model import WorldModel
+from hal.api import Camera
+from hal.pybullet.camera import CameraFault, SimulatedCamera
+
+
+@pytest.fixture
+def camera(robot) -> Iterator[SimulatedCamera]:
+    camera = robot.parts["head_camera"]
+    yield camera
+    camera.fault = None
+
+
+@pytest.fixture
+def sensor(robot, camera, kinematics, joints, world) -> RGBDSensor:
+    return RGBDSensor(camera, kinematics, joints, WorldModel(semantic_map(world)), robot.clock)
+
+
+class Playback(Camera):
+    """A camera that delivers what it is given."""
+
+    def __init__(self, like: Camera, image: RGBDImage) -> None:
+        super().__init__(like.name)
+        self.like, self.image = like, image
+
+    @property
+    def intrinsics(self) -> CameraIntrinsics:
+        return self.image.intrinsics
+
+    @property
+    def optical_frame(self) -> str:
+        return self.like.optical_frame
+
+    def capture(self) -> RGBDImage:
+        return self.image
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "words"),
+    [
+        (CameraFault.SILENT, CameraErrorCode.NO_IMAGE, "head_camera gave no image: head_camera delivers no images"),
+        (CameraFault.BLACK, CameraErrorCode.BLACK, "head_camera gave a black image"),
+        (CameraFault.NO_DEPTH, CameraErrorCode.NO_DEPTH, r"without depth \(0.00% of its pixels"),
+        (CameraFault.FROZEN, CameraErrorCode.STALE, r"is 0.6\d s old, 0.5 s are allowed"),
+    ],
+)
+def test_a_camera_that_stops_delivering_is_told_with_code_and_words(robot, sensor, camera, fault, code, words):
+    sensor.capture()
+    robot.clock.sleep(0.6)
+    camera.fault = fault
+    with pytest.raises(CameraError, match=words) as error:
+        robot.clock.sleep(0.01)
+        sensor.capture()
+    assert error.value.code is code
+    assert isinstance(error.value, PerceptionError)
+    camera.fault = None
+    assert sensor.capture().stamp == pytest.approx(robot.clock.now())
+
+
+def test_nobody_is_shown_an_image_that_is_none(sensor, camera):
+    shown = []
+    sensor.subscribe(shown.append)
+    camera.fault = CameraFault.BLACK
+    with pytest.raises(CameraError):
+        sensor.capture()
+    assert shown == []
+
+
+def test_depths_that_are_not_numbers_count_as_none(robot, camera, kinematics, joints, world):
+    image = camera.capture()
+    spoilt = np.array(image.depth)
+    spoilt[:100], spoilt[100:120], spoilt[120:140] = np.nan, np.inf, -1.0
+    belief = WorldModel(semantic_map(world))
+    view = RGBDSensor(Playback(camera, replace(image, depth=spoilt)), kinematics, joints, belief).capture()
+    assert (view.image.depth[:140] == 0).all()
+    assert np.array_equal(view.image.depth[140:], image.depth[140:])
+    empty = Playback(camera, replace(image, depth=np.full_like(image.depth, np.nan)))
+    with pytest.raises(CameraError, match="without depth"):
+        RGBDSensor(empty, kinematics, joints, belief).capture()
+
+
+def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, model, kinematics, joints, world):
+    straight = model.cameras["head_camera"]
+    exact = replace(straight, noise_base=0.0, noise_quadratic=0.0, dropout=0.0, edge_dropout=0.0, depth_step=0.0)
+    lens = replace(exact.intrinsics, distortion=(-0.2, 0.05, 0.001, 0.001))
+    wrong = replace(exact, intrinsics=lens, depth_scale=1.03, depth_offset=-0.01)
+    images = []
+    for camera_model in (exact, wrong):
+        camera = SimulatedCamera("head_camera", camera_model, np.random.default_rng(3))
+        camera.attach(robot.simulation)
+        calibrated = replace(model, cameras={"head_camera": camera_model})
+        known = type(kinematics)(calibrated)
+        images.append(RGBDSensor(camera, known, joints, WorldModel(semantic_map(world))).capture().image)
+    ideal, seen = images
+    assert seen.intrinsics == ideal.intrinsics
+    both = (ideal.depth > 0) & (seen.depth > 0)
+    assert both.mean() > 0.9 * (ideal.depth > 0).mean()
+    difference = np.abs(ideal.depth - seen.depth)[both]
+    assert np.median(difference) < 0.001
+    assert np.mean(difference < 0.01) > 0.97
