@@ -65,9 +65,11 @@ ALGORITHMS = Registry(
     "bestman_bt.algorithms",
     "algorithm",
     {
+        "affordance/front_handles": "bestman_bt.perception.affordance:FrontHandles",
         "segmentation/plane_dbscan": "bestman_bt.perception.segmentation:PlaneDbscan",
         "segmentation/region_growing": "bestman_bt.perception.segmentation:RegionGrowing",
         "pose_estimation/multi_start": "bestman_bt.perception.pose_estimation:MultiStart",
+        "grasp_pose/antipodal_cloud": "bestman_bt.perception.grasp_pose:AntipodalCloud",
         "grasp_pose/model_based": "bestman_bt.perception.grasp_pose:ModelBased",
         "grasp_pose/bounding_box": "bestman_bt.perception.grasp_pose:BoundingBox",
         "kinematics/damped_least_squares": "bestman_bt.manipulation.kinematics:DampedLeastSquares",

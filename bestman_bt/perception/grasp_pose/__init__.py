@@ -1,5 +1,6 @@
 """Grasps for parallel grippers."""
 
+from bestman_bt.perception.grasp_pose.antipodal_cloud import AntipodalCloud, AntipodalCloudParameters
 from bestman_bt.perception.grasp_pose.antipodal_model import AntipodalModelParameters, antipodal_grasps
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.bounding_box import BoundingBox, BoundingBoxParameters
@@ -7,6 +8,8 @@ from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParamet
 from bestman_bt.perception.grasp_pose.model_based import ModelBased, ModelBasedParameters
 
 __all__ = [
+    "AntipodalCloud",
+    "AntipodalCloudParameters",
     "AntipodalModelParameters",
     "BoundingBox",
     "BoundingBoxParameters",

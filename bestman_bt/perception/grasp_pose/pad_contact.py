@@ -18,6 +18,7 @@ class PadContacts:
     and mean normal of the patch, at the worse side. ``extent``: (K, 2) how far the smaller patch spreads across and
     along the pads, metres (standard deviation). ``offset``: metres between the patches, along the pads' faces.
     ``bulge``: metres by which the object is wider further up between the fingers than at the pads.
+    ``seen``: share of the samples in the patches that were measured, at the worse side.
     """
 
     width: NDArray[np.float64]
@@ -26,6 +27,7 @@ class PadContacts:
     extent: NDArray[np.float64]
     offset: NDArray[np.float64]
     bulge: NDArray[np.float64]
+    seen: NDArray[np.float64]
 
 
 def close_pads(
@@ -36,15 +38,23 @@ def close_pads(
     pad_size: tuple[float, float],
     finger_depth: float,
     patch_depth: float,
+    seen: NDArray[np.float64] | None = None,
 ) -> PadContacts:
     """Close flat pads on the surface samples ``points``, ``normals`` (N, 3).
 
     ``patch_depth``: metres behind the first point of contact within which a sample still counts as touching:
-    what the pad gives way, and the noise of the samples.
+    what the pad gives way, and the noise of the samples. ``seen``: (N,) 1 for measured samples, 0 for assumed ones;
+    None: all were measured.
     """
     count = len(hands)
     result = PadContacts(
-        np.zeros(count), np.zeros((count, 3)), np.zeros(count), np.zeros((count, 2)), np.zeros(count), np.zeros(count)
+        width=np.zeros(count),
+        centre=np.zeros((count, 3)),
+        alignment=np.zeros(count),
+        extent=np.zeros((count, 2)),
+        offset=np.zeros(count),
+        bulge=np.zeros(count),
+        seen=np.ones(count),
     )
     for part in hands.passes(2 * len(points)):
         chunk = hands.selected(part)
@@ -53,7 +63,7 @@ def close_pads(
         inside = (np.abs(x) <= pad_size[0] / 2) & (np.abs(y) <= openings[part, None] / 2)
         at_pads = inside & (np.abs(z) <= pad_size[1] / 2)
         above = inside & (z < -pad_size[1] / 2) & (z > -finger_depth)
-        ends, middles, spreads, cosines, bulges = [], [], [], [], []
+        ends, middles, spreads, cosines, bulges, shares = [], [], [], [], [], []
         for sign in (1.0, -1.0):
             reach = np.where(at_pads, sign * y, -np.inf).max(axis=1)
             patch = at_pads & (sign * y >= reach[:, None] - patch_depth)
@@ -65,6 +75,7 @@ def close_pads(
             spreads.append(np.sqrt(np.maximum(square - middle**2, 0.0)))
             mean = np.stack([(weight * component).sum(axis=1) for component in facing], axis=1)
             cosines.append(sign * mean[:, 1] / np.maximum(np.linalg.norm(mean, axis=1), 1e-9))
+            shares.append(np.ones(len(chunk)) if seen is None else weight @ seen)
             bulges.append(np.where(above, sign * y, -np.inf).max(axis=1) - reach)
         met = np.isfinite(ends[0]) & np.isfinite(ends[1])
         width = np.where(met, ends[0] + ends[1], 0.0)
@@ -75,4 +86,5 @@ def close_pads(
         result.extent[part] = np.minimum(*spreads)
         result.offset[part] = np.linalg.norm(middles[0] - middles[1], axis=1)
         result.bulge[part] = np.where(met, np.maximum(np.maximum(*bulges), 0.0), 0.0)
+        result.seen[part] = np.minimum(*shares)
     return result
