@@ -1,0 +1,70 @@
+"""What stands out of a front, and what lies behind it, pixel by pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.perception.affordance.fronts import Front, FrontsParameters
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """The rectangle of pixels around a front, in the front's frame.
+
+    ``rows``, ``columns``: of the rectangle in the image. ``height``: (h, w) metres in front of the front, NaN where the
+    depth is unknown. ``noise``: (h, w) metres, its standard deviation. ``near``: (h, w), the front or close to it.
+    ``rays``: (h, w, 3), the directions of the pixels' rays; ``eye``: (3,) where they start.
+    """
+
+    front: Front
+    rows: slice
+    columns: slice
+    height: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    near: NDArray[np.bool_]
+    rays: NDArray[np.float64]
+    eye: NDArray[np.float64]
+
+    def on_level(self, pixels: tuple[NDArray[np.intp], NDArray[np.intp]], level: float) -> NDArray[np.float64]:
+        """Where the rays of pixels (rows, columns of the rectangle) meet the plane ``level`` metres before the front.
+
+        (N, 2) metres, x and y: free of the depth's noise, which sways along the ray.
+        """
+        rays = self.rays[pixels]
+        return self.eye[:2] + rays[:, :2] * ((level - self.eye[2]) / rays[:, 2])[:, None]
+
+    def pixel_size(self) -> float:
+        """Metres of the front that one pixel shows, about."""
+        return float(np.linalg.norm(self.eye)) / self._focal
+
+    @property
+    def _focal(self) -> float:
+        step = np.linalg.norm(self.rays[0, 1] - self.rays[0, 0])
+        return 1.0 / float(step)
+
+
+def relief(view: View, front: Front, parameters: FrontsParameters, margin: float = 0.08) -> Relief:
+    """The relief of ``front``, with ``margin`` metres around it."""
+    k = view.image.intrinsics
+    grow = max(
+        2, round(margin * k.fx / max(0.3, float(np.linalg.norm(front.frame_from_front.position - view.viewpoint))))
+    )
+    v, u = np.nonzero(front.region)
+    rows = slice(max(0, int(v.min()) - grow), min(k.height, int(v.max()) + grow + 1))
+    columns = slice(max(0, int(u.min()) - grow), min(k.width, int(u.max()) + grow + 1))
+    front_from_camera = front.frame_from_front.inverse() @ view.frame_from_camera
+    rotation, eye = front_from_camera.rotation, front_from_camera.position
+    x = (np.arange(columns.start, columns.stop) - k.cx) / k.fx
+    y = (np.arange(rows.start, rows.stop) - k.cy) / k.fy
+    rays = x[None, :, None] * rotation[:, 0] + y[:, None, None] * rotation[:, 1] + rotation[:, 2]
+    depth = view.image.depth[rows, columns].astype(np.float64)
+    known = np.isfinite(depth) & (depth > 0)
+    height = np.where(known, rays[..., 2] * depth + eye[2], np.nan)
+    noise = parameters.noise(np.where(known, depth, 0.4)) + 0.0005
+    near = cv2.dilate(front.region[rows, columns].astype(np.uint8), np.ones((2 * grow + 1, 2 * grow + 1), np.uint8)) > 0
+    return Relief(front, rows, columns, height, noise, near, rays, eye)
