@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     walls = tuple(
         Wall(start, end, scene.file.walls.height, scene.file.walls.thickness) for start, end in scene.file.walls.lines
     )
-    furniture = tuple(_furniture(scene, seed))
+    furniture = _furniture(scene, seed)
     complaint = ""
     for attempt in range(_ATTEMPTS):
         try:
@@ -63,7 +63,8 @@ def _generator(seed: int, attempt: int, *names: str) -> np.random.Generator:
     return np.random.default_rng([seed, attempt, zlib.crc32("/".join(names).encode())])
 
 
-def _furniture(scene: SceneConfig, seed: int) -> Iterable[PlacedFurniture]:
+def _furniture(scene: SceneConfig, seed: int) -> tuple[PlacedFurniture, ...]:
+    pieces: list[PlacedFurniture] = []
     for name, placement in scene.file.furniture.items():
         nominal = Pose2D(*placement.at)
         dx, dy, turn = _generator(seed, 0, "furniture", name).uniform(-1.0, 1.0, 3)
@@ -72,7 +73,14 @@ def _furniture(scene: SceneConfig, seed: int) -> Iterable[PlacedFurniture]:
             nominal.y + placement.offset * float(dy),
             nominal.theta + placement.turn * float(turn),
         )
-        yield PlacedFurniture(name, scene.furniture[name], nominal, actual)
+        elevation, on = 0.0, None
+        if placement.on is not None:
+            below, surface = _standing(scene, placement.on, pieces)
+            in_furniture = surface.pose.to_pose2d()
+            nominal, actual = below.nominal @ in_furniture @ nominal, below.actual @ in_furniture @ actual
+            elevation, on = below.elevation + float(surface.pose.position[2]), below.name
+        pieces.append(PlacedFurniture(name, scene.furniture[name], nominal, actual, elevation, on))
+    return tuple(pieces)
 
 
 def _sample(generator: np.random.Generator, region: RegionConfig) -> Pose2D:
@@ -109,7 +117,8 @@ def _object(
         on_surface = _sample(generator, placement.region)
         pose = _on_surface(piece, surface, on_surface, model)
         inside = depth_inside(rectangle(Pose2D(), surface.size), on_surface.xy) >= planar_radius(model)
-        if inside and _gap(pose, model, others) >= scene.file.clearance:
+        room = min(_gap(pose, model, others), _room_beside(pose, model, piece, furniture))
+        if inside and room >= scene.file.clearance:
             return PlacedObject(name, model, pose)
     raise _NoRoomError(f"no room for {name!r} on {placement.surface}")
 
@@ -131,8 +140,10 @@ def _goal(
     outlines = [rectangle(pose @ in_furniture, surface.size) for pose in (piece.nominal, piece.actual)]
     for _ in range(_TRIES):
         planar = piece.nominal @ in_furniture @ _sample(generator, goal.region)
-        pose = planar.to_pose(float(surface.pose.position[2]) + float(model.size[2]) / 2)
+        pose = planar.to_pose(piece.elevation + float(surface.pose.position[2]) + float(model.size[2]) / 2)
         if min(depth_inside(outline, planar.xy) for outline in outlines) < goal.margin:
+            continue
+        if _room_beside(pose, model, piece, furniture) < (goal.clearance or 0.0):
             continue
         if goal.clearance is None or _gap(pose, model, objects) >= goal.clearance:
             return pose
@@ -153,7 +164,7 @@ def _start(
 
 
 def _standing(
-    scene: SceneConfig, surface_name: str, furniture: tuple[PlacedFurniture, ...]
+    scene: SceneConfig, surface_name: str, furniture: Sequence[PlacedFurniture]
 ) -> tuple[PlacedFurniture, Surface]:
     name, surface = scene.surface(surface_name)
     return next(piece for piece in furniture if piece.name == name), surface
@@ -161,7 +172,7 @@ def _standing(
 
 def _on_surface(piece: PlacedFurniture, surface: Surface, on_surface: Pose2D, model: ObjectModel) -> Pose:
     lower = float(model.bounds()[0, 2])
-    return piece.actual.to_pose() @ surface.pose @ on_surface.to_pose(-lower)
+    return piece.pose @ surface.pose @ on_surface.to_pose(-lower)
 
 
 def planar_radius(model: ObjectModel) -> float:
@@ -172,10 +183,21 @@ def planar_radius(model: ObjectModel) -> float:
 
 
 def _gap(pose: Pose, model: ObjectModel, others: Iterable[PlacedObject]) -> float:
-    """Smallest distance from one object's circle to the others'; infinite without others."""
+    """Smallest distance from one object's circle to those of others at its height; infinite without others."""
     here: NDArray[np.float64] = pose.position[:2]
     gaps = [
         float(np.linalg.norm(other.pose.position[:2] - here)) - planar_radius(model) - planar_radius(other.model)
         for other in others
+        if abs(pose.position[2] - other.pose.position[2]) < (model.size[2] + other.model.size[2]) / 2
     ]
     return min(gaps, default=math.inf)
+
+
+def _room_beside(pose: Pose, model: ObjectModel, piece: PlacedFurniture, furniture: Iterable[PlacedFurniture]) -> float:
+    """Smallest distance from an object's circle to furniture that stands on ``piece``; infinite without such."""
+    distances = [
+        distance_to_polygon(rectangle(other.actual, other.model.footprint), pose.position[:2])
+        for other in furniture
+        if other.on == piece.name
+    ]
+    return min(distances, default=math.inf) - planar_radius(model)

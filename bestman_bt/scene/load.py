@@ -123,11 +123,17 @@ def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]
         elif placement.region is not None and placement.at is not None:
             message = "'region' is given too; 'region: null' takes it away"
             problems.append(document.problem(("objects", thing, "at"), message))
-    surfaces = [("objects", key, item.surface) for key, item in scene.file.objects.items()]
-    surfaces += [("goals", key, item.surface) for key, item in scene.file.goals.items()]
-    for field, key, surface in surfaces:
+    surfaces = [("objects", key, "surface", item.surface) for key, item in scene.file.objects.items()]
+    surfaces += [("goals", key, "surface", item.surface) for key, item in scene.file.goals.items()]
+    surfaces += [("furniture", key, "on", item.on) for key, item in scene.file.furniture.items() if item.on]
+    names = list(scene.file.furniture)
+    for field, key, attribute, surface in surfaces:
         try:
-            scene.surface(surface)
+            standing_on, _ = scene.surface(surface)
         except KeyError as error:
-            problems.append(document.problem((field, key, "surface"), str(error.args[0])))
+            problems.append(document.problem((field, key, attribute), str(error.args[0])))
+            continue
+        if field == "furniture" and names.index(standing_on) >= names.index(key):
+            message = f"{standing_on!r} should be named above what stands on it, got {surface!r}"
+            problems.append(document.problem((field, key, attribute), message))
     return problems

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Box
+from bestman_bt.messages import Box, Pose
 from bestman_bt.scene.plane_geometry import cut_away, wall_rectangle
 from bestman_bt.scene.scene import FurnitureModel, World
 from bestman_bt.world_model import MapFurniture, MapSurface, SemanticMap
@@ -20,9 +20,12 @@ def semantic_map(world: World) -> SemanticMap:
             name=piece.name,
             pose=piece.nominal,
             footprint=piece.model.footprint,
-            height=_height(piece.model),
-            surfaces=tuple(MapSurface(s.name, s.pose, s.size) for s in piece.model.surfaces),
-            solid_at_lidar=_fills_scan_band(piece.model),
+            height=piece.elevation + _height(piece.model),
+            surfaces=tuple(
+                MapSurface(s.name, Pose.from_xyz_rpy((0.0, 0.0, piece.elevation)) @ s.pose, s.size)
+                for s in piece.model.surfaces
+            ),
+            solid_at_lidar=piece.elevation == 0.0 and _fills_scan_band(piece.model),
         )
         for piece in world.furniture
     }

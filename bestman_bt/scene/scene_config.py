@@ -40,13 +40,15 @@ class WallsConfig:
 
 @dataclass(frozen=True)
 class FurniturePlacement:
-    """``model``: the furniture's file; ``at``: x, y, yaw in the map.
+    """``model``: the furniture's file; ``at``: x, y, yaw in the map, or in the surface that it stands ``on``.
 
-    The furniture really stands within ``offset`` metres (each axis) and ``turn`` radians of that.
+    The furniture really stands within ``offset`` metres (each axis) and ``turn`` radians of that. ``on``: a surface of
+    furniture that is named above it (``counter/top``); None: the floor.
     """
 
     model: str
     at: tuple[Length, Length, Angle]
+    on: str | None = None
     offset: Distance = 0.03
     turn: Angle = _TWO_DEGREES
 

@@ -62,7 +62,7 @@ def _leaf(name: str, articulation: Articulation, folder: Path) -> ElementTree.El
 def mass_distribution(parts: Sequence[PlacedShape], mass: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centre of mass (3,) in the frame of the parts and inertia (3, 3) about it, kg m²; the parts are equally dense."""
     solids = [_solid(part) for part in parts]
-    solid = trimesh.util.concatenate(solids)
+    solid = solids[0] if len(solids) == 1 else solids[0] + solids[1:]
     solid.density = mass / sum(part.volume for part in solids)
     return np.asarray(solid.center_mass), np.asarray(solid.moment_inertia)
 
