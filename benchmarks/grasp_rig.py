@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.manipulation.kinematics import ForwardKinematics
@@ -24,7 +25,9 @@ from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.world_model import SemanticMap, WorldModel
 from hal.api import Arm, Camera, CommandRefusedError, Gripper, Motion, MotionStatus
-from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, Viewpoint
+from hal.pybullet.camera import projection_matrix
+from hal.pybullet.client import ReadPurpose
 
 GANTRY = Path(__file__).with_name("gantry")
 WRIST_FROM_TOOL = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, -math.pi / 2))
@@ -97,7 +100,8 @@ class GraspRig:
 
     def __enter__(self) -> GraspRig:
         self._robot.connect()
-        self.truth = GroundTruth(self._robot)
+        self.truth, self.photographer = GroundTruth(self._robot), ScenePhotographer(self._robot)
+        self._reader = self._robot.simulation.client.reader(ReadPurpose.EVALUATION)
         self._wait(self.parameters.settle)
         return self
 
@@ -130,6 +134,27 @@ class GraspRig:
         tool_from_camera = self._tool_pose().inverse() @ self._sensors["wrist_camera"].base_from_camera()
         self._travel(map_from_camera @ tool_from_camera.inverse())
         return self.look("wrist_camera")
+
+    def masks(self, camera: str = "head_camera") -> dict[str, NDArray[np.bool_]]:
+        """Which pixels (H, W) of ``camera`` truly show each object: for judging."""
+        simulation, model = self._robot.simulation, self.model.cameras[camera]
+        pose, k = self._sensors[camera].base_from_camera(), model.intrinsics
+        forward, up = pose.rotation[:, 2], -pose.rotation[:, 1]
+        image = self._reader.getCameraImage(
+            k.width,
+            k.height,
+            viewMatrix=pybullet.computeViewMatrix(pose.position, pose.position + forward, up),
+            projectionMatrix=projection_matrix(k, model.near, model.far),
+            renderer=pybullet.ER_TINY_RENDERER,
+        )
+        bodies = np.asarray(image[4]).reshape(k.height, k.width)
+        return {name: bodies == body for name, body in simulation.built.objects.items()}
+
+    def photograph(self, target: str) -> NDArray[np.uint8]:
+        """A picture for people of the hand and the object, (H, W, 3)."""
+        at = self.truth.object_pose(target).position
+        eye = at + np.array([-0.55, -0.35, 0.30])
+        return self.photographer.picture(Viewpoint(tuple(eye), tuple(at + (0.0, 0.0, 0.05)), 45.0), 640, 480, 1)
 
     def grasp(self, candidate: GraspCandidate, target: str) -> GraspOutcome:
         """Carry ``candidate`` out and judge it; ``target``: the object that is to be lifted."""
