@@ -77,8 +77,9 @@ class AntipodalCloud(GraspPlanner):
         cloud = completed_cloud(target.cloud, target.viewpoints, support_height, p.cloud)
         if cloud is None:
             return ()
-        # The palm stays as far back as the hand may reach over an object, which is a little more than it could.
-        shape = HandShape(replace(gripper, finger_depth=p.hand.reach(gripper)), p.shape)
+        # For the object the palm begins where the hand may reach no further over it, a little before its true place.
+        reach = p.hand.reach(gripper) + p.object_clearance + 1e-6
+        shape = HandShape(replace(gripper, finger_depth=reach), p.shape)
         hands = self._hands(cloud, gripper, shape, support_height)
         contacts = close_pads(
             cloud.points,
@@ -97,7 +98,7 @@ class AntipodalCloud(GraspPlanner):
         openings = p.hand.openings(contacts.width, gripper)
         tried = hands.selected(order)
         lowest = shape.lowest(tried, openings[order]) - support_height
-        free = shape.clearances(tried, openings[order], cloud.points, 1.0) > p.object_clearance
+        free = ~shape.touches(tried, openings[order], cloud.points, p.object_clearance)
         free &= lowest >= p.hand.support_clearance - 1e-6
         others = surroundings_of(target, support_height, shape.reach + float(np.ptp(cloud.points, axis=0).max()))
         around = shape.clearances(tried, openings[order], others)

@@ -79,8 +79,9 @@ def antipodal_grasps(
     hands = hands.shifted(contacts.centre[:, 1], 1)
     tried = np.argsort(-quality, kind="stable")
     tried = tried[quality[tried] > 0.0]
-    # The palm stays as far back as the hand may reach over an object, which is a little more than it could.
-    shape = HandShape(replace(gripper, finger_depth=parameters.hand.reach(gripper)), parameters.shape)
+    # The palm begins where the hand may reach no further over an object, a little before its true place.
+    reach = parameters.hand.reach(gripper) + parameters.surface_clearance
+    shape = HandShape(replace(gripper, finger_depth=reach), parameters.shape)
     openings = parameters.hand.openings(contacts.width[tried], gripper)
     clear = shape.clearances(hands.selected(tried), openings, surface.points, 1.0)
     chosen = different_hands(

@@ -73,6 +73,24 @@ class HandShape:
                 result[part] = np.minimum(result[part], np.sqrt(squared.min(axis=1)))
         return result
 
+    def touches(
+        self, hands: HandPoses, openings: NDArray[np.float64], points: NDArray[np.float64], margin: float
+    ) -> NDArray[np.bool_]:
+        """Whether one of ``points`` (N, 3) lies in a box of the open hand (K,), grown by ``margin`` metres."""
+        result = np.zeros(len(hands), dtype=bool)
+        centres, halves = self.boxes(openings)
+        for part in hands.passes(len(points)):
+            x, y, z = hands.selected(part).local(points)
+            x, y = np.abs(x), np.abs(y)
+            # The two fingers are alike, so one box and |y| do.
+            for box in (0, 2):
+                half = halves[part, box, :, None] + margin
+                inside = x < half[:, 0]
+                inside &= np.abs(y - centres[part, box, 1, None]) < half[:, 1]
+                inside &= np.abs(z - centres[part, box, 2, None]) < half[:, 2]
+                result[part] |= inside.any(axis=1)
+        return result
+
     def lowest(self, hands: HandPoses, openings: NDArray[np.float64]) -> NDArray[np.float64]:
         """z (K,) of the lowest corner of each open hand, metres in the frame of the poses."""
         centres, halves = self.boxes(openings)

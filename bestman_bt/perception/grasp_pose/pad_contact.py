@@ -47,44 +47,74 @@ def close_pads(
     None: all were measured.
     """
     count = len(hands)
+    seen = np.ones(len(points)) if seen is None else seen
     result = PadContacts(
         width=np.zeros(count),
         centre=np.zeros((count, 3)),
-        alignment=np.zeros(count),
+        alignment=np.full(count, -1.0),
         extent=np.zeros((count, 2)),
         offset=np.zeros(count),
         bulge=np.zeros(count),
-        seen=np.ones(count),
+        seen=np.zeros(count),
     )
-    for part in hands.passes(2 * len(points)):
+    for part in hands.passes(len(points)):
         chunk = hands.selected(part)
         x, y, z = chunk.local(points)
-        facing = [chunk.rotations[:, :, axis] @ normals.T for axis in range(3)]
-        inside = (np.abs(x) <= pad_size[0] / 2) & (np.abs(y) <= openings[part, None] / 2)
-        at_pads = inside & (np.abs(z) <= pad_size[1] / 2)
-        above = inside & (z < -pad_size[1] / 2) & (z > -finger_depth)
-        ends, middles, spreads, cosines, bulges, shares = [], [], [], [], [], []
-        for sign in (1.0, -1.0):
-            reach = np.where(at_pads, sign * y, -np.inf).max(axis=1)
-            patch = at_pads & (sign * y >= reach[:, None] - patch_depth)
-            weight = patch / np.maximum(patch.sum(axis=1), 1)[:, None]
-            middle = np.stack([(weight * x).sum(axis=1), (weight * z).sum(axis=1)], axis=1)
-            square = np.stack([(weight * x * x).sum(axis=1), (weight * z * z).sum(axis=1)], axis=1)
-            ends.append(reach)
-            middles.append(middle)
-            spreads.append(np.sqrt(np.maximum(square - middle**2, 0.0)))
-            mean = np.stack([(weight * component).sum(axis=1) for component in facing], axis=1)
-            cosines.append(sign * mean[:, 1] / np.maximum(np.linalg.norm(mean, axis=1), 1e-9))
-            shares.append(np.ones(len(chunk)) if seen is None else weight @ seen)
-            bulges.append(np.where(above, sign * y, -np.inf).max(axis=1) - reach)
-        met = np.isfinite(ends[0]) & np.isfinite(ends[1])
-        width = np.where(met, ends[0] + ends[1], 0.0)
-        result.width[part] = width
-        result.centre[part, 1] = np.where(met, (ends[0] - ends[1]) / 2, 0.0)
-        result.centre[part][:, [0, 2]] = (middles[0] + middles[1]) / 2
-        result.alignment[part] = np.where(met, np.minimum(*cosines), -1.0)
-        result.extent[part] = np.minimum(*spreads)
-        result.offset[part] = np.linalg.norm(middles[0] - middles[1], axis=1)
-        result.bulge[part] = np.where(met, np.maximum(np.maximum(*bulges), 0.0), 0.0)
-        result.seen[part] = np.minimum(*shares)
+        between = (np.abs(x) <= pad_size[0] / 2) & (np.abs(y) <= openings[part, None] / 2)
+        between &= (z <= pad_size[1] / 2) & (z > -finger_depth)
+        hand, sample = np.nonzero(between)
+        x, y, z = x[between], y[between], z[between]
+        at_pads = z >= -pad_size[1] / 2
+        facing = np.einsum("ij,ijk->ik", normals[sample], chunk.rotations[hand])
+        sides = [
+            _side(sign, len(chunk), hand, np.stack([x, y, z], axis=1), facing, at_pads, seen[sample], patch_depth)
+            for sign in (1.0, -1.0)
+        ]
+        (reach, middle, spread, cosine, bulge, share), (other, other_middle, other_spread, *others) = sides
+        met = np.isfinite(reach) & np.isfinite(other)
+        index = np.arange(count)[part][met]
+        result.width[index] = reach[met] + other[met]
+        result.centre[index, 1] = (reach[met] - other[met]) / 2
+        result.centre[index, ::2] = (middle + other_middle)[met] / 2
+        result.alignment[index] = np.minimum(cosine, others[0])[met]
+        result.extent[index] = np.minimum(spread, other_spread)[met]
+        result.offset[index] = np.linalg.norm(middle - other_middle, axis=1)[met]
+        result.bulge[index] = np.maximum(np.maximum(bulge, others[1])[met], 0.0)
+        result.seen[index] = np.minimum(share, others[2])[met]
     return result
+
+
+def _side(
+    sign: float,
+    count: int,
+    hand: NDArray[np.intp],
+    local: NDArray[np.float64],
+    facing: NDArray[np.float64],
+    at_pads: NDArray[np.bool_],
+    seen: NDArray[np.float64],
+    patch_depth: float,
+) -> tuple[NDArray[np.float64], ...]:
+    """One pad of each of ``count`` hands on the samples between its fingers, given with the hand that they belong to.
+
+    How far out it stops (-inf: it meets nothing), middle and spread of its patch (across, along), cosine of the mean
+    normal, how much farther the object reaches above, and the share of the patch that was seen.
+    """
+    out = sign * local[:, 1]
+    reach, above = np.full(count, -np.inf), np.full(count, -np.inf)
+    np.maximum.at(reach, hand[at_pads], out[at_pads])
+    np.maximum.at(above, hand[~at_pads], out[~at_pads])
+    patch = at_pads & (out >= reach[hand] - patch_depth)
+    owner, across = hand[patch], local[patch][:, [0, 2]]
+    number = np.maximum(np.bincount(owner, minlength=count), 1)
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        columns = [np.bincount(owner, column, count) / number for column in values.T]
+        return np.stack(columns, axis=1)
+
+    middle = mean(across)
+    spread = np.sqrt(np.maximum(mean(across**2) - middle**2, 0.0))
+    normal = mean(facing[patch])
+    cosine = sign * normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-9)
+    with np.errstate(invalid="ignore"):
+        bulge = above - reach
+    return reach, middle, spread, cosine, bulge, mean(seen[patch, None])[:, 0]
