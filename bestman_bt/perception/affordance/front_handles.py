@@ -9,7 +9,9 @@ import numpy as np
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.affordance.base import HandleDetector, HandleScene
 from bestman_bt.perception.affordance.fronts import Front, FrontsParameters, find_fronts
+from bestman_bt.perception.affordance.grooves import Groove, GroovesParameters, find_grooves
 from bestman_bt.perception.affordance.protrusions import Protrusion, ProtrusionsParameters, find_protrusions
+from bestman_bt.perception.affordance.rectified import rectify
 from bestman_bt.perception.affordance.relief import relief
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.segmentation.base import SupportPlane
@@ -22,6 +24,7 @@ class FrontHandlesParameters:
 
     fronts: FrontsParameters = field(default_factory=FrontsParameters)
     protrusions: ProtrusionsParameters = field(default_factory=ProtrusionsParameters)
+    grooves: GroovesParameters = field(default_factory=GroovesParameters)
     min_confidence: float = 0.4
 
 
@@ -40,14 +43,15 @@ class FrontHandles(HandleDetector):
         planes = tuple(_plane(front) for front in fronts)
         if not fronts:
             return HandleScene((), (), "no upright plane in view")
-        found: list[tuple[Front, Protrusion]] = []
+        found: list[Handle] = []
         for front in fronts:
-            found += [(front, one) for one in find_protrusions(relief(view, front, p.fronts), p.protrusions)]
-        found.sort(key=lambda pair: -pair[1].confidence)
+            around = relief(view, front, p.fronts)
+            found += [_protruding(front, one) for one in find_protrusions(around, p.protrusions)]
+            found += [_recessed(front, one, p.grooves) for one in find_grooves(rectify(view, front, around), around, p.grooves)]
+        found.sort(key=lambda handle: -handle.confidence)
         handles: list[Handle] = []
-        for front, one in found:
-            handle = _handle(front, one)
-            if one.confidence >= p.min_confidence and all(
+        for handle in found:
+            if handle.confidence >= p.min_confidence and all(
                 np.linalg.norm(handle.pose.position - other.pose.position) > 0.03 for other in handles
             ):
                 handles.append(handle)
@@ -55,7 +59,7 @@ class FrontHandles(HandleDetector):
         return HandleScene(tuple(handles), planes, reason)
 
 
-def _handle(front: Front, one: Protrusion) -> Handle:
+def _protruding(front: Front, one: Protrusion) -> Handle:
     pose = front.frame_from_front @ Pose.from_xyz_rpy(one.centre, (0.0, 0.0, one.angle))
     return Handle(
         one.kind,
@@ -67,6 +71,15 @@ def _handle(front: Front, one: Protrusion) -> Handle:
         one.confidence,
         one.position_std,
     )
+
+
+def _recessed(front: Front, groove: Groove, p: GroovesParameters) -> Handle:
+    x, y = groove.centre
+    grip = groove.inward * p.grip
+    middle = (x + grip, y, -p.lip / 2) if groove.upright else (x, y + grip, -p.lip / 2)
+    pose = front.frame_from_front @ Pose.from_xyz_rpy(middle, (0.0, 0.0, np.pi / 2 if groove.upright else 0.0))
+    out = front.frame_from_front.rotation[:, 2]
+    return Handle("edge", pose, p.lip / 2, groove.length, -p.lip / 2, out, groove.confidence, 0.005)
 
 
 def _plane(front: Front) -> SupportPlane:

@@ -1,0 +1,229 @@
+"""Recessed edges: openings at the border of a panel, whose lip fingers reach over and hook."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.perception.affordance.rectified import RectifiedFront
+from bestman_bt.perception.affordance.relief import Relief
+
+
+@dataclass(frozen=True)
+class GroovesParameters:
+    """Lengths in metres.
+
+    ``width``: of a groove, least and most: room for fingers, no compartment. ``pair_width``: of two that meet, where two
+    doors do. ``notch_length``: most length of one that is cut into a border; others run between two panels.
+    ``min_length``: of any. ``straightness``: most mean deviation of its lip from a line.
+    ``flanks``: least share of its lip and of its ends along which the front is seen.
+    ``back``: distance of what is seen in an upright groove, least and most: an open gap beside a door is none.
+    ``before``: most share of an opening that something hides.
+    ``grip``: from the lip's border to the middle of what fingers hold; ``lip``: the lip's thickness. Neither is seen.
+    """
+
+    width: tuple[float, float] = (0.027, 0.062)
+    pair_width: tuple[float, float] = (0.066, 0.116)
+    notch_length: float = 0.36
+    min_length: float = 0.09
+    straightness: float = 0.004
+    flanks: float = 0.75
+    back: tuple[float, float] = (0.025, 0.085)
+    before: float = 0.15
+    grip: float = 0.010
+    lip: float = 0.017
+
+
+@dataclass(frozen=True)
+class Groove:
+    """A lip, in the frame of its front.
+
+    ``centre``: (x, y) metres, of the lip's border. ``upright``: whether it runs along y. ``inward``: +1 or -1, to which
+    side along y (upright: x) the lip's panel lies.
+    """
+
+    centre: tuple[float, float]
+    length: float
+    upright: bool
+    inward: float
+    confidence: float
+
+
+def find_grooves(front: RectifiedFront, relief: Relief, parameters: GroovesParameters) -> list[Groove]:
+    """All grooves of a front."""
+    found: list[Groove] = []
+    for upright in (False, True):
+        lying = _lying(front, upright)
+        for mask, notch in ((_notches(lying, parameters), True), (_slots(lying, parameters), False)):
+            for groove in _components(lying, mask, notch, upright, parameters):
+                if all(math.dist(groove.centre, other.centre) > 0.04 for other in found):
+                    found.append(groove)
+    return [_refined(groove, relief) for groove in found]
+
+
+@dataclass(frozen=True, eq=False)
+class _Lying:
+    """The cells of a front, turned so that the grooves that are sought run along the rows."""
+
+    shown: NDArray[np.bool_]
+    open: NDArray[np.bool_]
+    height: NDArray[np.float64]
+    outside: NDArray[np.bool_]
+    front: RectifiedFront
+
+    @property
+    def cell(self) -> float:
+        return self.front.cell
+
+
+def _lying(front: RectifiedFront, upright: bool) -> _Lying:
+    shown = cv2.medianBlur(front.on_front.astype(np.uint8), 3) > 0
+    fields = (shown, front.open, front.height, front.outside)
+    return _Lying(*(np.ascontiguousarray(field.T) if upright else field for field in fields), front)  # type: ignore[arg-type]
+
+
+def _notches(lying: _Lying, p: GroovesParameters) -> NDArray[np.bool_]:
+    """Openings with the front to their left and right."""
+    return _closed(lying.shown, (1, round(p.notch_length / lying.cell))) & ~lying.shown & lying.open
+
+
+def _slots(lying: _Lying, p: GroovesParameters) -> NDArray[np.bool_]:
+    """Openings with the front above and below."""
+    return _closed(lying.shown, (round(p.width[1] / lying.cell) + 1, 1)) & ~lying.shown & lying.open
+
+
+def _closed(shown: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
+    rows, columns = size
+    padded = cv2.copyMakeBorder(shown.astype(np.uint8), rows, rows, columns, columns, cv2.BORDER_CONSTANT, value=0)
+    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((rows, columns), np.uint8))
+    result: NDArray[np.bool_] = closed[rows : rows + shown.shape[0], columns : columns + shown.shape[1]] > 0
+    return result
+
+
+def _components(
+    lying: _Lying, mask: NDArray[np.bool_], notch: bool, upright: bool, p: GroovesParameters
+) -> list[Groove]:
+    thin = max(2, round(0.4 * p.width[0] / lying.cell))
+    opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((thin, thin), np.uint8))
+    opened = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8))
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
+    grooves: list[Groove] = []
+    for label in range(1, count):
+        left, top, width, height, _ = (int(value) for value in stats[label])
+        if width * lying.cell < p.min_length or height * lying.cell < p.width[0]:
+            continue
+        part = labels[top : top + height, left : left + width] == label
+        grooves += _judge(lying, part, (top, left), notch, upright, p)
+    return grooves
+
+
+def _judge(
+    lying: _Lying, part: NDArray[np.bool_], corner: tuple[int, int], notch: bool, upright: bool, p: GroovesParameters
+) -> list[Groove]:
+    cell = lying.cell
+    upper, lower = np.argmax(part, axis=0), part.shape[0] - np.argmax(part[::-1], axis=0)
+    column_seen = part.any(axis=0)
+    first, last = float(np.median(upper[column_seen])), float(np.median(lower[column_seen]))
+    full = column_seen & (part.sum(axis=0) > 0.6 * (last - first))
+    if full.sum() * cell < p.min_length:
+        return []
+    columns = np.flatnonzero(full)
+    left, right = int(columns[0]), int(columns[-1]) + 1
+    length, width = (right - left) * cell, (last - first) * cell
+    pair = upright and p.pair_width[0] <= width <= p.pair_width[1]
+    if not (pair or p.width[0] - cell <= width <= p.width[1]) or length < 1.6 * width:
+        return []
+    if notch and length > p.notch_length:
+        return []
+    top, bottom = corner[0] + round(first), corner[0] + round(last)
+    start, stop = corner[1] + left, corner[1] + right
+    reach = max(2, round(0.010 / cell))
+    inside = lying.height[top:bottom, start:stop]
+    with np.errstate(invalid="ignore"):
+        if (inside > 0.01).mean() > p.before:
+            return []
+    if upright:
+        depth = -float(np.nanmedian(inside))
+        if not p.back[0] <= depth <= p.back[1]:
+            return []
+    margin = max(1, round(0.006 / cell))
+    above = lying.shown[max(0, top - margin - reach) : max(0, top - margin), start:stop]
+    below = lying.shown[bottom + margin : bottom + margin + reach, start:stop]
+    ends = [
+        lying.shown[top:bottom, max(0, start - margin - reach) : max(0, start - margin)],
+        lying.shown[top:bottom, stop + margin : stop + margin + reach],
+    ]
+    seen_above, seen_below = _share(above), _share(below)
+    if notch and min(_share(end) for end in ends) < p.flanks:
+        return []
+    if not notch and min(seen_above, seen_below) < p.flanks:
+        return []
+    sides = []
+    if pair:
+        if min(seen_above, seen_below) < p.flanks:
+            return []
+        sides = [-1.0, 1.0]
+    elif upright:
+        # The lip belongs to the door, and a door is wider than what stands beside it.
+        reach_above, reach_below = _run(lying.shown, top, -1, start, stop), _run(lying.shown, bottom, 1, start, stop)
+        sides = [-1.0 if reach_above > reach_below else 1.0]
+    else:
+        sides = [1.0]
+    result = []
+    for side in sides:
+        edge, seen, borders = (bottom, seen_below, lower) if side > 0 else (top, seen_above, upper)
+        deviation = float(np.abs(borders[full] - np.median(borders[full])).mean()) * cell
+        if seen < p.flanks or deviation > p.straightness + 0.5 * cell:
+            continue
+        along = 0.5 * (start + stop) - 0.5
+        across = edge - 0.5
+        confidence = seen * (1.0 - 0.3 * deviation / p.straightness) * float(full[left:right].mean())
+        front = lying.front
+        if upright:
+            centre = (front.x_of(across), front.y_of(along))
+        else:
+            centre = (front.x_of(along), front.y_of(across))
+        result.append(Groove(centre, length, upright, side if upright else -side, min(1.0, max(0.0, confidence))))
+    return result
+
+
+def _share(cells: NDArray[np.bool_]) -> float:
+    return float(cells.mean()) if cells.size else 0.0
+
+
+def _run(shown: NDArray[np.bool_], row: int, step: int, start: int, stop: int) -> float:
+    """How far the front goes on from a border, in cells: median over the columns."""
+    part = shown[:row, start:stop][::-1] if step < 0 else shown[row:, start:stop]
+    if not part.size:
+        return 0.0
+    smooth = cv2.morphologyEx(part.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 1), np.uint8)) > 0
+    begun = np.maximum.accumulate(smooth, axis=0)
+    ended = begun & ~smooth
+    return float(np.median(np.where(ended.any(axis=0), np.argmax(ended, axis=0), len(part))))
+
+
+def _refined(groove: Groove, relief: Relief, reach: float = 0.018) -> Groove:
+    """The lip's border where pixels change from front to opening, with least error: finer than cells."""
+    x, y = groove.centre
+    half = 0.45 * groove.length
+    low, high = ((x - reach, y - half), (x + reach, y + half)) if groove.upright else ((x - half, y - reach), (x + half, y + reach))
+    rows, columns = np.nonzero(np.isfinite(relief.height) & relief.near)
+    flat = relief.on_level((rows, columns), 0.0)
+    inside = (flat > low).all(axis=1) & (flat < high).all(axis=1)
+    if inside.sum() < 30:
+        return groove
+    height = relief.height[rows[inside], columns[inside]]
+    noise = relief.noise[rows[inside], columns[inside]]
+    shown = np.abs(height) < np.maximum(0.005, 2.5 * noise)
+    across = (flat[inside, 0] if groove.upright else flat[inside, 1]) * groove.inward
+    order = np.argsort(across, kind="stable")
+    # Beyond the border (smaller values) openings, within it the front.
+    score = np.cumsum(np.where(shown[order], -1, 1))
+    best = int(np.argmax(score))
+    border = groove.inward * 0.5 * float(across[order][best] + across[order][min(best + 1, len(order) - 1)])
+    centre = (border, y) if groove.upright else (x, border)
+    return Groove(centre, groove.length, groove.upright, groove.inward, groove.confidence)
