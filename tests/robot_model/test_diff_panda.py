@@ -14,7 +14,7 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel, load_robot_model
 
-DECLARED_MASS = 60 + 2 * 2 + 2 * 0.5 + 8 + 3 + 0.8 + 0.072 + 17.96  # base to camera, and the Panda with its hand
+DECLARED_MASS = 60 + 2 * 2 + 2 * 0.5 + 8 + 3 + 0.8 + 2 * 0.072 + 17.96  # base to cameras, and the Panda
 
 # The links of a Panda that can meet (shared planning problems): each must stay in the checks.
 PANDA_PAIRS = [
@@ -59,7 +59,8 @@ def frame_pose(model: pin.Model, q: np.ndarray, frame: str) -> pin.SE3:
 
 def test_it_has_every_part_that_skills_ask_for(robot: RobotModel) -> None:
     assert (list(robot.bases), list(robot.arms), list(robot.grippers)) == (["base"], ["arm"], ["gripper"])
-    assert (list(robot.joint_groups), list(robot.cameras), list(robot.lidars)) == (["head"], ["head_camera"], ["lidar"])
+    assert (list(robot.joint_groups), list(robot.lidars)) == (["head"], ["lidar"])
+    assert list(robot.cameras) == ["head_camera", "wrist_camera"]  # skills use the first
     assert robot.hand_of == {"gripper": "arm"}
     assert robot.arms["arm"].joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
     assert {"carry", "home", "look"} <= set(robot.postures)
@@ -72,7 +73,8 @@ def test_every_name_in_the_model_is_in_the_urdf(robot: RobotModel) -> None:
     base, arm, gripper = robot.bases["base"], robot.arms["arm"], robot.grippers["gripper"]
     assert {robot.base_frame, base.frame, arm.base_frame, arm.tool_frame, gripper.hand_link} <= links
     assert {*gripper.finger_links, *base.caster_links} <= links
-    assert {robot.cameras["head_camera"].optical_frame, robot.lidars["lidar"].frame} <= links
+    frames = {camera.optical_frame for camera in robot.cameras.values()} | {robot.lidars["lidar"].frame}
+    assert frames <= links
     assert {
         *base.wheel_joints,
         *arm.joint_names,
@@ -188,6 +190,30 @@ def test_the_tool_frame_looks_out_of_the_hand_and_closes_along_y(
     assert hand.translation[2] < -gripper.finger_depth
     left, right = (tool.actInv(frame_pose(model, q, link)).translation for link in gripper.finger_links)
     np.testing.assert_allclose(left - right, [0.0, gripper.max_width, 0.0], atol=1e-9)
+
+
+def test_the_wrist_camera_sees_the_finger_tips_and_stays_behind_the_palm(
+    robot: RobotModel, kinematics: tuple[pin.Model, pin.GeometryModel]
+) -> None:
+    model, geometry = kinematics
+    q = configuration(model, robot.postures["carry"])
+    camera = robot.cameras["wrist_camera"]
+    hand_from_camera = frame_pose(model, q, "panda_hand").actInv(frame_pose(model, q, camera.optical_frame))
+    lens = camera.intrinsics
+    for finger_y in (-0.04, 0.0, 0.04):
+        x, y, z = hand_from_camera.actInv(np.array([0.0, finger_y, 0.105]))
+        assert z > camera.near
+        assert 0 < lens.fx * x / z + lens.cx < lens.width
+        assert 0 < lens.fy * y / z + lens.cy < lens.height
+    body = next(shape for shape in geometry.geometryObjects if shape.name.startswith("wrist_camera_link"))
+    half = np.array(body.geometry.halfSide)
+    corners = np.array(list(itertools.product(*[(-h, h) for h in half]))).T
+    hand_from_body = frame_pose(model, q, "panda_hand").actInv(frame_pose(model, q, "wrist_camera_link"))
+    corners[0] -= half[0]  # the link lies in the middle of the front face
+    in_hand = hand_from_body.rotation @ corners + hand_from_body.translation[:, None]
+    assert in_hand[2].max() < 0.0584  # where the fingers begin
+    assert np.abs(in_hand[0]).min() > 0.032  # beside the hand's housing
+    assert np.abs(in_hand[0]).max() < 0.075
 
 
 def test_the_camera_looks_down_ahead_by_default(
