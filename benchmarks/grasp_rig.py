@@ -130,9 +130,15 @@ class GraspRig:
         return self._sensors[camera].capture().in_base
 
     def look_from(self, map_from_camera: Pose) -> View:
-        """Bring the wrist camera to ``map_from_camera`` and look; CommandRefusedError where that is out of reach."""
-        tool_from_camera = self._tool_pose().inverse() @ self._sensors["wrist_camera"].base_from_camera()
-        self._travel(map_from_camera @ tool_from_camera.inverse())
+        """Bring the wrist camera to ``map_from_camera``, turned about its line of sight as the hand likes it, and look.
+
+        Raises CommandRefusedError where that is out of reach.
+        """
+        camera_from_tool = self._sensors["wrist_camera"].base_from_camera().inverse() @ self._tool_pose()
+        turns = (Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, k * math.pi / 2)) for k in range(4))
+        ways = [map_from_camera @ turn @ camera_from_tool for turn in turns]
+        # The hand is best where it hangs highest.
+        self._travel(max(ways, key=lambda way: float(way.apply((0.0, 0.0, -0.1))[2])))
         return self.look("wrist_camera")
 
     def masks(self, camera: str = "head_camera") -> dict[str, NDArray[np.bool_]]:
