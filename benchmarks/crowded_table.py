@@ -25,11 +25,12 @@ def crowded_table(
     count: tuple[int, int] = (3, 6),
     counter: bool | None = None,
     noise: DepthNoise | None = None,
+    always: Sequence[ObjectModel] = (),
 ) -> RenderedTable:
-    """From ``count[0]`` to ``count[1]`` different ones of ``models``, upright, at any yaw.
+    """``always``, and others of ``models``: from ``count[0]`` to ``count[1]`` different ones, upright, at any yaw.
 
-    Two in three stand 3 to 8 cm beside another (between the outlines seen from above), no gap is smaller; of none do
-    the others hide more than 30 % of its pixels, and all lie in the image.
+    Two in three stand 3 to 8 cm from another (between the outlines seen from above), many of these before or behind
+    it; no gap is smaller. Of none do the others hide more than 30 % of its pixels, and all lie in the image.
     """
     rng = np.random.default_rng(seed)
     counter = bool(rng.random() < 0.5) if counter is None else counter
@@ -41,9 +42,10 @@ def crowded_table(
     camera = mast_camera(math.radians(rng.uniform(40.0, 50.0)), rng.uniform(-0.15, 0.15))
     wanted = int(rng.integers(count[0], count[1] + 1))
     placed: list[TrueObject] = []
-    for index in rng.permutation(len(models))[:wanted]:
+    others = [models[i] for i in rng.permutation(len(models)) if models[i] not in always]
+    for model in [*always, *others][: max(wanted, len(always))]:
         for _ in range(60):
-            item = TrueObject(models[index], _somewhere(models[index], placed, table, size, rng), True)
+            item = TrueObject(model, _somewhere(model, placed, table, size, camera, rng), True)
             if _gap(item, placed) >= MIN_GAP and _hidden([*placed, item], camera) <= MAX_OCCLUSION:
                 placed.append(item)
                 break
@@ -55,6 +57,7 @@ def _somewhere(
     placed: Sequence[TrueObject],
     table: Pose,
     size: tuple[float, float],
+    camera: Pose,
     rng: np.random.Generator,
 ) -> Pose:
     lower, upper = np.array([-size[0] / 2 + 0.08, -0.35]), np.array([min(size[0] / 2 - 0.08, 0.15), 0.35])
@@ -63,6 +66,10 @@ def _somewhere(
     if placed and rng.random() < 2 / 3:
         other = table.inverse().apply(placed[int(rng.integers(len(placed)))].pose.position)
         direction, gap = rng.uniform(-math.pi, math.pi), rng.uniform(MIN_GAP, 0.08)
+        if rng.random() < 0.6:
+            # Before or behind the other, as the camera sees it.
+            line = other[:2] - table.inverse().apply(camera.position)[:2]
+            direction = math.atan2(line[1], line[0]) + rng.normal(0.0, 0.35) + math.pi * rng.integers(2)
         away = np.array([math.cos(direction), math.sin(direction)])
         # Moved outwards in steps until the gap is as wide as drawn.
         for distance in np.arange(0.02, 0.40, 0.004):
@@ -96,12 +103,16 @@ def _footprint(model: ObjectModel) -> NDArray[np.float64]:
 
 
 def _polygon_distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    distances = []
-    for corners, polygon in ((a, b), (b, a)):
-        contour = (1000.0 * polygon).astype(np.float32)
-        for x, y in 1000.0 * corners:
-            distances.append(-cv2.pointPolygonTest(contour, (float(x), float(y)), True) / 1000.0)
-    return max(0.0, min(distances))
+    """Between two convex polygons; 0 where they overlap."""
+    common, _ = cv2.intersectConvexConvex((1000.0 * a).astype(np.float32), (1000.0 * b).astype(np.float32))
+    return 0.0 if common > 0.0 else min(_corner_distance(a, b), _corner_distance(b, a))
+
+
+def _corner_distance(corners: NDArray[np.float64], polygon: NDArray[np.float64]) -> float:
+    sides = np.roll(polygon, -1, axis=0) - polygon
+    offsets = corners[:, None] - polygon
+    along = np.clip((offsets * sides).sum(axis=2) / (sides**2).sum(axis=1), 0.0, 1.0)
+    return float(np.linalg.norm(offsets - along[..., None] * sides, axis=2).min())
 
 
 def _hidden(items: Sequence[TrueObject], camera: Pose) -> float:

@@ -21,6 +21,7 @@ from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypoth
 from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, Evidence, color_distance, judge
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_surface
 from bestman_bt.perception.pose_estimation.point_to_plane import (
+    evenly,
     gauss_newton,
     into_model,
     nearest_offsets,
@@ -159,7 +160,7 @@ class MultiStart(PoseEstimator):
     ) -> list[NDArray[np.float64]]:
         """The best distinct results (x, y, yaw) of all starts."""
         p = self.parameters
-        points = points[_evenly(len(points), p.coarse_points)]
+        points = points[evenly(len(points), p.coarse_points)]
         lower, upper = np.percentile(points[:, :2], [2.0, 98.0], axis=0)
         centre = (lower + upper) / 2
         away = centre - eye[:2]
@@ -202,7 +203,7 @@ class MultiStart(PoseEstimator):
         """Fit to the samples that face the camera: of a thin wall only one side can have been measured."""
         p = self.parameters
         pose = start[None]
-        some = points[_evenly(len(points), p.fine_points)]
+        some = points[evenly(len(points), p.fine_points)]
         # What faces the camera depends on the pose: it is found anew for the second half.
         for iteration in range(p.fine_iterations):
             if iteration in (0, p.fine_iterations // 2):
@@ -242,10 +243,6 @@ class _Fit:
     residuals: NDArray[np.float64]
     position_std: float
     yaw_std: float
-
-
-def _evenly(n: int, limit: int) -> NDArray[np.intp]:
-    return np.arange(n) if n <= limit else np.linspace(0, n - 1, limit).astype(np.intp)
 
 
 def _match(

@@ -14,6 +14,11 @@ def into_model(points: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArr
     return np.stack([c * dx + s * dy, c * dy - s * dx, np.broadcast_to(points[:, 2], dx.shape)], axis=2)
 
 
+def evenly(n: int, limit: int) -> NDArray[np.intp]:
+    """Indices of at most ``limit`` out of ``n`` things, evenly spread."""
+    return np.arange(n) if n <= limit else np.linspace(0, n - 1, limit).astype(np.intp)
+
+
 def nearest_offsets(
     tree: cKDTree, samples: NDArray[np.float64], normals: NDArray[np.float64], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

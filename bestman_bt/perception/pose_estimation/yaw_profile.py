@@ -1,0 +1,180 @@
+"""How well each yaw explains a view: a likelihood profile, and the set of yaws that it leaves open.
+
+At every yaw of a grid the object is slid to where it fits best. Two things speak against a yaw: measured points far from
+the model (a handle was seen where the model has none), and model surface that would float in front of measured depth (a
+handle should be seen where there is none). What the object's own body, another object or the image's border hides says
+nothing. Both are robust Gaussian costs, as in the beam model of Thrun, Burgard and Fox, "Probabilistic Robotics", 2005.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import YawSet
+from bestman_bt.messages.pose import wrap_angle
+from bestman_bt.perception.pose_estimation.point_to_plane import evenly
+from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, slide, surface_distances
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True)
+class YawProfileParameters:
+    """Lengths in metres.
+
+    ``points``: of the cluster, at most; ``slide_points``, ``iterations``, ``scale``: for sliding. ``telling``: samples
+    that move by more than this when the object turns are asked whether they would float, ``samples`` of them at most.
+    ``model_error``: added to the depth noise. ``cap``: the cost of one point or sample at most; ``floating_weight``:
+    of 9 mm² of floating surface, against a point.
+    ``position_error``: a sample floats only where no measured depth within this distance beside it is as near.
+    ``margin``: a yaw stays open where its log-likelihood is at most this much below the best.
+    """
+
+    points: int = 300
+    slide_points: int = 150
+    iterations: int = 6
+    scale: float = 0.004
+    telling: float = 0.005
+    samples: int = 700
+    model_error: float = 0.001
+    cap: float = 4.0
+    floating_weight: float = 0.5
+    position_error: float = 0.002
+    margin: float = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class YawProfile:
+    """``yaws``: (K,) evenly spaced over the circle, radians in the plane's frame. ``positions``: (K, 2), metres, the
+    best place at each; ``log_likelihood``: (K,), up to a constant.
+    """
+
+    yaws: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    log_likelihood: NDArray[np.float64]
+
+    @property
+    def step(self) -> float:
+        """Radians between two yaws."""
+        return 2 * math.pi / len(self.yaws)
+
+    def peaks(self, margin: float) -> list[int]:
+        """Indices of the local maxima within ``margin`` of the best, best first."""
+        value = self.log_likelihood
+        local = (value >= np.roll(value, 1)) & (value > np.roll(value, -1)) & (value >= value.max() - margin)
+        local[int(value.argmax())] = True
+        return sorted(np.flatnonzero(local).tolist(), key=lambda k: -value[k])
+
+    def open_yaws(self, margin: float, best: float) -> YawSet:
+        """Arcs of the yaws within ``margin`` of the best; the one that holds or is nearest to ``best`` comes first."""
+        count = len(self.yaws)
+        taken = self.log_likelihood >= self.log_likelihood.max() - margin
+        if taken.all():
+            return YawSet(((best, math.pi),))
+        # A run begins where a taken yaw follows one that is not.
+        starts = np.flatnonzero(taken & ~np.roll(taken, 1))
+        arcs = []
+        for start in starts:
+            length = 1
+            while taken[(start + length) % count]:
+                length += 1
+            half = length * self.step / 2
+            arcs.append((wrap_angle(float(self.yaws[start]) + half - self.step / 2), half))
+        arcs.sort(key=lambda arc: max(0.0, abs(wrap_angle(best - arc[0])) - arc[1]))
+        return YawSet(tuple(arcs))
+
+
+def yaw_profile(
+    turned: TurnedSurface,
+    points: NDArray[np.float64],
+    plane_view: View,
+    start: NDArray[np.float64],
+    noise: float,
+    parameters: YawProfileParameters,
+) -> YawProfile:
+    """Profile over the turns of ``turned``.
+
+    ``points``: (N, 3) of the cluster, ``plane_view``: the view they come from, both in the plane's frame. ``start``:
+    (3,), x, y, yaw of one good fit. ``noise``: of depth, metres.
+    """
+    p = parameters
+    yaws = start[2] + turned.angles
+    c, s = math.cos(start[2]), math.sin(start[2])
+    shifts = turned.shifts @ np.array([[c, s], [-s, c]])
+    poses = np.column_stack([start[:2] + shifts, yaws])
+    some = points[evenly(len(points), p.points)]
+    poses = slide(turned.surface, some[evenly(len(some), p.slide_points)], poses, p.iterations, p.scale, plane_view.viewpoint)
+    log_likelihood = profile_likelihood(turned, some, plane_view, poses, noise, p)
+    return YawProfile(yaws, poses[:, :2], log_likelihood)
+
+
+def profile_likelihood(
+    turned: TurnedSurface,
+    points: NDArray[np.float64],
+    plane_view: View,
+    poses: NDArray[np.float64],
+    noise: float,
+    parameters: YawProfileParameters,
+) -> NDArray[np.float64]:
+    """Log-likelihood (S,) of the poses (S, 3): x, y, yaw in the plane's frame."""
+    p = parameters
+    variance = noise**2 + p.model_error**2
+    unexplained = surface_distances(turned.surface, points, poses, plane_view.viewpoint)
+    cost = np.minimum(unexplained**2 / (2 * variance), p.cap).sum(axis=1)
+    return -cost - p.floating_weight * _floating_cost(turned, plane_view, poses, variance, p)
+
+
+def _floating_cost(
+    turned: TurnedSurface, plane_view: View, poses: NDArray[np.float64], variance: float, p: YawProfileParameters
+) -> NDArray[np.float64]:
+    telling = np.flatnonzero((turned.telling > p.telling) & (turned.surface.points[:, 2] > 0.01))
+    cost = np.zeros(len(poses))
+    if len(telling) == 0:
+        return cost
+    asked = telling[evenly(len(telling), p.samples)]
+    samples, normals = turned.surface.points[asked], turned.surface.normals[asked]
+    c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
+
+    def turn(v: NDArray[np.float64]) -> NDArray[np.float64]:
+        x, y = c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]
+        return np.stack([x, y, np.broadcast_to(v[:, 2], x.shape)], axis=2)
+
+    placed = turn(samples)
+    placed[..., :2] += poses[:, None, :2]
+    towards = plane_view.viewpoint - placed
+    facing = (towards * turn(normals)).sum(axis=2) > 0.15 * np.linalg.norm(towards, axis=2)
+    pose_of, _ = np.nonzero(facing)
+    pixels, depth = plane_view.project(placed[facing])
+    nearest = _nearest_depth(plane_view, pixels, float(np.nanmedian(depth)) if len(depth) else 1.0, p.position_error)
+    known = np.isfinite(nearest)
+    excess = np.maximum(0.0, nearest[known] - depth[known])
+    np.add.at(cost, pose_of[known], np.minimum(excess**2 / (2 * variance), p.cap))
+    return cost * (len(telling) / len(asked))
+
+
+def _nearest_depth(
+    view: View, pixels: NDArray[np.float64], depth: float, position_error: float
+) -> NDArray[np.float64]:
+    """The smallest depth measured around each pixel; NaN where nothing was measured."""
+    k = view.image.intrinsics
+    radius = max(1, round(position_error * k.fx / max(depth, 1e-3)))
+    finite = np.isfinite(pixels).all(axis=1)
+    if not finite.any():
+        return np.full(len(pixels), np.nan)
+    corner = np.clip(np.floor(pixels[finite].min(axis=0)).astype(int) - radius - 1, 0, (k.width, k.height))
+    end = np.clip(np.ceil(pixels[finite].max(axis=0)).astype(int) + radius + 2, 0, (k.width, k.height))
+    if (end <= corner).any():
+        return np.full(len(pixels), np.nan)
+    window = view.image.depth[corner[1] : end[1], corner[0] : end[0]].astype(np.float64)
+    # What was not measured may be as near as it likes: edges of things often are not.
+    window = np.where(np.isfinite(window), window, 0.0)
+    window = cv2.erode(window, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8), borderValue=np.inf)
+    u, v = (np.rint(np.where(finite, pixels[:, axis], -1e6)).astype(np.intp) - corner[axis] for axis in (0, 1))
+    inside = (u >= 0) & (u < window.shape[1]) & (v >= 0) & (v < window.shape[0])
+    nearest = np.full(len(pixels), np.nan)
+    nearest[inside] = window[v[inside], u[inside]]
+    return np.where(np.isfinite(nearest) & (nearest > 0), nearest, np.nan)
