@@ -51,9 +51,10 @@ class Finish:
 
 def draw_finish(options: FinishOptions, rng: np.random.Generator, styles: tuple[Style, ...] = tuple(_STYLES)) -> Finish:
     """Colours of one of ``styles``, a little lighter or darker from piece to piece."""
-    style = options.style or styles[int(rng.integers(len(styles)))]
-    shade = rng.uniform(0.92, 1.07)
-    tint = rng.uniform(0.7, 1.3, 3) if style == "coloured" else np.ones(3)
+    drawn, shade, tint = styles[int(rng.integers(len(styles)))], rng.uniform(0.92, 1.07), rng.uniform(0.7, 1.3, 3)
+    style = options.style or drawn
+    if style != "coloured":
+        tint = np.ones(3)
     front_color, body_color = _STYLES[style]
     front = options.front or _shaded(front_color, shade * tint)
     body = options.body or _shaded(body_color, np.full(3, shade))

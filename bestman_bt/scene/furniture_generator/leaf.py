@@ -32,6 +32,7 @@ _AXES: dict[HingeSide, Point] = {
     "bottom": (0.0, -1.0, 0.0),
 }
 _BOX_WALL, _BOX_BOTTOM = 0.012, 0.008
+_BOX_FOOT = 0.025  # metres from the lower border of the front to the bottom of the box
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def drawer(
     """A drawer: a front with an open box ``box_width`` × ``depth`` behind it."""
     panel = Panel(front.width, front.height, thickness, "top", closed_behind=False)
     solids, handle = front_with_handle(panel, design, finish, centred=True)
-    half, low = box_width / 2, -front.height / 2 + 0.015
+    half, low = box_width / 2, -front.height / 2 + _BOX_FOOT
     high = low + 0.6 * front.height
     back = -thickness - depth
     solids += [
