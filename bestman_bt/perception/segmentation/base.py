@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -13,6 +14,10 @@ from numpy.typing import NDArray
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.perception.view import View
+
+Side = Literal["rim", "wall", "hidden", "cut"]
+"""How a surface ends: beyond a rim the camera sees something lower; a wall rises from it; something nearer hides the
+end; the picture ends first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +48,28 @@ class SupportPlane:
 
     ``frame_from_plane``: its centre; z is the normal (upwards), x and y run along the rectangle's sides, x nearest to
     the expected surface's x. ``size``: (x, y) metres of the part that was seen. ``rms``: of the inliers' distances.
-    ``inliers``: (N, 3) measured points, metres, in the frame.
+    ``inliers``: (N, 3) measured points, metres, in the frame. ``outline``: (K, 2) metres in the plane's frame, the
+    convex outline of what was seen; without one the rectangle. ``sides``: how the surface ends at -x, +x, -y, +y,
+    where that was looked at; else empty.
     """
 
     frame_from_plane: Pose
     size: tuple[float, float]
     inliers: NDArray[np.float64]
     rms: float
+    outline: NDArray[np.float64] | None = None
+    sides: tuple[Side, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "inliers", frozen_array(self.inliers, (None, 3), "SupportPlane inliers"))
+        x, y = self.size[0] / 2, self.size[1] / 2
+        outline = [(-x, -y), (x, -y), (x, y), (-x, y)] if self.outline is None else self.outline
+        object.__setattr__(self, "outline", frozen_array(outline, (None, 2), "SupportPlane outline"))
+
+    @property
+    def partial(self) -> bool:
+        """Whether the surface goes on, or may go on, where the picture ends or something hides it."""
+        return any(side in ("hidden", "cut") for side in self.sides)
 
     @property
     def normal(self) -> NDArray[np.float64]:
@@ -81,7 +98,7 @@ class SupportPlane:
     def seen_from(self, other_from_frame: Pose) -> SupportPlane:
         """The same plane, given in another frame."""
         pose = other_from_frame @ self.frame_from_plane
-        return SupportPlane(pose, self.size, other_from_frame.apply(self.inliers), self.rms)
+        return replace(self, frame_from_plane=pose, inliers=other_from_frame.apply(self.inliers))
 
     def slab(self, thickness: float, grow: float = 0.0) -> PlacedShape:
         """A box whose top face is the seen rectangle, grown by ``grow`` metres on each side: for collision worlds."""

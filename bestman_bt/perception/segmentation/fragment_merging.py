@@ -1,8 +1,8 @@
 """Which pieces of a depth image are one thing: what stands on a surface stands beside other things, not over them.
 
 Three reasons join two pieces. Seen from above one lies over the other: the head and the body of a duck. One is the
-hollow inside of what stands before it: the far wall of a cup. One does not reach down to the surface though nothing hides
-its lower end: a handle, so it hangs on its neighbour.
+hollow inside of what stands before it: the far wall of a cup. One does not reach down to the surface though nothing
+hides its lower end: a handle, so it hangs on its neighbour.
 """
 
 from __future__ import annotations

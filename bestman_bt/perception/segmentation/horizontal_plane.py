@@ -58,29 +58,42 @@ def find_plane(
         raise NoSurfaceError(_no_surface(region, len(band) * pixels_per_point, p.min_plane_points))
     step = max(1, len(band) // p.max_plane_points)
     band, pixels_per_point = band[::step], pixels_per_point * step
-    judges = band[:: max(1, len(band) // p.ransac_points)]
+    plane, found = fit_plane(band, rng, p, p.min_plane_points // pixels_per_point)
+    if plane is None:
+        raise NoSurfaceError(_no_surface(region, found * pixels_per_point, p.min_plane_points))
+    residuals = above_plane(band, plane)
+    inlier = np.abs(residuals) < p.ransac_distance
+    tall = local[above_plane(local, plane) > 2 * p.ransac_distance]
+    surface_from_plane, size = rectangle(_beside(band[inlier], tall, 0.012), plane)
+    inliers = region.frame_from_surface.apply(band[inlier])
+    rms = float(np.sqrt(np.mean(residuals[inlier] ** 2)))
+    return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
+
+
+def fit_plane(
+    points: NDArray[np.float64], rng: np.random.Generator, p: HorizontalPlaneParameters, needed: int
+) -> tuple[NDArray[np.float64] | None, int]:
+    """(a, b, c) of the nearly horizontal plane z = a x + b y + c with most of the points (N, 3), and their number.
+
+    None where fewer than ``needed`` points lie on it.
+    """
+    judges = points[:: max(1, len(points) // p.ransac_points)]
     triples = judges[rng.integers(len(judges), size=(p.ransac_samples, 3))]
     matrices = np.concatenate([triples[:, :, :2], np.ones((p.ransac_samples, 3, 1))], axis=2)
     usable = np.abs(np.linalg.det(matrices)) > 1e-4
     planes = np.linalg.solve(matrices[usable], triples[usable][:, :, 2:])[:, :, 0]
     planes = planes[np.hypot(planes[:, 0], planes[:, 1]) <= math.tan(p.max_tilt)]
     if len(planes) == 0:
-        raise NoSurfaceError(_no_surface(region, 0, p.min_plane_points))
+        return None, 0
     distances = np.abs(planes[:, :2] @ judges[:, :2].T + planes[:, 2:] - judges[:, 2])
     plane = planes[int(np.argmax((distances < p.ransac_distance).sum(axis=1)))]
     for limit in (1.5 * p.ransac_distance, p.ransac_distance, p.ransac_distance):
-        inlier = np.abs(_above_plane(band, plane)) < limit
-        found = int(inlier.sum()) * pixels_per_point
-        if found < p.min_plane_points:
-            raise NoSurfaceError(_no_surface(region, found, p.min_plane_points))
-        plane = least_squares_plane(band[inlier])
-    residuals = _above_plane(band, plane)
-    inlier = np.abs(residuals) < p.ransac_distance
-    tall = local[_above_plane(local, plane) > 2 * p.ransac_distance]
-    surface_from_plane, size = rectangle(_beside(band[inlier], tall, 0.012), plane)
-    inliers = region.frame_from_surface.apply(band[inlier])
-    rms = float(np.sqrt(np.mean(residuals[inlier] ** 2)))
-    return SupportPlane(region.frame_from_surface @ surface_from_plane, size, inliers, rms)
+        inlier = np.abs(above_plane(points, plane)) < limit
+        found = int(inlier.sum())
+        if found < max(3, needed):
+            return None, found
+        plane = least_squares_plane(points[inlier])
+    return plane, found
 
 
 def least_squares_plane(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -126,8 +139,9 @@ def rectangle(
     return Pose.from_matrix(matrix), (float(upper[0] - lower[0]), float(upper[1] - lower[1]))
 
 
-def _above_plane(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
-    above: NDArray[np.float64] = points[:, 2] - plane[0] * points[:, 0] - plane[1] * points[:, 1] - plane[2]
+def above_plane(points: NDArray[np.float64], plane: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vertical distances (...,) of points (..., 3) above the plane (a, b, c), metres."""
+    above: NDArray[np.float64] = points[..., 2] - plane[0] * points[..., 0] - plane[1] * points[..., 1] - plane[2]
     return above
 
 

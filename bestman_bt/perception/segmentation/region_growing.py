@@ -1,8 +1,8 @@
 """Region growing in the depth image: things end where the depth jumps, and along valleys between two of them.
 
 The pixels above the surface are cut into smooth pieces (see depth_fragments), and pieces that can only belong to one
-standing thing are joined (see fragment_merging). Neighbours are neighbouring pixels: no search, so that things stay apart
-however near they stand, as long as the picture shows it.
+standing thing are joined (see fragment_merging). Neighbours are neighbouring pixels: no search, so that things stay
+apart however near they stand, as long as the picture shows it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RegionGrowingParameters(HorizontalPlaneParameters, DepthFragmentParameters
 
 
 class RegionGrowing(Segmentation):
-    """One plane near the expected height; what rises above its rectangle falls into things by the image's neighbours."""
+    """One plane near the expected height; what rises above its rectangle falls into things by jumps and valleys."""
 
     def __init__(self, parameters: RegionGrowingParameters | None = None) -> None:
         self.parameters = parameters or RegionGrowingParameters()

@@ -1,0 +1,245 @@
+"""Support surfaces anywhere in a view: tables, counters and shelf boards as horizontal planes with their extents.
+
+Pixels whose normals point up are grown into connected pieces, as in Trevor et al., "Efficient Organized Point Cloud
+Segmentation with Connected Components", 2013. Each gets a plane; pieces of one plane that only something nearer parts
+are joined. Nothing is known beforehand but where up is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from bestman_bt.messages import Pose
+from bestman_bt.perception.errors import NoSurfaceError
+from bestman_bt.perception.segmentation.base import Region, SupportPlane
+from bestman_bt.perception.segmentation.horizontal_plane import (
+    HorizontalPlaneParameters,
+    above_plane,
+    fit_plane,
+    least_squares_plane,
+    rectangle,
+)
+from bestman_bt.perception.segmentation.plane_normals import plane_normals
+from bestman_bt.perception.segmentation.surface_sides import surface_sides
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True)
+class SupportSurfacesParameters(HorizontalPlaneParameters):
+    """Lengths in metres, angles in radians; those of the planes as in HorizontalPlaneParameters.
+
+    ``min_height``: above the frame's origin: the floor is no support. ``min_size``: shorter and longer side of a
+    surface's rectangle; ``min_fill``: share of its rectangle that was seen or hidden by things on it.
+    ``window``: (rows, columns) of the pixels for a normal, odd; ``max_normal_tilt``: of a pixel's noisy normal.
+    ``min_piece_points``: pixels of a piece. ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel; a window
+    is flat up to ``max_residual`` times the noise. ``grow``: pixels by which a piece grows over its plane, since
+    windows reach over its edge. ``trim``: share of the points that noise takes beyond each end. ``join_height``,
+    ``join_gap``: two pieces at most so far apart can be one surface.
+    """
+
+    min_plane_points: int = 400
+    min_height: float = 0.10
+    min_size: tuple[float, float] = (0.15, 0.25)
+    min_fill: float = 0.4
+    window: tuple[int, int] = (5, 7)
+    max_normal_tilt: float = math.radians(25.0)
+    min_piece_points: int = 100
+    noise_base: float = 0.0012
+    noise_quadratic: float = 0.0019
+    max_residual: float = 3.5
+    grow: int = 4
+    trim: float = 0.004
+    join_height: float = 0.015
+    join_gap: float = 0.40
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """``plane``: z = a x + b y + c through ``core``, (M, 3) points whose windows are flat; ``points``: (N, 3), all.
+
+    A wall behind a surface and the front below it come within the tolerance of the plane, on one side each: they would
+    tilt it.
+    """
+
+    plane: NDArray[np.float64]
+    core: NDArray[np.float64]
+    points: NDArray[np.float64]
+
+
+class SupportSurfaces:
+    """Finds all horizontal surfaces of a view, whatever their heights."""
+
+    def __init__(self, parameters: SupportSurfacesParameters | None = None) -> None:
+        self.parameters = parameters or SupportSurfacesParameters()
+
+    def find(self, view: View, rng: np.random.Generator) -> tuple[SupportPlane, ...]:
+        """The surfaces, lowest first; x of each rectangle points away from the camera.
+
+        Equal input and generator state give equal output. Raises NoSurfaceError, in words, where there is none.
+        """
+        points, depth, _ = view.organised()
+        if not (depth > 0).any():
+            raise NoSurfaceError("no surface in view: the image has no depth")
+        pieces = self._joined(self._pieces(points, depth, view, rng), view)
+        found = [surface for piece in pieces if (surface := self._surface(piece, view)) is not None]
+        if not found:
+            p = self.parameters
+            raise NoSurfaceError(
+                f"no surface in view: nothing horizontal above {p.min_height:.2f} m measures "
+                f"{p.min_size[0]:.2f} m by {p.min_size[1]:.2f} m"
+            )
+        found.sort(key=lambda surface: float(surface.frame_from_plane.position[2]))
+        return tuple(found)
+
+    def _pieces(
+        self, points: NDArray[np.float64], depth: NDArray[np.float32], view: View, rng: np.random.Generator
+    ) -> list[_Piece]:
+        p = self.parameters
+        normals, residual = plane_normals(depth, view.image.intrinsics, p.window)
+        up = normals @ view.frame_from_camera.rotation[2].astype(np.float32)
+        noise = p.noise_base + p.noise_quadratic * np.maximum(depth - 0.4, 0.0) ** 2
+        high = points[..., 2] > p.min_height
+        flat = (up > math.cos(p.max_normal_tilt)) & (residual < p.max_residual * noise) & high
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(flat.astype(np.uint8), connectivity=4)
+        kernel = np.ones((2 * p.grow + 1, 2 * p.grow + 1), dtype=np.uint8)
+        pieces = []
+        for label in range(1, count):
+            column, row, width, height, area = (int(value) for value in stats[label])
+            if area < p.min_piece_points:
+                continue
+            window = (
+                slice(max(0, row - p.grow), row + height + p.grow),
+                slice(max(0, column - p.grow), column + width + p.grow),
+            )
+            mask, around = labels[window] == label, points[window]
+            plane, _ = fit_plane(around[mask], rng, p, p.min_piece_points)
+            if plane is None:
+                continue
+            near = cv2.dilate(mask.astype(np.uint8), kernel) > 0
+            on = np.abs(above_plane(around, plane)) < p.ransac_distance
+            pieces.append(_Piece(plane, around[mask & on], around[near & on]))
+        return pieces
+
+    def _joined(self, pieces: list[_Piece], view: View) -> list[_Piece]:
+        p = self.parameters
+        n = len(pieces)
+        hulls = [cv2.convexHull(piece.points[:, :2].astype(np.float32))[:, 0].astype(np.float64) for piece in pieces]
+        middles = [piece.points.mean(axis=0) for piece in pieces]
+        links = np.eye(n, dtype=bool)
+        for i in range(n):
+            for j in range(i + 1, n):
+                # Seen from the larger piece, since the plane of a small one is uncertain far away.
+                large, small = (i, j) if len(pieces[i].points) >= len(pieces[j].points) else (j, i)
+                apart = abs(float(above_plane(middles[small], pieces[large].plane)))
+                links[i, j] = apart < p.join_height and self._one_surface(hulls[i], hulls[j], pieces[large].plane, view)
+        _, group = connected_components(coo_matrix(links), directed=False) if n else (0, np.zeros(0, dtype=int))
+        joined = []
+        for label in range(int(group.max()) + 1 if n else 0):
+            members = [pieces[i] for i in np.flatnonzero(group == label)]
+            core = np.concatenate([member.core for member in members])
+            plane = least_squares_plane(core)
+            core = core[np.abs(above_plane(core, plane)) < p.ransac_distance]
+            points = np.concatenate([member.points for member in members])
+            points = points[np.abs(above_plane(points, plane)) < p.ransac_distance]
+            if len(core) >= p.min_piece_points and len(points) >= p.min_plane_points:
+                joined.append(_Piece(least_squares_plane(core), core, points))
+        return joined
+
+    def _one_surface(
+        self, first: NDArray[np.float64], second: NDArray[np.float64], plane: NDArray[np.float64], view: View
+    ) -> bool:
+        """Whether nothing lower is seen through the gap between two pieces of a plane, whose hulls are given."""
+        a, b = _nearest(first, second)
+        if float(np.linalg.norm(a - b)) > self.parameters.join_gap:
+            return False
+        between = a + np.linspace(0.0, 1.0, 15)[1:-1, None] * (b - a)
+        gap = np.column_stack([between, between @ plane[:2] + plane[2]])
+        pixels, expected = view.project(gap)
+        beyond = view.measured_depth(pixels) - expected
+        seen_through = beyond > 0.05
+        return bool(seen_through.sum() <= 1)
+
+    def _surface(self, piece: _Piece, view: View) -> SupportPlane | None:
+        """The piece with its extents, x away from the camera; None where it is too small."""
+        p = self.parameters
+        away = piece.points[:, :2].mean(axis=0) - view.viewpoint[:2]
+        turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, math.atan2(away[1], away[0])))
+        local = turned.inverse().apply(piece.points)
+        pose, size = rectangle(local, least_squares_plane(turned.inverse().apply(piece.core)), math.pi / 4)
+        frame_from_plane, size = _trimmed(turned @ pose, piece.points, p.trim)
+        if min(size) < p.min_size[0] or max(size) < p.min_size[1]:
+            return None
+        on_plane = frame_from_plane.inverse().apply(piece.points)
+        half = np.array(size) / 2
+        kept = np.clip(on_plane[:, :2], -half, half)
+        outline = cv2.convexHull(kept.astype(np.float32))[:, 0].astype(np.float64)
+        area = cv2.contourArea((1000.0 * outline).astype(np.float32)) * 1e-6
+        if area < p.min_fill * size[0] * size[1]:
+            return None
+        rms = float(np.sqrt(np.mean(on_plane[:, 2] ** 2)))
+        inliers = piece.points[:: max(1, len(piece.points) // p.max_plane_points)]
+        sides = surface_sides(view, frame_from_plane, size)
+        return SupportPlane(frame_from_plane, size, inliers, rms, outline, sides)
+
+
+def surface_regions(
+    planes: Sequence[SupportPlane], height: float = 0.40, margin: float = 0.02, clearance: float = 0.05
+) -> tuple[Region, ...]:
+    """One region per surface, for a Segmentation or a Detector: shelf board by shelf board.
+
+    ``height``: of the space above it that is searched; less where another surface is above: ``clearance`` metres below
+    that one's top, since boards are thick. ``margin``: metres around the seen rectangle.
+    """
+    regions = []
+    for plane in planes:
+        size = (plane.size[0] + 2 * margin, plane.size[1] + 2 * margin)
+        region = Region(plane.frame_from_plane, size, height, tolerance=0.03)
+        for other in planes:
+            rise = float(plane.heights(other.frame_from_plane.position[None])[0])
+            if clearance < rise and _covers(other, plane):
+                region = replace(region, height=min(region.height, rise - clearance))
+        regions.append(region)
+    return tuple(regions)
+
+
+def _trimmed(frame_from_plane: Pose, points: NDArray[np.float64], share: float) -> tuple[Pose, tuple[float, float]]:
+    xy = frame_from_plane.inverse().apply(points)[:, :2]
+    lower, upper = np.quantile(xy, [share, 1.0 - share], axis=0)
+    x, y = (lower + upper) / 2
+    return frame_from_plane @ Pose(np.array([x, y, 0.0])), (float(upper[0] - lower[0]), float(upper[1] - lower[1]))
+
+
+def _covers(upper: SupportPlane, lower: SupportPlane) -> bool:
+    x, y = lower.size[0] / 2, lower.size[1] / 2
+    mine = np.array([(-x, -y), (x, -y), (x, y), (-x, y)], dtype=np.float32)
+    assert upper.outline is not None
+    outline = np.column_stack([upper.outline, np.zeros(len(upper.outline))])
+    over = (lower.frame_from_plane.inverse() @ upper.frame_from_plane).apply(outline)[:, :2]
+    common, _ = cv2.intersectConvexConvex(1000.0 * mine, cv2.convexHull((1000.0 * over).astype(np.float32)))
+    return common > 0.0
+
+
+def _nearest(
+    first: NDArray[np.float64], second: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The nearest points of two outlines (K, 2), sampled every centimetre or so."""
+    a, b = (_sampled(outline) for outline in (first, second))
+    distance = np.linalg.norm(a[:, None] - b[None], axis=2)
+    i, j = np.unravel_index(int(np.argmin(distance)), distance.shape)
+    return a[i], b[j]
+
+
+def _sampled(outline: NDArray[np.float64]) -> NDArray[np.float64]:
+    ahead = np.roll(outline, -1, axis=0)
+    steps = np.maximum(1, np.ceil(np.linalg.norm(ahead - outline, axis=1) / 0.02)).astype(int)
+    return np.concatenate(
+        [start + np.arange(n)[:, None] / n * (end - start) for start, end, n in zip(outline, ahead, steps, strict=True)]
+    )
