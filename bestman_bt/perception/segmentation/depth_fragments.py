@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,6 @@ class DepthFragmentParameters:
     two points that lie ``valley_reach`` to its left and right (or above and below); beyond 1 m in proportion deeper.
     ``smoothing``: differences of depth up to about this are taken for noise. ``min_fragment_pixels``: of a piece;
     smaller ones join a neighbour. ``fill``: pixels over which a piece takes back what was cut away along its border.
-    ``neck_share``: of the larger part's area that a smaller one must have to be cut off at a narrow neck.
     """
 
     jump: float = 0.010
@@ -32,7 +30,6 @@ class DepthFragmentParameters:
     smoothing: float = 0.010
     min_fragment_pixels: int = 12
     fill: float = 6.0
-    neck_share: float = 0.15
 
 
 def depth_fragments(
@@ -52,8 +49,7 @@ def depth_fragments(
     reach = int(np.clip(round(p.valley_reach * focal_length / middle), 2, 10))
     valley = _valleys(smooth, coarse, reach, p.valley)
     labels = _components(mask & ~border & ~valley, p.min_fragment_pixels)
-    labels = _filled(labels, mask, smooth, p)
-    return _without_necks(labels, reach, p)
+    return _filled(labels, mask, smooth, p)
 
 
 def _jumps(z: NDArray[np.float32], mask: NDArray[np.bool_], limit: float) -> NDArray[np.bool_]:
@@ -119,32 +115,3 @@ def _filled(
     source = seeds[nearest]
     joins = mask & (labels == 0) & (distance <= p.fill) & (np.abs(z.ravel()[source] - z) < 2 * p.jump)
     return np.where(joins, labels.ravel()[source], labels)
-
-
-def _without_necks(labels: NDArray[np.int32], reach: int, p: DepthFragmentParameters) -> NDArray[np.int32]:
-    """Cut pieces where they hang together by a neck narrower than twice ``reach``: round tops that touch."""
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-    cut = labels.copy()
-    number = int(labels.max())
-    boxes = find_objects(labels)
-    for label, box in enumerate(boxes, start=1):
-        mask = np.pad((labels[box] == label).astype(np.uint8), reach)
-        # Lone pixels without depth are no necks.
-        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), dtype=np.uint8))
-        count, cores, stats, _ = cv2.connectedComponentsWithStats(cv2.erode(mask, disc), connectivity=4)
-        areas = stats[1:, cv2.CC_STAT_AREA]
-        if count < 3 or np.sort(areas)[-2] < max(p.min_fragment_pixels, p.neck_share * areas.max()):
-            continue
-        kept = np.flatnonzero(areas >= p.neck_share * areas.max()) + 1
-        seeds = np.where(np.isin(cores, kept), cores, 0).astype(np.int32)
-        _, nearest = cv2.distanceTransformWithLabels(
-            (seeds == 0).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-        )
-        where = np.flatnonzero(seeds)
-        core_of = np.zeros(int(nearest.max()) + 1, dtype=np.int32)
-        core_of[nearest.ravel()[where]] = seeds.ravel()[where]
-        part = core_of[nearest][reach:-reach, reach:-reach]
-        for core in kept[1:]:
-            number += 1
-            cut[box][(labels[box] == label) & (part == core)] = number
-    return cut
