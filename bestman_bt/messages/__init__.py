@@ -9,6 +9,7 @@ from bestman_bt.messages.occupancy_grid import OccupancyGrid
 from bestman_bt.messages.path import Path2D
 from bestman_bt.messages.point_cloud import PointCloud
 from bestman_bt.messages.pose import Pose, Pose2D, wrap_angle
+from bestman_bt.messages.shape_distance import distance_to_shape
 from bestman_bt.messages.shapes import Box, Cylinder, Mesh, PlacedShape, Shape, Sphere
 from bestman_bt.messages.twist import Twist2D
 from bestman_bt.messages.voxel_grid import VOXEL_FREE, VOXEL_OCCUPIED, VOXEL_UNKNOWN, VoxelGrid
@@ -44,5 +45,6 @@ __all__ = [
     "VoxelGrid",
     "Wrench",
     "YawSet",
+    "distance_to_shape",
     "wrap_angle",
 ]

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Handle, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, YawSet
+from bestman_bt.messages import Handle, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, VoxelGrid, YawSet
 from bestman_bt.world_model.semantic_map import SemanticMap
 
 
@@ -95,7 +95,7 @@ class WorldModel:
     """The robot's belief; skills read and write it, the simulator never does.
 
     ``models``: objects that it knows by name. ``base``: its pose on the map. ``changes``: what was noticed of objects,
-    oldest first.
+    oldest first. ``occupancy``: what was seen to be free and filled, in the map frame; None before any scan.
     """
 
     map: SemanticMap
@@ -106,3 +106,4 @@ class WorldModel:
     handles: dict[str, HandleBelief] = field(default_factory=dict)
     changes: list[ObjectChange] = field(default_factory=list)
     held: HeldObject | None = None
+    occupancy: VoxelGrid | None = None

@@ -2,7 +2,12 @@
 
 from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
 from bestman_bt.manipulation.collision.coal_world import CoalCollisionModel, CoalCollisionWorld
-from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.planning_scene import (
+    AttachedObject,
+    PlanningScene,
+    SceneObstacle,
+    VoxelObstacle,
+)
 from bestman_bt.manipulation.collision.scene_from_world_model import (
     SceneParameters,
     finger_contacts,
@@ -20,6 +25,7 @@ __all__ = [
     "PlanningScene",
     "SceneObstacle",
     "SceneParameters",
+    "VoxelObstacle",
     "finger_contacts",
     "hand_links",
     "held_object",

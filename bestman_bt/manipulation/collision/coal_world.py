@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import coal
@@ -15,6 +16,7 @@ import pinocchio
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
+from bestman_bt.manipulation.collision.coal_voxels import Placed, clear_of, octree
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import joint_vector
@@ -58,11 +60,30 @@ class CoalCollisionModel(CollisionModel):
             known = ", ".join(self.robot.arms) or "none"
             raise ManipulationError(f"robot {self.robot.name!r} has no arm {arm!r}; it has {known}")
         arm_model = self.robot.arms[arm]
+        if scene.voxels:
+            scene = self._disproved(scene)
         lock = joints_to_lock(self._model, arm_model)
         reduced, geometry = pinocchio.buildReducedModel(
             self._model, self._geometry, lock, configuration(self._model, scene.positions)
         )
         return CoalCollisionWorld(reduced, geometry, arm_model, self.robot, scene)
+
+    def _disproved(self, scene: PlanningScene) -> PlanningScene:
+        """The scene without the voxels where the robot, or what it holds, is now."""
+        model, geometry = self._model, self._geometry
+        data, geometry_data = model.createData(), pinocchio.GeometryData(geometry)
+        pinocchio.updateGeometryPlacements(model, data, geometry, geometry_data, configuration(model, scene.positions))
+        pinocchio.updateFramePlacements(model, data)
+        base_from_root = data.oMf[frame_index(model, self.robot.base_frame)].inverse()
+        bodies = [
+            (body.geometry, base_from_root * placement)
+            for body, placement in zip(geometry.geometryObjects, geometry_data.oMg, strict=True)
+        ]
+        if scene.attached is not None:
+            tool = base_from_root * data.oMf[frame_index(model, scene.attached.tool_frame)]
+            tool = tool * to_se3(scene.attached.tool_from_object)
+            bodies += [(shape, tool * pose) for shape, pose in _placed(scene.attached.shapes, scene.attached.name)]
+        return replace(scene, voxels=tuple(clear_of(voxels, bodies, scene.padding) for voxels in scene.voxels))
 
 
 class CoalCollisionWorld(CollisionWorld):
@@ -145,7 +166,9 @@ class CoalCollisionWorld(CollisionWorld):
             attached = scene.attached
             tool = model.frames[frame_index(model, attached.tool_frame)]
             joint_from_object = tool.placement * to_se3(attached.tool_from_object)
-            held = self._add_bodies(attached.name, attached.shapes, tool.parentJoint, joint_from_object, taken)
+            held = self._add_bodies(
+                attached.name, _placed(attached.shapes, attached.name), tool.parentJoint, joint_from_object, taken
+            )
             for i in links:
                 touch = (
                     self._owners[i] in attached.touch_links or frozenset((attached.name, self._owners[i])) in allowed
@@ -153,11 +176,15 @@ class CoalCollisionWorld(CollisionWorld):
                 if not touch and self._geometry.geometryObjects[i].parentJoint != tool.parentJoint:
                     for j in held:
                         self._pair(i, j, scene.self_padding + attached.padding)
-        for obstacle in scene.obstacles:
-            bodies = self._add_bodies(obstacle.name, obstacle.shapes, base.parentJoint, base.placement, taken)
-            margin = scene.padding + obstacle.padding
+        surroundings = [(o.name, _placed(o.shapes, o.name), o.padding) for o in scene.obstacles]
+        surroundings += [
+            (v.name, [(octree(v), to_se3(v.base_from_grid))], v.padding) for v in scene.voxels if len(v.indices)
+        ]
+        for name, placed, padding in surroundings:
+            bodies = self._add_bodies(name, placed, base.parentJoint, base.placement, taken)
+            margin = scene.padding + padding
             for i in moving + held:
-                if frozenset((obstacle.name, self._owners[i])) in allowed:
+                if frozenset((name, self._owners[i])) in allowed:
                     continue
                 extra = scene.attached.padding if scene.attached is not None and i in held else 0.0
                 for j in bodies:
@@ -166,7 +193,7 @@ class CoalCollisionWorld(CollisionWorld):
     def _add_bodies(
         self,
         name: str,
-        shapes: Sequence[PlacedShape],
+        placed: Sequence[Placed],
         joint: int,
         joint_from_body: pinocchio.SE3,
         taken: set[str],
@@ -175,10 +202,8 @@ class CoalCollisionWorld(CollisionWorld):
             raise ManipulationError(f"the planning scene has two bodies named {name!r}; names should differ")
         taken.add(name)
         indices = []
-        for k, placed in enumerate(shapes):
-            body = pinocchio.GeometryObject(
-                f"{name}#{k}", joint, joint_from_body * to_se3(placed.pose), _coal_shape(placed.shape, name)
-            )
+        for k, (geometry, pose) in enumerate(placed):
+            body = pinocchio.GeometryObject(f"{name}#{k}", joint, joint_from_body * pose, geometry)
             indices.append(self._geometry.addGeometryObject(body))
             self._owners.append(name)
         return indices
@@ -186,6 +211,10 @@ class CoalCollisionWorld(CollisionWorld):
     def _pair(self, i: int, j: int, margin: float) -> None:
         self._geometry.addCollisionPair(pinocchio.CollisionPair(min(i, j), max(i, j)))
         self._margins.append(margin)
+
+
+def _placed(shapes: Sequence[PlacedShape], name: str) -> list[Placed]:
+    return [(_coal_shape(placed.shape, name), to_se3(placed.pose)) for placed in shapes]
 
 
 def _coal_shape(shape: Shape, name: str) -> coal.CollisionGeometry:

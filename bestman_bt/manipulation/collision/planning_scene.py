@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bestman_bt.messages import PlacedShape, Pose
 
 
@@ -14,6 +17,20 @@ class SceneObstacle:
 
     name: str
     shapes: tuple[PlacedShape, ...]
+    padding: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelObstacle:
+    """Filled cubes of a grid: ``indices`` (N, 3) of voxels, ``base_from_grid``: the outer corner of voxel (0, 0, 0).
+
+    ``resolution``: a voxel's edge; ``padding``: added to the scene's; metres.
+    """
+
+    name: str
+    base_from_grid: Pose
+    indices: NDArray[np.int64]
+    resolution: float
     padding: float = 0.0
 
 
@@ -36,6 +53,7 @@ class PlanningScene:
     ``positions``: joint name → radians or metres; joints that are missing stand at zero. The moving arm's own entries
     are ignored. ``allowed_pairs``: names of links, obstacles or the attached object that may touch.
     ``padding``: metres kept between the arm (or what it holds) and obstacles; ``self_padding``: between links.
+    ``voxels``: seen space that nothing else explains; where the robot stands now, or what it holds, they do not count.
     """
 
     positions: Mapping[str, float]
@@ -44,6 +62,7 @@ class PlanningScene:
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
     padding: float = 0.002
     self_padding: float = 0.002
+    voxels: tuple[VoxelObstacle, ...] = ()
 
     def allowing(self, *pairs: tuple[str, str]) -> PlanningScene:
         """The scene in which these pairs of names may touch as well."""
@@ -56,7 +75,11 @@ class PlanningScene:
 
     def without(self, *names: str) -> PlanningScene:
         """The scene without the obstacles of these names."""
-        return replace(self, obstacles=tuple(o for o in self.obstacles if o.name not in names))
+        return replace(
+            self,
+            obstacles=tuple(o for o in self.obstacles if o.name not in names),
+            voxels=tuple(v for v in self.voxels if v.name not in names),
+        )
 
     def holding(self, attached: AttachedObject | None) -> PlanningScene:
         """The scene with this object (or none) in the hand; an obstacle of its name disappears."""

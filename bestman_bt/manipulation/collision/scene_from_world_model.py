@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
+from bestman_bt.manipulation.collision.voxels_from_world_model import voxel_obstacles
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.world_model import MapFurniture, WorldModel
@@ -22,7 +23,8 @@ class SceneParameters:
 
     ``furniture_offset``, ``furniture_turn``: how far furniture may be from where the map has it, metres and radians.
     ``wall_height``, ``wall_thickness``: metres. ``object_deviations``: standard deviations of an object's position
-    that are kept clear, at most ``max_object_padding`` metres.
+    that are kept clear, at most ``max_object_padding`` metres. ``unknown_is_obstacle``: whether space that no view has
+    shown counts as filled. ``voxel_slack``: metres from a believed body within which it explains what was seen.
     """
 
     padding: float = 0.002
@@ -33,6 +35,8 @@ class SceneParameters:
     wall_thickness: float = 0.02
     object_deviations: float = 2.0
     max_object_padding: float = 0.01
+    unknown_is_obstacle: bool = False
+    voxel_slack: float = 0.015
 
 
 def planning_scene_from_world_model(
@@ -43,6 +47,7 @@ def planning_scene_from_world_model(
     ignore: Iterable[str] = (),
     allowed_pairs: Iterable[tuple[str, str]] = (),
     parameters: SceneParameters = SceneParameters(),
+    explained: Iterable[PlacedShape] = (),
 ) -> PlanningScene:
     """The planning scene around the believed base pose.
 
@@ -50,28 +55,39 @@ def planning_scene_from_world_model(
     possible poses, measured bodies (``world_model.obstacles``), objects by their names. An obstacle named like a piece
     of furniture, or ``furniture/…``, is a measurement of it and replaces its box. The held object is attached; the
     hand and fingers of its gripper may touch it. ``positions``: of all joints, by name. ``ignore``: names to leave out.
+
+    Voxels of ``world_model.occupancy`` are obstacles (``occupied``, ``unknown``), but for those that any of these
+    bodies, ignored ones too, or a shape of ``explained`` (in the base frame) explains.
     """
     left_out = set(ignore)
     if world_model.held is not None:
         left_out.add(world_model.held.name)
     base_from_map = world_model.base.pose.to_pose().inverse()
-    obstacles = [
-        obstacle
-        for obstacle in (
-            _floor(),
-            *_walls(world_model, base_from_map, parameters),
-            *_furniture(world_model, base_from_map, parameters),
-            *_measured(world_model, base_from_map),
-            *_objects(world_model, base_from_map, parameters),
-        )
-        if obstacle.name not in left_out
-    ]
+    bodies = (
+        _floor(),
+        *_walls(world_model, base_from_map, parameters),
+        *_furniture(world_model, base_from_map, parameters),
+        *_measured(world_model, base_from_map),
+        *_objects(world_model, base_from_map, parameters),
+    )
+    obstacles = [body for body in bodies if body.name not in left_out]
+    grid = world_model.occupancy
     return PlanningScene(
         positions=dict(positions),
         obstacles=tuple(obstacles),
         attached=held_object(world_model, robot, arm),
         allowed_pairs=frozenset(frozenset(pair) for pair in allowed_pairs),
         padding=parameters.padding,
+        voxels=()
+        if grid is None
+        else voxel_obstacles(
+            grid,
+            base_from_map,
+            (*(placed for body in bodies for placed in body.shapes), *explained),
+            slack=parameters.voxel_slack,
+            reach=parameters.reach,
+            unknown=parameters.unknown_is_obstacle,
+        ),
     )
 
 

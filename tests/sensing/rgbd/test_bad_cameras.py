@@ -62,7 +62,6 @@ def test_a_camera_that_stops_delivering_is_told_with_code_and_words(robot, senso
     robot.clock.sleep(0.6)
     camera.fault = fault
     with pytest.raises(CameraError, match=words) as error:
-        robot.clock.sleep(0.01)
         sensor.capture()
     assert error.value.code is code
     assert isinstance(error.value, PerceptionError)

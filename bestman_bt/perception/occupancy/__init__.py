@@ -1,0 +1,7 @@
+"""Occupancy: which space is free, occupied or not yet seen."""
+
+from bestman_bt.perception.occupancy.base import OccupancyMapper, VoxelRegion
+from bestman_bt.perception.occupancy.freeing import freed
+from bestman_bt.perception.occupancy.log_odds import LogOdds, LogOddsParameters
+
+__all__ = ["LogOdds", "LogOddsParameters", "OccupancyMapper", "VoxelRegion", "freed"]

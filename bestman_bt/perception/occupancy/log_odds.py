@@ -1,0 +1,126 @@
+"""Voxel occupancy by log odds, updated by the rays of depth images.
+
+Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", Autonomous Robots 2013: the
+same updates with clamping; instead of walking along each ray, every voxel looks up the ray that passes through it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED, VOXEL_UNKNOWN, VoxelGrid
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.occupancy.base import OccupancyMapper, VoxelRegion
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True)
+class LogOddsParameters:
+    """``hit``, ``miss``: log odds that a view adds to a voxel with a surface, or takes from one that it sees through.
+
+    ``limit``: log odds stay within ±``limit``; small, so that two views clear what has moved away. ``min_hits``:
+    measured points that make a surface. ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel; a ray frees
+    voxels up to ``noise_deviations`` of it before the surface. ``max_range``: metres along the optical axis that are
+    trusted.
+    """
+
+    hit: float = 0.85
+    miss: float = 0.65
+    limit: float = 1.2
+    min_hits: int = 3
+    noise_base: float = 0.0012
+    noise_quadratic: float = 0.0019
+    noise_deviations: float = 3.0
+    max_range: float = 5.0
+
+
+class LogOdds(OccupancyMapper):
+    """A dense grid: surfaces from the measured points, free space from the rays, surfaces win within one view."""
+
+    def __init__(self, parameters: LogOddsParameters = LogOddsParameters()) -> None:
+        self._parameters = parameters
+        self._region: VoxelRegion | None = None
+        self._odds: NDArray[np.float32] = np.zeros((0, 0, 0), dtype=np.float32)
+        self._seen: NDArray[np.bool_] = np.zeros((0, 0, 0), dtype=bool)
+        self._stamp = 0.0
+
+    def begin(self, region: VoxelRegion) -> None:
+        """Forget everything and map this region from now on."""
+        self._region = region
+        self._odds = np.zeros(region.shape, dtype=np.float32)
+        self._seen = np.zeros(region.shape, dtype=bool)
+        self._stamp = 0.0
+
+    def add(self, view: View) -> None:
+        """Take in one view, given in the frame of the region."""
+        region = self._begun()
+        if view.image.intrinsics.distortion:
+            raise PerceptionError(f"occupancy needs a rectified image, not one with {view.image.intrinsics}")
+        image = view.image
+        trusted = np.isfinite(image.depth) & (image.depth > 0.0) & (image.depth <= self._parameters.max_range)
+        depth = np.where(trusted, image.depth, np.float32(0.0))
+        surface = self._surface(view, depth, region)
+        free = self._seen_through(view, depth, region) & ~surface
+        self._odds[surface] += self._parameters.hit
+        self._odds[free] -= self._parameters.miss
+        np.clip(self._odds, -self._parameters.limit, self._parameters.limit, out=self._odds)
+        self._seen |= surface | free
+        self._stamp = max(self._stamp, image.stamp)
+
+    def grid(self) -> VoxelGrid:
+        """What is known now."""
+        region = self._begun()
+        states = np.where(self._odds > 0.0, VOXEL_OCCUPIED, VOXEL_FREE)
+        states = np.where(self._seen, states, VOXEL_UNKNOWN).astype(np.uint8)
+        return VoxelGrid(states, region.resolution, region.frame_from_grid, self._stamp)
+
+    def _begun(self) -> VoxelRegion:
+        if self._region is None:
+            raise PerceptionError("LogOdds was used before begin(region)")
+        return self._region
+
+    def _surface(self, view: View, depth: NDArray[np.float32], region: VoxelRegion) -> NDArray[np.bool_]:
+        """Voxels with at least ``min_hits`` measured points."""
+        k = view.image.intrinsics
+        grid_from_camera = region.frame_from_grid.inverse() @ view.frame_from_camera
+        rotation = (grid_from_camera.rotation / region.resolution).astype(np.float32)
+        origin = (grid_from_camera.position / region.resolution).astype(np.float32)
+        x = ((np.arange(k.width) - k.cx) / k.fx).astype(np.float32)
+        y = ((np.arange(k.height) - k.cy) / k.fy).astype(np.float32)
+        inside = depth > 0.0
+        index = np.zeros(depth.shape, dtype=np.int32)
+        for axis, count in enumerate(region.shape):
+            slope = rotation[axis, 0] * x[None, :] + (rotation[axis, 1] * y + rotation[axis, 2])[:, None]
+            along = slope * depth + origin[axis]
+            inside &= (along >= 0.0) & (along < count)
+            index = index * count + np.where(inside, along, 0.0).astype(np.int32)
+        hits = np.bincount(index[inside], minlength=int(np.prod(region.shape)))
+        return (hits >= self._parameters.min_hits).reshape(region.shape)
+
+    def _seen_through(self, view: View, depth: NDArray[np.float32], region: VoxelRegion) -> NDArray[np.bool_]:
+        """Voxels whose centre lies before what its pixel measured, by more than the voxel's half diagonal and noise."""
+        k, parameters = view.image.intrinsics, self._parameters
+        camera_from_grid = view.frame_from_camera.inverse() @ region.frame_from_grid
+        rotation = (camera_from_grid.rotation * region.resolution).astype(np.float32)
+        x, y, z = (np.arange(count, dtype=np.float32) + np.float32(0.5) for count in region.shape)
+        seen = np.zeros(region.shape, dtype=bool)
+        position = camera_from_grid.position.astype(np.float32)
+        noise = parameters.noise_base + parameters.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
+        nearest = depth - parameters.noise_deviations * noise - region.resolution * np.sqrt(3.0) / 2
+        reach = np.where(depth > 0.0, nearest, 0.0).astype(np.float32).ravel()
+        for i in range(len(x)):  # slices along x keep the intermediate arrays small enough for the cache
+            u, v, w = (
+                rotation[row, 0] * x[i] + position[row] + rotation[row, 1] * y[:, None] + rotation[row, 2] * z[None, :]
+                for row in range(3)
+            )
+            before = w > np.float32(1e-3)
+            inverse = np.where(before, w, np.float32(1.0))
+            column = np.rint(u / inverse * np.float32(k.fx) + np.float32(k.cx))
+            row_ = np.rint(v / inverse * np.float32(k.fy) + np.float32(k.cy))
+            before &= (column >= 0) & (column < k.width) & (row_ >= 0) & (row_ < k.height)
+            pixel = np.where(before, row_ * k.width + column, 0).astype(np.int32)
+            seen[i] = before & (w < reach[pixel])
+        return seen

@@ -1,0 +1,153 @@
+"""What is occupied, free and unknown after a few views, against the boxes that were looked at."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import (
+    VOXEL_FREE,
+    VOXEL_OCCUPIED,
+    VOXEL_UNKNOWN,
+    Box,
+    CameraIntrinsics,
+    PlacedShape,
+    Pose,
+    distance_to_shape,
+)
+from bestman_bt.perception import PerceptionError, View
+from bestman_bt.perception.occupancy import LogOdds, LogOddsParameters, VoxelRegion, freed
+from tests.perception.seen_boxes import looking_at, view_of
+
+TABLE = PlacedShape(Box((0.8, 1.2, 0.04)), Pose(np.array([0.0, 0.0, 0.73])))
+CARTON = PlacedShape(Box((0.1, 0.14, 0.2)), Pose.from_xyz_rpy((0.05, 0.1, 0.85), (0, 0, 0.4)))
+FLOOR = PlacedShape(Box((8.0, 8.0, 0.02)), Pose(np.array([0.0, 0.0, -0.01])))
+REGION = VoxelRegion(Pose(np.array([0.0, 0.0, 0.8])), (1.5, 1.5, 1.2))
+FRONT = looking_at((-1.2, 0.0, 1.6), (0.0, 0.0, 0.75))
+SIDE = looking_at((-0.5, 1.1, 1.6), (0.0, 0.0, 0.75))
+BEHIND = looking_at((1.2, 0.3, 1.6), (0.0, 0.0, 0.75))
+HALF_DIAGONAL = 0.02 * np.sqrt(3) / 2
+
+
+def views(*poses: Pose, bodies=(TABLE, CARTON, FLOOR), seed: int = 1) -> list[View]:
+    rng = np.random.default_rng(seed)
+    return [view_of(bodies, pose, stamp, rng) for stamp, pose in enumerate(poses)]
+
+
+@pytest.fixture(scope="module")
+def grid():
+    return LogOdds().fuse(views(FRONT, SIDE), REGION)
+
+
+def test_what_is_occupied_is_a_surface_of_something(grid):
+    occupied = grid.centres(VOXEL_OCCUPIED)
+    distance = np.minimum(distance_to_shape(occupied, TABLE), distance_to_shape(occupied, CARTON))
+    assert len(occupied) > 1500
+    assert distance.max() < HALF_DIAGONAL + 0.006
+
+
+def test_what_is_free_is_not_within_anything(grid):
+    free = grid.centres(VOXEL_FREE)
+    assert len(free) > 100_000
+    for body in (TABLE, CARTON):
+        inner = PlacedShape(Box(tuple(np.array(body.shape.size) - 0.02)), body.pose)
+        assert (distance_to_shape(free, inner) > 0).all()
+
+
+def test_the_top_of_the_table_that_was_seen_is_occupied_everywhere(grid):
+    x, y = np.meshgrid(np.arange(-0.35, -0.05, 0.02), np.arange(-0.5, 0.5, 0.02))
+    top = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.745)], axis=1)
+    below = grid.state_at(top) == VOXEL_OCCUPIED
+    above = grid.state_at(top + np.array([0, 0, 0.01])) == VOXEL_OCCUPIED
+    assert (below | above).mean() > 0.99
+
+
+def test_what_is_hidden_stays_unknown_until_a_view_shows_it():
+    behind_the_carton = np.array([[0.2, 0.1, 0.8], [0.18, 0.12, 0.85]])
+    inside = np.array([[0.05, 0.1, 0.85]])
+    mapper = LogOdds()
+    mapper.begin(REGION)
+    mapper.add(views(FRONT)[0])
+    assert (mapper.grid().state_at(behind_the_carton) == VOXEL_UNKNOWN).all()
+    mapper.add(views(BEHIND)[0])
+    assert (mapper.grid().state_at(behind_the_carton) == VOXEL_FREE).all()
+    assert mapper.grid().state_at(inside) == VOXEL_UNKNOWN
+    assert mapper.grid().state_at(np.array([[5.0, 0.0, 0.0]])) == VOXEL_UNKNOWN
+
+
+def test_what_has_moved_away_is_cleared_by_two_views():
+    mapper = LogOdds()
+    mapper.begin(REGION)
+    for view in views(*[FRONT] * 5):
+        mapper.add(view)
+    front_of_carton = CARTON.pose.apply(np.array([[-0.05, 0.0, z] for z in np.arange(-0.05, 0.08, 0.02)]))
+    assert (mapper.grid().state_at(front_of_carton) == VOXEL_OCCUPIED).mean() > 0.8
+    for view in views(FRONT, FRONT, bodies=(TABLE, FLOOR)):
+        mapper.add(view)
+    near = mapper.grid().centres(VOXEL_OCCUPIED)
+    above_table = near[near[:, 2] > 0.78]
+    assert len(above_table) == 0
+    assert (mapper.grid().state_at(front_of_carton) == VOXEL_FREE).all()
+
+
+def test_pixels_without_depth_say_nothing():
+    blind = views(FRONT)[0]
+    for value in (0.0, np.nan, np.inf, -1.0):
+        depth = np.full_like(blind.image.depth, value)
+        grid = LogOdds().fuse([replace(blind, image=replace(blind.image, depth=depth))], REGION)
+        assert (grid.states == VOXEL_UNKNOWN).all()
+
+
+def test_the_grid_stands_where_the_region_is_whatever_its_orientation():
+    turned = VoxelRegion(Pose.from_xyz_rpy((0.05, 0.1, 0.85), (0.0, 0.0, 0.4)), (0.3, 0.34, 0.4), 0.02)
+    grid = LogOdds().fuse(views(FRONT, SIDE, BEHIND), turned)
+    assert grid.states.shape == (15, 17, 20)
+    assert grid.stamp == 2.0
+    occupied = grid.centres(VOXEL_OCCUPIED)
+    on_carton = occupied[occupied[:, 2] > 0.79]
+    assert len(on_carton) > 100
+    assert distance_to_shape(on_carton, CARTON).max() < HALF_DIAGONAL + 0.006
+
+
+def test_equal_views_give_equal_grids(grid):
+    again = LogOdds().fuse(views(FRONT, SIDE), REGION)
+    assert np.array_equal(grid.states, again.states)
+
+
+def test_what_the_hand_takes_away_leaves_free_space(grid):
+    without = freed(grid, [CARTON])
+    occupied = without.centres(VOXEL_OCCUPIED)
+    assert (distance_to_shape(occupied, CARTON) > 0.015 + HALF_DIAGONAL).all()
+    far = distance_to_shape(grid.centres(VOXEL_OCCUPIED), CARTON) > 0.05
+    assert len(occupied) >= far.sum()
+    assert (without.states == VOXEL_UNKNOWN).sum() == (grid.states == VOXEL_UNKNOWN).sum()
+
+
+def test_wrong_input_is_told():
+    with pytest.raises(PerceptionError, match="before begin"):
+        LogOdds().add(views(FRONT)[0])
+    with pytest.raises(PerceptionError, match="at least one voxel"):
+        VoxelRegion(Pose(), (1.0, 0.0, 1.0))
+    with pytest.raises(PerceptionError, match="voxels, at most"):
+        VoxelRegion(Pose(), (10.0, 10.0, 10.0), 0.002)
+    view = views(FRONT)[0]
+    lens = replace(view.image.intrinsics, distortion=(0.1, 0.0, 0.0, 0.0))
+    mapper = LogOdds(LogOddsParameters(min_hits=1))
+    mapper.begin(REGION)
+    with pytest.raises(PerceptionError, match="rectified"):
+        mapper.add(View(replace(view.image, intrinsics=lens), FRONT))
+
+
+def test_a_full_view_costs_less_than_a_tenth_of_a_second_of_computing():
+    view = view_of((TABLE, CARTON, FLOOR), FRONT, camera=CameraIntrinsics(640, 480, 433.0, 433.0, 319.5, 239.5))
+    mapper = LogOdds()
+    mapper.begin(REGION)
+    costs = []
+    for _ in range(5):
+        start = time.process_time()
+        mapper.add(view)
+        costs.append(time.process_time() - start)
+    assert min(costs) < 0.1
