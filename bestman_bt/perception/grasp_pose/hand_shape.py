@@ -91,6 +91,18 @@ class HandShape:
                 result[part] |= inside.any(axis=1)
         return result
 
+    def outline(self, hands: HandPoses, opening: float, step: float = 0.008) -> NDArray[np.float64]:
+        """Points (N, 3) about ``step`` metres apart on the boxes of the first of ``hands``, in its frame."""
+        centres, halves = self.boxes(np.array([opening]))
+        points = []
+        for centre, half in zip(centres[0], halves[0], strict=True):
+            counts = np.maximum(np.ceil(2 * half / step).astype(int) + 1, 2)
+            axes = [np.linspace(-extent, extent, count) for extent, count in zip(half, counts, strict=True)]
+            grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+            points.append(centre + grid[np.any(np.isclose(np.abs(grid), half), axis=1)])
+        outline: NDArray[np.float64] = np.concatenate(points) @ hands.rotations[0].T + hands.positions[0]
+        return outline
+
     def lowest(self, hands: HandPoses, openings: NDArray[np.float64]) -> NDArray[np.float64]:
         """z (K,) of the lowest corner of each open hand, metres in the frame of the poses."""
         centres, halves = self.boxes(openings)
