@@ -9,9 +9,16 @@ import numpy as np
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.affordance.base import HandleDetector, HandleScene
 from bestman_bt.perception.affordance.fronts import Front, FrontsParameters, find_fronts
-from bestman_bt.perception.affordance.grooves import Groove, GroovesParameters, find_grooves
-from bestman_bt.perception.affordance.protrusions import Protrusion, ProtrusionsParameters, find_protrusions
-from bestman_bt.perception.affordance.rectified import rectify
+from bestman_bt.perception.affordance.grooves import GroovesParameters, find_grooves
+from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
+from bestman_bt.perception.affordance.joint_suggestion import (
+    JointSuggestionParameters,
+    hinge_line,
+    suggest_joint,
+)
+from bestman_bt.perception.affordance.panel_borders import PanelBorders, PanelBordersParameters, panel_borders
+from bestman_bt.perception.affordance.protrusions import ProtrusionsParameters, find_protrusions
+from bestman_bt.perception.affordance.rectified import RectifiedFront, rectify
 from bestman_bt.perception.affordance.relief import relief
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.segmentation.base import SupportPlane
@@ -20,16 +27,25 @@ from bestman_bt.perception.view import View
 
 @dataclass(frozen=True)
 class FrontHandlesParameters:
-    """The parameters of each step; ``min_confidence``: of a handle that is reported."""
+    """The parameters of each step.
+
+    ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle.
+    """
 
     fronts: FrontsParameters = field(default_factory=FrontsParameters)
     protrusions: ProtrusionsParameters = field(default_factory=ProtrusionsParameters)
     grooves: GroovesParameters = field(default_factory=GroovesParameters)
+    borders: PanelBordersParameters = field(default_factory=PanelBordersParameters)
+    joint: JointSuggestionParameters = field(default_factory=JointSuggestionParameters)
     min_confidence: float = 0.4
+    apart: float = 0.03
 
 
 class FrontHandles(HandleDetector):
-    """Fronts first; then what stands out of each, and what is cut into it."""
+    """Fronts first; then what stands out of each (bars, knobs) and what is cut into it (recessed edges).
+
+    The panel around a handle, and where on it the handle is, suggest how it opens.
+    """
 
     def __init__(self, parameters: FrontHandlesParameters | None = None) -> None:
         self.parameters = parameters or FrontHandlesParameters()
@@ -40,46 +56,60 @@ class FrontHandles(HandleDetector):
         if not (np.isfinite(view.image.depth) & (view.image.depth > 0)).any():
             raise PerceptionError("the image has no depth at all; metres are expected, 0 where unknown")
         fronts = find_fronts(view, p.fronts)
-        planes = tuple(_plane(front) for front in fronts)
         if not fronts:
             return HandleScene((), (), "no upright plane in view")
-        found: list[Handle] = []
+        found: list[tuple[Front, RectifiedFront, HandleOnFront]] = []
         for front in fronts:
             around = relief(view, front, p.fronts)
-            found += [_protruding(front, one) for one in find_protrusions(around, p.protrusions)]
-            found += [_recessed(front, one, p.grooves) for one in find_grooves(rectify(view, front, around), around, p.grooves)]
-        found.sort(key=lambda handle: -handle.confidence)
+            rectified = rectify(view, front, around)
+            on_front = find_protrusions(around, p.protrusions) + find_grooves(rectified, around, p.grooves)
+            found += [(front, rectified, one) for one in on_front if one.confidence >= p.min_confidence]
+        found.sort(key=lambda entry: -entry[2].confidence)
         handles: list[Handle] = []
-        for handle in found:
-            if handle.confidence >= p.min_confidence and all(
-                np.linalg.norm(handle.pose.position - other.pose.position) > 0.03 for other in handles
-            ):
-                handles.append(handle)
+        for front, rectified, one in found:
+            position = front.frame_from_front.apply(one.centre[None])[0]
+            if all(np.linalg.norm(position - other.pose.position) > p.apart for other in handles):
+                handles.append(self._handle(front, rectified, one))
         reason = "" if handles else f"no handle on the {len(fronts)} upright planes in view"
-        return HandleScene(tuple(handles), planes, reason)
+        return HandleScene(tuple(handles), tuple(_plane(front) for front in fronts), reason)
+
+    def _handle(self, front: Front, rectified: RectifiedFront, one: HandleOnFront) -> Handle:
+        p = self.parameters
+        frame_from_front = front.frame_from_front
+        turn = frame_from_front.rotation
+        borders = panel_borders(rectified, *one.rectangle, p.borders, one.borders)
+        suggested = suggest_joint(one.kind, one.upright, one.centre, borders, p.joint)
+        line = None if suggested.hinge_side is None else hinge_line(suggested.hinge_side, borders, p.joint)
+        opening = np.array([0.0, 0.0, 1.0])
+        if line is not None:
+            opening = np.cross(line[1], one.centre - line[0])
+            opening /= np.linalg.norm(opening)
+        panel, size = _panel(frame_from_front, borders)
+        return Handle(
+            kind=one.kind,
+            pose=frame_from_front @ Pose.from_xyz_rpy(one.centre, (0.0, 0.0, one.angle)),
+            radius=one.radius,
+            length=one.length,
+            standoff=float(one.centre[2]),
+            opening_direction=turn @ opening,
+            confidence=one.confidence,
+            position_std=one.position_std,
+            joint=suggested.joint,
+            joint_confidence=suggested.confidence,
+            hinge_side=suggested.hinge_side,
+            hinge=None if line is None else frame_from_front.apply(line[0][None])[0],
+            hinge_direction=None if line is None else turn @ line[1],
+            panel=panel,
+            panel_size=size,
+        )
 
 
-def _protruding(front: Front, one: Protrusion) -> Handle:
-    pose = front.frame_from_front @ Pose.from_xyz_rpy(one.centre, (0.0, 0.0, one.angle))
-    return Handle(
-        one.kind,
-        pose,
-        one.radius,
-        one.length,
-        float(one.centre[2]),
-        front.frame_from_front.rotation[:, 2],
-        one.confidence,
-        one.position_std,
-    )
-
-
-def _recessed(front: Front, groove: Groove, p: GroovesParameters) -> Handle:
-    x, y = groove.centre
-    grip = groove.inward * p.grip
-    middle = (x + grip, y, -p.lip / 2) if groove.upright else (x, y + grip, -p.lip / 2)
-    pose = front.frame_from_front @ Pose.from_xyz_rpy(middle, (0.0, 0.0, np.pi / 2 if groove.upright else 0.0))
-    out = front.frame_from_front.rotation[:, 2]
-    return Handle("edge", pose, p.lip / 2, groove.length, -p.lip / 2, out, groove.confidence, 0.005)
+def _panel(frame_from_front: Pose, borders: PanelBorders) -> tuple[Pose | None, tuple[float, float] | None]:
+    if borders.rectangle is None:
+        return None, None
+    left, right, bottom, top = borders.rectangle
+    middle = Pose(np.array([(left + right) / 2, (bottom + top) / 2, 0.0]))
+    return frame_from_front @ middle, (right - left, top - bottom)
 
 
 def _plane(front: Front) -> SupportPlane:

@@ -42,7 +42,7 @@ class FrontsParameters:
     offset_bin: float = 0.003
     offset_window: float = 0.007
     min_area: float = 0.012
-    max_gap: float = 0.09
+    max_gap: float = 0.13
     max_fronts: int = 10
 
     def noise(self, depth: NDArray[np.float64] | float) -> NDArray[np.float64]:

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
+from bestman_bt.perception.affordance.panel_borders import PanelBorders, Side
 from bestman_bt.perception.affordance.rectified import RectifiedFront
 from bestman_bt.perception.affordance.relief import Relief
+
+Kind = Literal["notch", "slot", "strip"]
+KINDS: tuple[Kind, ...] = ("notch", "slot", "strip")
 
 
 @dataclass(frozen=True)
@@ -19,6 +26,9 @@ class GroovesParameters:
 
     ``width``: of a groove, least and most: room for fingers, no compartment. ``pair_width``: of two that meet, where two
     doors do. ``notch_length``: most length of one that is cut into a border; others run between two panels.
+    ``strip_length``: least length of one along the outer border of a door, open on its other side; ``plate_slope``: most
+    slope of its back against the front. ``panel``: that the front at least goes on from a level, from an
+    upright lip.
     ``min_length``: of any. ``straightness``: most mean deviation of its lip from a line.
     ``flanks``: least share of its lip and of its ends along which the front is seen.
     ``back``: distance of what is seen in an upright groove, least and most: an open gap beside a door is none.
@@ -29,40 +39,45 @@ class GroovesParameters:
     width: tuple[float, float] = (0.027, 0.062)
     pair_width: tuple[float, float] = (0.066, 0.116)
     notch_length: float = 0.36
-    min_length: float = 0.09
+    min_length: float = 0.105
     straightness: float = 0.004
+    strip_length: float = 0.22
+    plate_slope: float = 0.3
+    panel: tuple[float, float] = (0.06, 0.15)
     flanks: float = 0.75
     back: tuple[float, float] = (0.025, 0.085)
     before: float = 0.15
     grip: float = 0.010
     lip: float = 0.017
+    position_std: float = 0.004
 
 
 @dataclass(frozen=True)
 class Groove:
     """A lip, in the frame of its front.
 
-    ``centre``: (x, y) metres, of the lip's border. ``upright``: whether it runs along y. ``inward``: +1 or -1, to which
+    ``centre``: (x, y) metres, of the lip's border; ``width``: of the opening beyond it. ``upright``: whether it runs along y. ``inward``: +1 or -1, to which
     side along y (upright: x) the lip's panel lies.
     """
 
     centre: tuple[float, float]
     length: float
+    width: float
     upright: bool
     inward: float
     confidence: float
 
 
-def find_grooves(front: RectifiedFront, relief: Relief, parameters: GroovesParameters) -> list[Groove]:
-    """All grooves of a front."""
+def find_grooves(front: RectifiedFront, relief: Relief, parameters: GroovesParameters) -> list[HandleOnFront]:
+    """The lips of all grooves of a front."""
     found: list[Groove] = []
     for upright in (False, True):
         lying = _lying(front, upright)
-        for mask, notch in ((_notches(lying, parameters), True), (_slots(lying, parameters), False)):
-            for groove in _components(lying, mask, notch, upright, parameters):
+        for kind in KINDS if upright else KINDS[:2]:
+            for groove in _components(lying, kind, upright, parameters):
                 if all(math.dist(groove.centre, other.centre) > 0.04 for other in found):
                     found.append(groove)
-    return [_refined(groove, relief) for groove in found]
+    return [_lip(_refined(groove, relief), parameters) for groove in found]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +101,17 @@ def _lying(front: RectifiedFront, upright: bool) -> _Lying:
     return _Lying(*(np.ascontiguousarray(field.T) if upright else field for field in fields), front)  # type: ignore[arg-type]
 
 
-def _notches(lying: _Lying, p: GroovesParameters) -> NDArray[np.bool_]:
-    """Openings with the front to their left and right."""
-    return _closed(lying.shown, (1, round(p.notch_length / lying.cell))) & ~lying.shown & lying.open
-
-
-def _slots(lying: _Lying, p: GroovesParameters) -> NDArray[np.bool_]:
-    """Openings with the front above and below."""
-    return _closed(lying.shown, (round(p.width[1] / lying.cell) + 1, 1)) & ~lying.shown & lying.open
+def _openings(lying: _Lying, kind: Kind, upright: bool, p: GroovesParameters) -> NDArray[np.bool_]:
+    """The cells that may be grooves of a kind."""
+    if kind == "notch":
+        return _closed(lying.shown, (1, round(p.notch_length / lying.cell))) & ~lying.shown & lying.open
+    if kind == "slot":
+        width = p.pair_width[1] if upright else p.width[1]
+        return _closed(lying.shown, (round(width / lying.cell) + 1, 1)) & ~lying.shown & lying.open
+    with np.errstate(invalid="ignore"):
+        plate = (lying.height < -p.back[0]) & (lying.height > -p.back[1])
+    reach = 2 * round(p.width[1] / lying.cell) + 1
+    return plate & (cv2.dilate(lying.shown.astype(np.uint8), np.ones((reach, 1), np.uint8)) > 0)
 
 
 def _closed(shown: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_]:
@@ -104,9 +122,8 @@ def _closed(shown: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_
     return result
 
 
-def _components(
-    lying: _Lying, mask: NDArray[np.bool_], notch: bool, upright: bool, p: GroovesParameters
-) -> list[Groove]:
+def _components(lying: _Lying, kind: Kind, upright: bool, p: GroovesParameters) -> list[Groove]:
+    mask = _openings(lying, kind, upright, p)
     thin = max(2, round(0.4 * p.width[0] / lying.cell))
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((thin, thin), np.uint8))
     opened = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8))
@@ -117,12 +134,12 @@ def _components(
         if width * lying.cell < p.min_length or height * lying.cell < p.width[0]:
             continue
         part = labels[top : top + height, left : left + width] == label
-        grooves += _judge(lying, part, (top, left), notch, upright, p)
+        grooves += _judge(lying, part, (top, left), kind, upright, p)
     return grooves
 
 
 def _judge(
-    lying: _Lying, part: NDArray[np.bool_], corner: tuple[int, int], notch: bool, upright: bool, p: GroovesParameters
+    lying: _Lying, part: NDArray[np.bool_], corner: tuple[int, int], kind: Kind, upright: bool, p: GroovesParameters
 ) -> list[Groove]:
     cell = lying.cell
     upper, lower = np.argmax(part, axis=0), part.shape[0] - np.argmax(part[::-1], axis=0)
@@ -134,10 +151,11 @@ def _judge(
     columns = np.flatnonzero(full)
     left, right = int(columns[0]), int(columns[-1]) + 1
     length, width = (right - left) * cell, (last - first) * cell
-    pair = upright and p.pair_width[0] <= width <= p.pair_width[1]
-    if not (pair or p.width[0] - cell <= width <= p.width[1]) or length < 1.6 * width:
+    pair = upright and kind != "strip" and p.pair_width[0] <= width <= p.pair_width[1]
+    widest = p.width[1] + (p.back[0] if kind == "strip" else 0.0)  # the side behind a strip's back may be seen, too
+    if not (pair or p.width[0] - cell <= width <= widest) or length < (1.0 if pair else 1.6) * width:
         return []
-    if notch and length > p.notch_length:
+    if (kind == "notch" and length > p.notch_length) or (kind == "strip" and length < p.strip_length):
         return []
     top, bottom = corner[0] + round(first), corner[0] + round(last)
     start, stop = corner[1] + left, corner[1] + right
@@ -146,38 +164,41 @@ def _judge(
     with np.errstate(invalid="ignore"):
         if (inside > 0.01).mean() > p.before:
             return []
-    if upright:
-        depth = -float(np.nanmedian(inside))
-        if not p.back[0] <= depth <= p.back[1]:
-            return []
+    if upright and kind != "notch" and not _is_plate(inside, lying.cell, p):
+        return []
     margin = max(1, round(0.006 / cell))
     above = lying.shown[max(0, top - margin - reach) : max(0, top - margin), start:stop]
     below = lying.shown[bottom + margin : bottom + margin + reach, start:stop]
+    with np.errstate(invalid="ignore"):
+        solid = lying.shown | (lying.height > 0.01)
     ends = [
-        lying.shown[top:bottom, max(0, start - margin - reach) : max(0, start - margin)],
-        lying.shown[top:bottom, stop + margin : stop + margin + reach],
+        solid[top:bottom, max(0, start - margin - reach) : max(0, start - margin)],
+        solid[top:bottom, stop + margin : stop + margin + reach],
     ]
     seen_above, seen_below = _share(above), _share(below)
-    if notch and min(_share(end) for end in ends) < p.flanks:
+    if kind == "notch" and min(_share(end) for end in ends) < p.flanks:
         return []
-    if not notch and min(seen_above, seen_below) < p.flanks:
+    if (kind == "slot" or pair) and min(seen_above, seen_below) < p.flanks:
         return []
-    sides = []
+    if kind == "strip" and not _ends_in_the_open(lying, (top, bottom, start, stop), seen_above > seen_below, p):
+        return []
+    reach_above, reach_below = _run(lying.shown, top, -1, start, stop), _run(lying.shown, bottom, 1, start, stop)
     if pair:
-        if min(seen_above, seen_below) < p.flanks:
-            return []
         sides = [-1.0, 1.0]
     elif upright:
         # The lip belongs to the door, and a door is wider than what stands beside it.
-        reach_above, reach_below = _run(lying.shown, top, -1, start, stop), _run(lying.shown, bottom, 1, start, stop)
-        sides = [-1.0 if reach_above > reach_below else 1.0]
+        bordered = [
+            panel if seen >= p.flanks else 0.0 for panel, seen in ((reach_above, seen_above), (reach_below, seen_below))
+        ]
+        sides = [-1.0 if bordered[0] > bordered[1] else 1.0]
     else:
         sides = [1.0]
     result = []
     for side in sides:
         edge, seen, borders = (bottom, seen_below, lower) if side > 0 else (top, seen_above, upper)
         deviation = float(np.abs(borders[full] - np.median(borders[full])).mean()) * cell
-        if seen < p.flanks or deviation > p.straightness + 0.5 * cell:
+        panel = reach_below if side > 0 else reach_above
+        if seen < p.flanks or panel * cell < p.panel[upright] or deviation > p.straightness + 0.5 * cell:
             continue
         along = 0.5 * (start + stop) - 0.5
         across = edge - 0.5
@@ -187,8 +208,53 @@ def _judge(
             centre = (front.x_of(across), front.y_of(along))
         else:
             centre = (front.x_of(along), front.y_of(across))
-        result.append(Groove(centre, length, upright, side if upright else -side, min(1.0, max(0.0, confidence))))
+        result.append(
+            Groove(
+                centre,
+                length,
+                0.5 * width if pair else width,
+                upright,
+                side if upright else -side,
+                min(1.0, max(0.0, confidence)),
+            )
+        )
     return result
+
+
+def _is_plate(inside: NDArray[np.float64], cell: float, p: GroovesParameters) -> bool:
+    """Whether the back of an opening lies parallel to the front, near behind it: not the side of the furniture."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # rows without any depth
+        profile = np.nanmedian(inside, axis=1)
+    known = np.isfinite(profile)
+    if known.sum() < 4 or not p.back[0] <= -float(np.median(profile[known])) <= p.back[1]:
+        return False
+    across, heights = np.flatnonzero(known) * cell, profile[known]
+    lag = len(heights) // 2
+    slopes = (heights[lag:] - heights[:-lag]) / (across[lag:] - across[:-lag])
+    return abs(float(np.median(slopes))) < p.plate_slope
+
+
+def _ends_in_the_open(lying: _Lying, where: tuple[int, int, int, int], panel_above: bool, p: GroovesParameters) -> bool:
+    """Whether there is nothing near behind the border on the other side of a strip."""
+    top, bottom, start, stop = where
+    reach, margin = max(2, round(0.010 / lying.cell)), max(1, round(0.030 / lying.cell))
+    first = bottom + margin if panel_above else max(0, top - margin - reach)
+    with np.errstate(invalid="ignore"):
+        return _share(lying.height[first : first + reach, start:stop] < -p.back[1]) > p.flanks
+
+
+def _lip(groove: Groove, p: GroovesParameters) -> HandleOnFront:
+    x, y = groove.centre
+    grip, beyond = groove.inward * p.grip, -groove.inward * groove.width
+    if groove.upright:
+        side: Side = "right" if beyond > 0 else "left"
+        borders = replace(PanelBorders(), **{side: x + beyond})
+        middle, angle = np.array([x + grip, y, -p.lip / 2]), math.pi / 2
+    else:
+        borders = PanelBorders(top=y + beyond) if beyond > 0 else PanelBorders(bottom=y + beyond)
+        middle, angle = np.array([x, y + grip, -p.lip / 2]), 0.0
+    return HandleOnFront("edge", middle, angle, p.lip / 2, groove.length, groove.confidence, p.position_std, borders)
 
 
 def _share(cells: NDArray[np.bool_]) -> float:
@@ -210,7 +276,11 @@ def _refined(groove: Groove, relief: Relief, reach: float = 0.018) -> Groove:
     """The lip's border where pixels change from front to opening, with least error: finer than cells."""
     x, y = groove.centre
     half = 0.45 * groove.length
-    low, high = ((x - reach, y - half), (x + reach, y + half)) if groove.upright else ((x - half, y - reach), (x + half, y + reach))
+    low, high = (
+        ((x - reach, y - half), (x + reach, y + half))
+        if groove.upright
+        else ((x - half, y - reach), (x + half, y + reach))
+    )
     rows, columns = np.nonzero(np.isfinite(relief.height) & relief.near)
     flat = relief.on_level((rows, columns), 0.0)
     inside = (flat > low).all(axis=1) & (flat < high).all(axis=1)
@@ -226,4 +296,4 @@ def _refined(groove: Groove, relief: Relief, reach: float = 0.018) -> Groove:
     best = int(np.argmax(score))
     border = groove.inward * 0.5 * float(across[order][best] + across[order][min(best + 1, len(order) - 1)])
     centre = (border, y) if groove.upright else (x, border)
-    return Groove(centre, groove.length, groove.upright, groove.inward, groove.confidence)
+    return Groove(centre, groove.length, groove.width, groove.upright, groove.inward, groove.confidence)

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
 from bestman_bt.perception.affordance.relief import Relief
 
 # Mean distance of the seen half of a cylinder from its axis, in radii, where pixels fall evenly on its width.
 _SEEN_DISTANCE = math.pi / 4
+# Median height of the seen half of a ball above its centre, in radii; flat heads come near it.
+_SEEN_KNOB = 0.66
 
 
 @dataclass(frozen=True)
@@ -49,25 +51,7 @@ class ProtrusionsParameters:
     min_filled: float = 0.7
 
 
-@dataclass(frozen=True, eq=False)
-class Protrusion:
-    """A bar or knob in the frame of its front.
-
-    ``centre``: (3,) metres, of what is gripped. ``angle``: of the bar's axis against the front's x, radians.
-    ``position_std``: metres. ``pixels``: rows and columns in the image that show it.
-    """
-
-    kind: Literal["bar", "knob"]
-    centre: NDArray[np.float64]
-    angle: float
-    radius: float
-    length: float
-    confidence: float
-    position_std: float
-    pixels: tuple[NDArray[np.intp], NDArray[np.intp]]
-
-
-def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[Protrusion]:
+def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[HandleOnFront]:
     """All bars and knobs before one front."""
     p = parameters
     with np.errstate(invalid="ignore"):
@@ -95,7 +79,7 @@ def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[
 
 def _judge(
     relief: Relief, box: tuple[slice, slice], component: NDArray[np.bool_], p: ProtrusionsParameters
-) -> Protrusion | None:
+) -> HandleOnFront | None:
     height, noise = relief.height[box], relief.noise[box]
     grown = cv2.dilate(component.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     known = grown & np.isfinite(height)
@@ -128,7 +112,7 @@ def _judge(
     return None
 
 
-def _bar(relief, pixels, heights, sigma, surround, p) -> Protrusion | None:  # type: ignore[no-untyped-def]
+def _bar(relief, pixels, heights, sigma, surround, p) -> HandleOnFront | None:  # type: ignore[no-untyped-def]
     level = float(heights.mean())
     radius = 0.006
     for _ in range(3):
@@ -161,27 +145,24 @@ def _bar(relief, pixels, heights, sigma, surround, p) -> Protrusion | None:  # t
     lateral = radius / math.sqrt(len(s)) + 0.3 * relief.pixel_size()
     std = math.sqrt((sigma / math.sqrt(len(s))) ** 2 + lateral**2 + 0.0015**2)
     confidence = min(1.0, share * float(filled.mean()) * (1.0 - math.exp(-len(s) / 12.0)))
-    where = (pixels[0] + relief.rows.start, pixels[1] + relief.columns.start)
-    return Protrusion("bar", np.array([*middle, level]), angle, radius, length, confidence, std, where)
+    return HandleOnFront("bar", np.array([*middle, level]), angle, radius, length, confidence, std)
 
 
-def _knob(relief, pixels, heights, sigma, surround, p) -> Protrusion | None:  # type: ignore[no-untyped-def]
-    top = float(np.percentile(heights, 70))
-    flat = relief.on_level(pixels, top)
-    low, high = flat.min(axis=0), flat.max(axis=0)
-    radius = 0.25 * float((high - low).sum()) + 0.25 * relief.pixel_size()
-    if top < p.knob_height:
+def _knob(relief, pixels, heights, sigma, surround, p) -> HandleOnFront | None:  # type: ignore[no-untyped-def]
+    level = float(np.median(heights))
+    if level < p.knob_height:
         return None
     share = surround.knob()
     if share is None:
         return None
-    level = top - 0.7 * radius
+    flat = relief.on_level(pixels, level)
+    radius = 0.25 * (float(np.ptp(flat, axis=0).sum()) + relief.pixel_size())
+    level -= _SEEN_KNOB * radius
     flat = relief.on_level(pixels, level)
     centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     std = math.sqrt((sigma / math.sqrt(len(heights))) ** 2 + 0.003**2)
     confidence = min(1.0, share * (1.0 - math.exp(-len(heights) / 10.0)))
-    where = (pixels[0] + relief.rows.start, pixels[1] + relief.columns.start)
-    return Protrusion("knob", np.array([*centre, level]), 0.0, radius, 2 * radius, confidence, std, where)
+    return HandleOnFront("knob", np.array([*centre, level]), 0.0, radius, 2 * radius, confidence, std)
 
 
 class _Surround:
@@ -234,9 +215,11 @@ class _Surround:
         if len(self.flat) < 12:
             return None
         around = self.flat - self.flat.mean(axis=0)
+        # A knob may be so near to a border that one quarter shows what lies beyond.
         quarter = ((np.arctan2(around[:, 1], around[:, 0]) + math.pi) / (math.pi / 2)).astype(int) % 4
         shares = [float(self.on_front[quarter == i].mean()) if (quarter == i).any() else 0.0 for i in range(4)]
-        return float(np.mean(shares)) if min(shares) >= self._p.sides else None
+        clear = float(self.farther.mean()) >= self._p.sides
+        return float(np.mean(shares)) if clear and sorted(shares)[1] >= self._p.sides else None
 
 
 def _line(flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -67,7 +67,7 @@ class RectifiedFront:
         return seen_through
 
 
-def rectify(view: View, front: Front, relief: Relief, margin: float = 0.085, finest: float = 0.0025) -> RectifiedFront:
+def rectify(view: View, front: Front, relief: Relief, margin: float = 0.11, finest: float = 0.0025) -> RectifiedFront:
     """The front and ``margin`` metres around it, in cells about as large as a pixel, at least ``finest`` metres."""
     cell = max(finest, 0.9 * relief.pixel_size())
     low = front.low - margin

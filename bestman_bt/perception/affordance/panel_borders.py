@@ -1,0 +1,147 @@
+"""The borders of the panel that a handle is on: seams, changes of colour, ends of the front."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.perception.affordance.rectified import RectifiedFront
+
+Side = Literal["left", "right", "bottom", "top"]
+SIDES: tuple[Side, ...] = ("left", "right", "bottom", "top")
+
+
+@dataclass(frozen=True)
+class PanelBordersParameters:
+    """``contrast``: of colours on either side of a border, summed over red, green and blue (0 to 255 each).
+
+    ``span``: metres to either side of the handle that first tell where borders may be. ``share``: least share of a
+    border's length that shows it, first near the handle, then along the whole panel.
+    ``before``: metres; what stands out more tells nothing about borders.
+    """
+
+    contrast: float = 14.0
+    span: float = 0.05
+    share: tuple[float, float] = (0.7, 0.75)
+    before: float = 0.006
+    clear: float = 0.012
+
+
+@dataclass(frozen=True)
+class PanelBorders:
+    """Where a panel ends, metres in the frame of its front; None where that was not seen."""
+
+    left: float | None = None
+    right: float | None = None
+    bottom: float | None = None
+    top: float | None = None
+
+    @property
+    def rectangle(self) -> tuple[float, float, float, float] | None:
+        """left, right, bottom, top, where all are known."""
+        if self.left is None or self.right is None or self.bottom is None or self.top is None:
+            return None
+        return self.left, self.right, self.bottom, self.top
+
+
+def panel_borders(
+    front: RectifiedFront,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    parameters: PanelBordersParameters,
+    known: PanelBorders | None = None,
+) -> PanelBorders:
+    """The borders around a handle that covers the rectangle ``low`` to ``high``, (2,) metres; ``known``: not sought."""
+    p = parameters
+    known = known or PanelBorders()
+    evidence = _evidence(front, p)
+    found = known
+    # First by what is beside the handle, then by the whole length of each border.
+    middle = 0.5 * (low + high)
+    start_low, start_high = np.minimum(low, middle - p.span), np.maximum(high, middle + p.span)
+    for share in p.share:
+        sought = known
+        for side in SIDES:
+            if getattr(known, side) is None:
+                across = _span(side, found, start_low, start_high)
+                sought = replace(sought, **{side: _search(front, evidence, side, (low, high), across, share, p)})
+        found = sought
+    return found
+
+
+def _span(side: Side, found: PanelBorders, low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[float, float]:
+    """The part of a border to look at: between its neighbours, where these are known."""
+    if side in ("left", "right"):
+        first, last = found.bottom, found.top
+        start, stop = float(low[1]), float(high[1])
+    else:
+        first, last = found.left, found.right
+        start, stop = float(low[0]), float(high[0])
+    start, stop = (start if first is None else first), (stop if last is None else last)
+    inset = 0.06 * (stop - start)
+    return start + inset, stop - inset
+
+
+def _evidence(
+    front: RectifiedFront, p: PanelBordersParameters
+) -> dict[str, tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+    """For upright and lying borders: the cells that show one, and those that tell anything."""
+    with np.errstate(invalid="ignore"):
+        hidden = front.height > p.before
+    hidden = cv2.dilate((hidden | front.outside).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    result = {}
+    for axis, name in ((1, "upright"), (0, "lying")):
+        change = np.zeros(front.shape, dtype=np.float32)
+        step = np.abs(np.diff(front.rgb, axis=axis)).sum(axis=2)
+        if axis == 1:
+            change[:, 1:] = step
+        else:
+            change[1:] = step
+        shown = (change > p.contrast) | front.open
+        kernel = np.ones((5, 1) if axis == 1 else (1, 5), np.uint8)
+        shown = cv2.dilate(shown.astype(np.uint8), kernel) > 0
+        kernel = np.ones((1, 3) if axis == 1 else (3, 1), np.uint8)
+        result[name] = (cv2.dilate((shown & ~hidden).astype(np.uint8), kernel) > 0, ~hidden)
+    return result
+
+
+def _search(
+    front: RectifiedFront,
+    evidence: dict[str, tuple[NDArray[np.bool_], NDArray[np.bool_]]],
+    side: Side,
+    handle: tuple[NDArray[np.float64], NDArray[np.float64]],
+    across: tuple[float, float],
+    share: float,
+    p: PanelBordersParameters,
+) -> float | None:
+    """The first line outwards of the handle that enough of shows a border."""
+    upright = side in ("left", "right")
+    shown, telling = evidence["upright" if upright else "lying"]
+    if not upright:
+        shown, telling = shown.T, telling.T
+        ends = front.column_of(across[0]), front.column_of(across[1])
+        start = front.row_of(handle[1][1] + p.clear) if side == "top" else front.row_of(handle[0][1] - p.clear)
+    else:
+        ends = front.row_of(across[1]), front.row_of(across[0])
+        start = front.column_of(handle[0][0] - p.clear) if side == "left" else front.column_of(handle[1][0] + p.clear)
+    first, last = max(0, round(ends[0])), min(shown.shape[0], round(ends[1]) + 1)
+    if last - first < 3:
+        return None
+    telling_part = telling[first:last]
+    counts = telling_part.sum(axis=0)
+    shares = np.where(
+        counts >= 0.3 * (last - first), (shown[first:last] & telling_part).sum(axis=0) / np.maximum(counts, 1), 0.0
+    )
+    step = -1 if side in ("left", "top") else 1
+    begin = int(np.clip(round(start), 0, len(shares) - 1))
+    line = shares[begin::-1] if step < 0 else shares[begin:]
+    hits = np.flatnonzero(line >= share)
+    if not len(hits):
+        return None
+    # The change of colour was widened by a cell.
+    index = begin + step * (int(hits[0]) + 1)
+    return front.x_of(index - 0.5) if upright else front.y_of(index - 0.5)
