@@ -62,7 +62,16 @@ TRUTH_READS = frozenset(
     }
 )
 ENCODER_READS = frozenset({"getJointState", "getJointStates", "getJointStateMultiDof", "getJointStatesMultiDof"})
-GUARDED = RESETS | CONSTRAINTS | TAMPERING | TRUTH_READS | ENCODER_READS
+JOINT_MOTORS = frozenset(
+    {
+        "setJointMotorControl",
+        "setJointMotorControl2",
+        "setJointMotorControlArray",
+        "setJointMotorControlMultiDof",
+        "setJointMotorControlMultiDofArray",
+    }
+)
+GUARDED = RESETS | CONSTRAINTS | TAMPERING | TRUTH_READS | ENCODER_READS | JOINT_MOTORS
 
 # Taken once, so that the guard on the module (raw_call_guard) does not see the calls that pass here.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {name: value for name, value in vars(pybullet).items() if callable(value)}
@@ -149,6 +158,8 @@ class PhysicsClient:
             kind = "constraints"
         elif name in TAMPERING:
             kind = "tampering"
+        elif name in JOINT_MOTORS and self._body(arguments, keywords or {}) != self._robot:
+            kind = "tampering"  # doors and drawers have no motors
         elif name in TRUTH_READS or (name in ENCODER_READS and self._body(arguments, keywords or {}) != self._robot):
             kind = "truth_reads"
         else:

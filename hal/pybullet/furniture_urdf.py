@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -62,12 +63,13 @@ def _leaf(name: str, articulation: Articulation, folder: Path) -> ElementTree.El
 def mass_distribution(parts: Sequence[PlacedShape], mass: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Centre of mass (3,) in the frame of the parts and inertia (3, 3) about it, kg m²; the parts are equally dense."""
     solids = [_solid(part) for part in parts]
-    solid = solids[0] if len(solids) == 1 else solids[0] + solids[1:]
-    solid.density = mass / sum(part.volume for part in solids)
-    return np.asarray(solid.center_mass), np.asarray(solid.moment_inertia)
+    whole: Any = trimesh.util.concatenate(solids)
+    whole.density = mass / sum(part.volume for part in solids)
+    return np.asarray(whole.center_mass), np.asarray(whole.moment_inertia)
 
 
 def _solid(part: PlacedShape) -> trimesh.Trimesh:
+    solid: trimesh.Trimesh
     match part.shape:
         case Box():
             solid = trimesh.creation.box(part.shape.size)

@@ -7,18 +7,9 @@ from typing import Any
 
 import pybullet
 
-from hal.pybullet.client import GUARDED, PhysicsClient
+from hal.pybullet.client import GUARDED, JOINT_MOTORS, PhysicsClient
 
-MOTORS = frozenset(
-    {
-        "setJointMotorControl",
-        "setJointMotorControl2",
-        "setJointMotorControlArray",
-        "setJointMotorControlMultiDof",
-        "setJointMotorControlMultiDofArray",
-        "stepSimulation",
-    }
-)
+MOTORS = JOINT_MOTORS | {"stepSimulation"}
 
 
 class RawCallGuard:
@@ -56,9 +47,10 @@ class RawCallGuard:
     def _guard(self, name: str, original: Callable[..., Any]) -> Callable[..., Any]:
         def guarded(*arguments: Any, **keywords: Any) -> Any:
             if self._active and keywords.get("physicsClientId", 0) == self._client.id:
-                self._client.note(name, arguments, keywords)
                 if name in MOTORS:
                     self._client.note_tampering(name)
+                else:
+                    self._client.note(name, arguments, keywords)
             return original(*arguments, **keywords)
 
         return guarded

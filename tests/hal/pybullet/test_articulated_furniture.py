@@ -1,0 +1,155 @@
+"""Doors and drawers in physics: they stay as they are left and open when they are pulled by their handles."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import pybullet
+import pytest
+
+from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import Articulation, PlacedFurniture, PlacedObject, World, read_furniture
+from hal.pybullet import GroundTruth, PyBulletRobot, SceneRecorder, SimulationError
+from hal.pybullet.furniture_urdf import mass_distribution
+
+PLACES = {
+    "drawer_chest": Pose2D(1.8, 1.2, 0.3),
+    "fridge": Pose2D(1.8, -1.5, -0.2),
+    "cupboard": Pose2D(-1.8, 1.2, 2.5),
+    "microwave": Pose2D(1.8, 0.0, 0.0),
+    "dishwasher": Pose2D(-1.8, -1.4, 3.0),
+}
+LEAVES = [f"{name}/{a.name}" for name in PLACES for a in read_furniture(name).articulations]
+
+
+@pytest.fixture(scope="module")
+def world(empty_world: World) -> World:
+    table = read_furniture("table")
+    pieces = [PlacedFurniture(name, read_furniture(name), at, at) for name, at in PLACES.items()]
+    pieces = [dataclasses.replace(p, elevation=0.75, on="table") if p.name == "microwave" else p for p in pieces]
+    pieces.append(PlacedFurniture("table", table, PLACES["microwave"], PLACES["microwave"]))
+    return dataclasses.replace(empty_world, furniture=tuple(pieces))
+
+
+@pytest.fixture(scope="module")
+def robot(robot_model: RobotModel, world: World) -> Iterator[PyBulletRobot]:
+    with PyBulletRobot(robot_model, world) as robot:
+        yield robot
+
+
+@pytest.fixture(scope="module")
+def truth(robot: PyBulletRobot) -> GroundTruth:
+    return GroundTruth(robot)
+
+
+def leaf(world: World, name: str) -> Articulation:
+    piece, _, part = name.partition("/")
+    model = next(p.model for p in world.furniture if p.name == piece)
+    return next(a for a in model.articulations if a.name == part)
+
+
+def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: float, seconds: float) -> None:
+    """Pull at the handle, in the direction in which it opens, with a share of what overcomes the friction."""
+    simulation = robot.simulation
+    body, link = simulation.built.articulations[name]
+    server = simulation.client.id
+    from_leaf = Pose(-np.array(articulation.origin)) @ articulation.handle.pose
+    lever = 1.0
+    if articulation.kind == "revolute":
+        lever = float(np.linalg.norm(articulation.handle.pose.position - articulation.handle.hinge))
+        along = (articulation.handle.pose.position - articulation.handle.hinge) @ np.array(articulation.axis)
+        lever = float(np.sqrt(lever**2 - along**2))
+    for _ in range(round(seconds * 240)):
+        state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=server)
+        map_from_leaf = Pose(np.array(state[4]), np.array(state[5]))
+        force = share * articulation.friction / lever * (map_from_leaf.rotation @ articulation.handle.opening_direction)
+        point = (map_from_leaf @ from_leaf).position
+        pybullet.applyExternalForce(
+            body, link, force.tolist(), point.tolist(), pybullet.WORLD_FRAME, physicsClientId=server
+        )
+        robot.clock.sleep(1 / 240)
+
+
+def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: GroundTruth) -> None:
+    assert set(truth.articulation_names) == set(LEAVES)
+    robot.clock.sleep(2.0)
+    assert max(abs(truth.articulation_position(name)) for name in LEAVES) < 1e-4
+    body, _ = robot.simulation.built.articulations["fridge/upper_door"]
+    assert not pybullet.getContactPoints(bodyA=body, physicsClientId=robot.simulation.client.id)
+
+
+@pytest.mark.parametrize("name", LEAVES)
+def test_a_pull_at_the_handle_opens_it_once_it_exceeds_the_friction(
+    robot: PyBulletRobot, truth: GroundTruth, world: World, name: str
+) -> None:
+    articulation = leaf(world, name)
+    pull(robot, articulation, name, share=0.7, seconds=0.3)
+    assert abs(truth.articulation_position(name)) < 1e-3
+    pull(robot, articulation, name, share=1.8, seconds=0.8)
+    opened = truth.articulation_position(name)
+    assert opened > 0.1 * articulation.upper
+    assert opened < articulation.upper + 0.01
+    robot.clock.sleep(0.5)
+    left = truth.articulation_position(name)
+    robot.clock.sleep(1.0)
+    assert truth.articulation_position(name) == pytest.approx(left, abs=1e-3)  # it stays where it is let go
+
+
+def test_a_recording_sees_the_door_turn(robot_model: RobotModel, world: World) -> None:
+    with PyBulletRobot(robot_model, world) as robot:
+        recorder, truth = SceneRecorder(robot), GroundTruth(robot)
+        before = recorder.scene_snapshot().leaf_poses["microwave/door"]
+        pull(robot, leaf(world, "microwave/door"), "microwave/door", share=2.0, seconds=0.6)
+        after = recorder.scene_snapshot().leaf_poses["microwave/door"]
+        np.testing.assert_allclose(after.position, before.position, atol=1e-6)
+        turned = before.yaw - after.yaw  # hinged at the left, it turns about -z
+        assert turned == pytest.approx(truth.articulation_position("microwave/door"), abs=1e-4)
+        assert turned > 0.1
+
+
+def test_what_lies_in_a_drawer_comes_along(robot_model: RobotModel, world: World) -> None:
+    chest = next(p for p in world.furniture if p.name == "drawer_chest")
+    drawer = leaf(world, "drawer_chest/drawer_3")
+    ball = ObjectModel("puck", (0.8, 0.2, 0.2), 0.1, 0.8, (PlacedShape(Cylinder(0.02, 0.03), Pose()),))
+    inside = chest.pose @ Pose.from_xyz_rpy((0.0, 0.0, drawer.handle.panel.position[2] - 0.05))
+    held = dataclasses.replace(world, objects=(PlacedObject("puck", ball, inside),))
+    with PyBulletRobot(robot_model, held) as robot:
+        truth = GroundTruth(robot)
+        robot.clock.sleep(0.5)
+        start = truth.object_pose("puck").position
+        assert truth.supports("puck") == ("drawer_chest",)
+        pull(robot, drawer, "drawer_chest/drawer_3", share=1.5, seconds=0.6)
+        robot.clock.sleep(0.5)
+        moved = truth.object_pose("puck").position - start
+        outwards = chest.pose.rotation @ np.array([-1.0, 0.0, 0.0])
+        assert moved @ outwards == pytest.approx(truth.articulation_position("drawer_chest/drawer_3"), abs=0.03)
+        assert moved @ outwards > 0.04
+
+
+def test_the_truth_names_the_doors_that_there_are(truth: GroundTruth) -> None:
+    with pytest.raises(SimulationError, match=r"there is no door or drawer 'fridge/door'; there is drawer_chest/"):
+        truth.articulation_position("fridge/door")
+
+
+def test_a_motor_on_a_door_is_tampering(robot_model: RobotModel, world: World) -> None:
+    with PyBulletRobot(robot_model, world) as robot:
+        client = robot.simulation.client
+        body, joint = robot.simulation.built.articulations["fridge/upper_door"]
+        robot.clock.sleep(0.1)
+        assert client.counts["tampering"] == 0
+        client.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=100.0)
+        assert client.counts["tampering"] == 1
+
+
+def test_mass_is_spread_as_the_shapes_are() -> None:
+    slab = PlacedShape(Box((0.2, 0.4, 0.6)), Pose.from_xyz_rpy((1.0, 0.0, 0.0)))
+    centre, inertia = mass_distribution([slab], 12.0)
+    np.testing.assert_allclose(centre, [1.0, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(inertia, np.diag([0.16 + 0.36, 0.04 + 0.36, 0.04 + 0.16]), atol=1e-9)
+    twin = PlacedShape(Box((0.2, 0.4, 0.6)), Pose.from_xyz_rpy((-1.0, 0.0, 0.0)))
+    centre, inertia = mass_distribution([slab, twin], 24.0)
+    np.testing.assert_allclose(centre, 0.0, atol=1e-9)
+    assert inertia[2, 2] == pytest.approx(2 * (0.2 + 12.0))
