@@ -24,7 +24,7 @@ from bestman_bt.configuration import ConfigurationError
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner
-from bestman_bt.perception.segmentation import RegionGrowing, SegmentedScene, Segmentation
+from bestman_bt.perception.segmentation import PlaneDbscan, SegmentedScene, Segmentation
 from bestman_bt.scene import read_object
 from hal.api import CommandRefusedError
 
@@ -118,7 +118,7 @@ def _shape(number: int) -> ObjectModel | None:
 
 @cache
 def _segmentation() -> Segmentation:
-    return RegionGrowing()
+    return PlaneDbscan()
 
 
 @cache
