@@ -78,7 +78,7 @@ class FrontHandles(HandleDetector):
         frame_from_front = front.frame_from_front
         turn = frame_from_front.rotation
         borders = panel_borders(rectified, *one.rectangle, p.borders, one.borders)
-        suggested = suggest_joint(one.kind, one.upright, one.centre, borders, p.joint)
+        suggested = suggest_joint(one.kind, one.upright, one.centre, borders, (front.low, front.high), p.joint)
         line = None if suggested.hinge_side is None else hinge_line(suggested.hinge_side, borders, p.joint)
         opening = np.array([0.0, 0.0, 1.0])
         if line is not None:

@@ -19,13 +19,14 @@ from bestman_bt.perception.affordance.panel_borders import PanelBorders
 class JointSuggestionParameters:
     """``centred``: a handle is amid a panel where it is off by less than this share of the half width.
 
-    ``drawer_height``: metres, of the highest drawers. ``near``: metres from a border, where the others are not seen.
-    ``leaf``: metres, half the thickness of doors: their hinges lie that far behind the front.
+    ``drawer_height``: metres, of the highest drawers. ``folding_place``: share of the half height beyond which the
+    handle of a folding panel is; ``folding_slenderness``: most height by width of one. ``leaf``: metres, half the thickness of doors: their hinges lie that far behind the front.
     """
 
     centred: float = 0.2
     drawer_height: float = 0.55
-    near: float = 0.12
+    folding_place: float = 0.6
+    folding_slenderness: float = 1.8
     leaf: float = 0.010
 
 
@@ -43,24 +44,31 @@ def suggest_joint(
     upright: bool,
     centre: NDArray[np.float64],
     borders: PanelBorders,
+    seen: tuple[NDArray[np.float64], NDArray[np.float64]],
     parameters: JointSuggestionParameters,
 ) -> JointSuggestion:
-    """For a handle at ``centre`` (x, y, metres in the frame of its front); ``upright``: its axis is vertical."""
+    """For a handle at ``centre`` (x, y, metres in the frame of its front); ``upright``: its axis is vertical.
+
+    ``seen``: lowest and highest x and y of the front that were seen; they stand in for borders that were not.
+    """
     p = parameters
-    across = _place(float(centre[0]), borders.left, borders.right, p)
-    along = _place(float(centre[1]), borders.bottom, borders.top, p)
-    height = None if borders.top is None or borders.bottom is None else borders.top - borders.bottom
-    sure = 0.9 if borders.rectangle is not None else 0.7
-    if across is not None and abs(across) >= p.centred:
+    low, high = seen
+    left, right = _first(borders.left, low[0]), _first(borders.right, high[0])
+    bottom, top = _first(borders.bottom, low[1]), _first(borders.top, high[1])
+    width, height = right - left, top - bottom
+    across, along = (2 * centre[0] - left - right) / width, (2 * centre[1] - bottom - top) / height
+    sure = 0.9 if borders.rectangle is not None else 0.65
+    if abs(across) >= p.centred:
         # Beside the middle: a door, hinged on the other side.
         return JointSuggestion("revolute", sure, "left" if across > 0 else "right")
     if upright and kind != "knob":
         return JointSuggestion("revolute", 0.6)
-    if height is not None and height > p.drawer_height and along is not None and abs(along) >= p.centred:
-        return JointSuggestion("revolute", sure, "bottom" if along > 0 else "top")
-    if height is None:
-        return JointSuggestion("prismatic", 0.6)
-    return JointSuggestion("prismatic", sure if height < 0.8 * p.drawer_height else 0.7)
+    if height > p.drawer_height:
+        if abs(along) >= p.folding_place and height < p.folding_slenderness * width:
+            return JointSuggestion("revolute", sure, "bottom" if along > 0 else "top")
+        # A bar may take so much of a narrow door's width that it is hardly off its middle.
+        return JointSuggestion("revolute", 0.55, "left" if across > 0 else "right")
+    return JointSuggestion("prismatic", sure if height < 0.8 * p.drawer_height else 0.6)
 
 
 def hinge_line(
@@ -80,12 +88,5 @@ def hinge_line(
     return np.array([middle, at, -p.leaf]), np.array([1.0 if side == "bottom" else -1.0, 0.0, 0.0])
 
 
-def _place(value: float, low: float | None, high: float | None, p: JointSuggestionParameters) -> float | None:
-    """-1 at the lower border, 1 at the upper one; None where that cannot be told."""
-    if low is not None and high is not None:
-        return (2 * value - low - high) / max(high - low, 1e-3)
-    if high is not None and high - value < p.near:
-        return 1.0
-    if low is not None and value - low < p.near:
-        return -1.0
-    return None
+def _first(border: float | None, otherwise: float) -> float:
+    return float(otherwise) if border is None else border

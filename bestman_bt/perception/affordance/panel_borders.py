@@ -26,7 +26,7 @@ class PanelBordersParameters:
 
     contrast: float = 14.0
     span: float = 0.05
-    share: tuple[float, float] = (0.7, 0.75)
+    share: tuple[float, float] = (0.7, 0.88)
     before: float = 0.006
     clear: float = 0.012
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -67,11 +68,15 @@ class RectifiedFront:
         return seen_through
 
 
-def rectify(view: View, front: Front, relief: Relief, margin: float = 0.11, finest: float = 0.0025) -> RectifiedFront:
-    """The front and ``margin`` metres around it, in cells about as large as a pixel, at least ``finest`` metres."""
-    cell = max(finest, 0.9 * relief.pixel_size())
+def rectify(
+    view: View, front: Front, relief: Relief, margin: float = 0.11, finest: float = 0.0025, most_cells: int = 250_000
+) -> RectifiedFront:
+    """The front and ``margin`` metres around it, in cells about as large as a pixel, at least ``finest``
+    metres."""
     low = front.low - margin
-    columns, rows = (int(n) for n in np.ceil((front.high + margin - low) / cell) + 1)
+    extent = front.high + margin - low
+    cell = max(finest, 0.9 * relief.pixel_size(), math.sqrt(float(np.prod(extent)) / most_cells))
+    columns, rows = (int(n) for n in np.ceil(extent / cell) + 1)
     k = view.image.intrinsics
     camera_from_front = view.frame_from_camera.inverse() @ front.frame_from_front
     plane = np.column_stack([camera_from_front.rotation[:, :2], camera_from_front.position])
