@@ -66,6 +66,8 @@ ALGORITHMS = Registry(
     "algorithm",
     {
         "affordance/front_handles": "bestman_bt.perception.affordance:FrontHandles",
+        "detection/color_shape": "bestman_bt.perception.detection:ColorShape",
+        "detection/model_registration": "bestman_bt.perception.detection:ModelRegistration",
         "segmentation/plane_dbscan": "bestman_bt.perception.segmentation:PlaneDbscan",
         "segmentation/region_growing": "bestman_bt.perception.segmentation:RegionGrowing",
         "pose_estimation/multi_start": "bestman_bt.perception.pose_estimation:MultiStart",

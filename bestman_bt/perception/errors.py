@@ -9,3 +9,19 @@ class PerceptionError(Exception):
 
 class NoSurfaceError(PerceptionError):
     """No support surface was seen where one was expected; the message says how much was seen instead."""
+
+
+class MissingExtraError(PerceptionError):
+    """A package that is needed is not installed; the message names the extra that brings it."""
+
+
+class DetectorModelError(PerceptionError):
+    """A learned model that cannot be used: no such file, no such format, other inputs or outputs than expected."""
+
+
+class DetectorUnreachableError(PerceptionError):
+    """A remote detector gave no answer, as often as it was asked; the message has the URL and the reason."""
+
+
+class DetectorReplyError(PerceptionError):
+    """A remote detector's answer breaks the protocol; the message has the URL and what is wrong with it."""

@@ -37,12 +37,29 @@ class Detection:
         """See PoseHypothesis."""
         return self.hypothesis.confidence
 
+    @property
+    def at_border(self) -> bool:
+        """Whether the picture may cut the object off: a part of what was judged was not in view."""
+        return self.cluster.at_border
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledCluster(Cluster):
+    """A thing that a detector has a name for, but whose pose is not known: no model, or none that fits.
+
+    ``score``: the detector's, 0 to 1.
+    """
+
+    label: str = ""
+    score: float = 0.0
+
 
 @dataclass(frozen=True, eq=False)
 class DetectedScene:
     """``detections``: most confident first. ``unknown``: clusters that no model explains: obstacles.
 
-    ``scene``: what was segmented, for surface_coverage.
+    Those of the unknown that an image detector has a name for are LabelledClusters. ``scene``: what was segmented, for
+    surface_coverage.
     """
 
     scene: SegmentedScene
@@ -57,6 +74,11 @@ class DetectedScene:
     def find(self, name: str) -> Detection | None:
         """The most confident detection of the object called ``name``; None where it is not in view."""
         return next((detection for detection in self.detections if detection.name == name), None)
+
+    def labelled(self, label: str) -> LabelledCluster | None:
+        """The thing with the highest score that is called ``label`` but has no pose; None where there is none."""
+        named = [thing for thing in self.unknown if isinstance(thing, LabelledCluster) and thing.label == label]
+        return max(named, key=lambda thing: thing.score, default=None)
 
     def obstacles_beside(self, name: str | None, grow: float = 0.0) -> tuple[Cluster, ...]:
         """All clusters but the one of ``name``."""

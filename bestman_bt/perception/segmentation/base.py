@@ -136,7 +136,7 @@ class Cluster:
     def seen_from(self, other_from_frame: Pose) -> Cluster:
         """The same cluster, given in another frame."""
         points, plane = other_from_frame.apply(self.points), self.plane.seen_from(other_from_frame)
-        return Cluster(points, self.colors, plane, self.at_border)
+        return replace(self, points=points, plane=plane)
 
     def obstacle(self, grow: float = 0.0) -> PlacedShape:
         """The bounding box, ``grow`` metres larger on each side and above: for collision worlds."""

@@ -1,0 +1,116 @@
+"""Detection by colour and shape: cheap looks first, registration only for what a cluster could be.
+
+Each cluster is compared with what every model would look like from the camera (see color_palette and shape_signature).
+The likeliest models go to the pose estimator, the others not: so many models cost little. The estimator has the last
+word: what it does not confirm has no name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import ObjectModel
+from bestman_bt.perception.detection.base import DetectedScene, Detector
+from bestman_bt.perception.detection.color_palette import palette_distance
+from bestman_bt.perception.detection.naming import NamingParameters, named_scene
+from bestman_bt.perception.detection.shape_signature import ModelLook, model_look, signature
+from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator, PoseHypothesis
+from bestman_bt.perception.segmentation import Cluster, Region, RegionGrowing, Segmentation
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True)
+class ColorShapeParameters(NamingParameters):
+    """``max_color``, ``max_shape``: distances of colours (see palette_distance) and shapes (see ModelLook) beyond which
+    a model is not tried. ``color_weight``: of colour against shape in the order in which models are tried.
+    ``first``: models that are tried at once, where they are within ``margin`` of the likeliest; the others, up to
+    ``most``, are tried one after the other until one is confirmed.
+    ``tie``: two confirmed models whose logits of confidence differ by less are told apart by colour and shape.
+    ``elevation_step``: radians; looks of models are kept for such steps.
+    """
+
+    max_color: float = 0.15
+    max_shape: float = 2.0
+    color_weight: float = 15.0
+    first: int = 2
+    margin: float = 0.6
+    most: int = 4
+    tie: float = 1.5
+    elevation_step: float = math.radians(10.0)
+
+
+class ColorShape(Detector):
+    """See the module. It keeps the looks of the models that it has met."""
+
+    def __init__(
+        self,
+        parameters: ColorShapeParameters | None = None,
+        segmentation: Segmentation | None = None,
+        pose_estimator: PoseEstimator | None = None,
+    ) -> None:
+        self.parameters = parameters or ColorShapeParameters()
+        self.segmentation = segmentation or RegionGrowing()
+        self.pose_estimator = pose_estimator or MultiStart()
+        self._looks: dict[tuple[ObjectModel, int], ModelLook] = {}
+
+    def detect(
+        self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
+    ) -> DetectedScene:
+        """See Detector."""
+        scene = self.segmentation.segment(view, region, rng)
+        found = [(cluster, self._hypotheses(cluster, models, view)) for cluster in scene.clusters]
+        return named_scene(scene, found, self.parameters)
+
+    def candidates(
+        self, cluster: Cluster, models: Sequence[ObjectModel], view: View
+    ) -> tuple[tuple[ObjectModel, float], ...]:
+        """The models that ``cluster`` could be, likeliest first, each with its distance in colour and shape."""
+        p = self.parameters
+        plane_from_frame = cluster.plane.frame_from_plane.inverse()
+        points, eye = plane_from_frame.apply(cluster.points), plane_from_frame.apply(view.viewpoint)
+        towards = eye - points.mean(axis=0)
+        elevation = math.atan2(towards[2], math.hypot(towards[0], towards[1]))
+        seen = signature(points, eye)
+        found = []
+        for model in models:
+            look = self._look(model, round(elevation / p.elevation_step))
+            color = palette_distance(cluster.colors, look.palette, look.shares)
+            if color > p.max_color:
+                continue
+            shape = look.shape_distance(seen)
+            if shape <= p.max_shape:
+                found.append((model, shape + p.color_weight * color))
+        found.sort(key=lambda item: item[1])
+        return tuple(found)
+
+    def _hypotheses(self, cluster: Cluster, models: Sequence[ObjectModel], view: View) -> tuple[PoseHypothesis, ...]:
+        p = self.parameters
+        likely = self.candidates(cluster, models, view)[: p.most]
+        distance = {model.name: value for model, value in likely}
+        found: list[PoseHypothesis] = []
+        close = [item for item in likely[: p.first] if item[1] <= likely[0][1] + p.margin]
+        for some in (close, *([item] for item in likely[len(close) :])):
+            found += self.pose_estimator.estimate(cluster, [model for model, _ in some], view)
+            if any(hypothesis.confidence >= p.min_confidence for hypothesis in found):
+                break
+        found.sort(key=lambda hypothesis: -hypothesis.confidence)
+        if len(found) > 1:
+            level = _logit(found[0].confidence) - p.tie
+            tied = [hypothesis for hypothesis in found if _logit(hypothesis.confidence) >= level]
+            tied.sort(key=lambda hypothesis: distance[hypothesis.model.name])
+            found = tied + [hypothesis for hypothesis in found if hypothesis not in tied]
+        return tuple(found)
+
+    def _look(self, model: ObjectModel, step: int) -> ModelLook:
+        if (model, step) not in self._looks:
+            self._looks[model, step] = model_look(model, step * self.parameters.elevation_step)
+        return self._looks[model, step]
+
+
+def _logit(confidence: float) -> float:
+    bounded = min(max(confidence, 1e-9), 1.0 - 1e-9)
+    return math.log(bounded / (1.0 - bounded))
