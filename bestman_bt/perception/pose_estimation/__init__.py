@@ -1,6 +1,16 @@
 """Poses of known objects."""
 
-from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
+from bestman_bt.perception.pose_estimation.base import AMBIGUOUS_YAW, PoseEstimator, PoseHypothesis
 from bestman_bt.perception.pose_estimation.multi_start import MultiStart, MultiStartParameters
+from bestman_bt.perception.pose_estimation.multi_view import MultiView, MultiViewParameters, Observation
 
-__all__ = ["MultiStart", "MultiStartParameters", "PoseEstimator", "PoseHypothesis"]
+__all__ = [
+    "AMBIGUOUS_YAW",
+    "MultiStart",
+    "MultiStartParameters",
+    "MultiView",
+    "MultiViewParameters",
+    "Observation",
+    "PoseEstimator",
+    "PoseHypothesis",
+]

@@ -1,9 +1,10 @@
 """How well each yaw explains a view: a likelihood profile, and the set of yaws that it leaves open.
 
-At every yaw of a grid the object is slid to where it fits best. Two things speak against a yaw: measured points far from
-the model (a handle was seen where the model has none), and model surface that would float in front of measured depth (a
-handle should be seen where there is none). What the object's own body, another object or the image's border hides says
-nothing. Both are robust Gaussian costs, as in the beam model of Thrun, Burgard and Fox, "Probabilistic Robotics", 2005.
+At every yaw of a grid the object is slid to where it fits best. Two things speak against a yaw: measured points far
+from the model (a handle was seen where the model has none), and model surface that would float in front of measured
+depth (a handle should be seen where there is none). What the object's own body, another object or the image's border
+hides says nothing. Both are robust Gaussian costs, as in the beam model of Thrun, Burgard and Fox, "Probabilistic
+Robotics", 2005.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class YawProfileParameters:
     cap: float = 4.0
     floating_weight: float = 0.5
     position_error: float = 0.002
-    margin: float = 12.0
+    margin: float = 18.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,13 @@ class YawProfile:
         """Radians between two yaws."""
         return 2 * math.pi / len(self.yaws)
 
-    def peaks(self, margin: float) -> list[int]:
-        """Indices of the local maxima within ``margin`` of the best, best first."""
+    def starts(self, margin: float, limit: int) -> list[NDArray[np.float64]]:
+        """Poses (3,) at the local maxima within ``margin`` of the best, best first, at most ``limit``."""
         value = self.log_likelihood
         local = (value >= np.roll(value, 1)) & (value > np.roll(value, -1)) & (value >= value.max() - margin)
         local[int(value.argmax())] = True
-        return sorted(np.flatnonzero(local).tolist(), key=lambda k: -value[k])
+        best_first = sorted(np.flatnonzero(local).tolist(), key=lambda k: -value[k])
+        return [np.array([*self.positions[k], self.yaws[k]]) for k in best_first[:limit]]
 
     def open_yaws(self, margin: float, best: float) -> YawSet:
         """Arcs of the yaws within ``margin`` of the best; the one that holds or is nearest to ``best`` comes first."""
@@ -107,7 +109,9 @@ def yaw_profile(
     shifts = turned.shifts @ np.array([[c, s], [-s, c]])
     poses = np.column_stack([start[:2] + shifts, yaws])
     some = points[evenly(len(points), p.points)]
-    poses = slide(turned.surface, some[evenly(len(some), p.slide_points)], poses, p.iterations, p.scale, plane_view.viewpoint)
+    poses = slide(
+        turned.surface, some[evenly(len(some), p.slide_points)], poses, p.iterations, p.scale, plane_view.viewpoint
+    )
     log_likelihood = profile_likelihood(turned, some, plane_view, poses, noise, p)
     return YawProfile(yaws, poses[:, :2], log_likelihood)
 
@@ -156,9 +160,7 @@ def _floating_cost(
     return cost * (len(telling) / len(asked))
 
 
-def _nearest_depth(
-    view: View, pixels: NDArray[np.float64], depth: float, position_error: float
-) -> NDArray[np.float64]:
+def _nearest_depth(view: View, pixels: NDArray[np.float64], depth: float, position_error: float) -> NDArray[np.float64]:
     """The smallest depth measured around each pixel; NaN where nothing was measured."""
     k = view.image.intrinsics
     radius = max(1, round(position_error * k.fx / max(depth, 1e-3)))

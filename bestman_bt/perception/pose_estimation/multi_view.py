@@ -1,0 +1,188 @@
+"""One object seen in several views: their fits are fused, their evidence about its yaw multiplied.
+
+In each view the object is registered as in MultiStart; the fits are fused by their information matrices (covariance
+weighting as in Smith and Cheeseman, "On the Representation and Estimation of Spatial Uncertainty", 1986), after each
+was widened by the error of its camera pose. A yaw stays open where the sum of the views' log-likelihoods leaves it so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import ObjectModel, Pose, YawSet
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+from bestman_bt.perception.pose_estimation.evidence import Evidence, color_distance
+from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
+from bestman_bt.perception.pose_estimation.multi_start import (
+    MultiStart,
+    MultiStartParameters,
+    SeenCluster,
+    covariance_in_frame,
+)
+from bestman_bt.perception.pose_estimation.registration import Fit, coarse_poses, fit_at, refined_fit
+from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile, profile_likelihood, yaw_profile
+from bestman_bt.perception.segmentation.base import Cluster, SupportPlane
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What one view shows of the object; cluster and view of all observations are given in one frame."""
+
+    cluster: Cluster
+    view: View
+
+
+@dataclass(frozen=True)
+class MultiViewParameters:
+    """``single``: of the registration in each view. ``camera_position_std``, metres, and ``camera_yaw_std``, radians:
+    how well the views' camera poses are known relative to each other.
+    """
+
+    single: MultiStartParameters = field(default_factory=MultiStartParameters)
+    camera_position_std: float = 0.0015
+    camera_yaw_std: float = 0.005
+
+
+class MultiView:
+    """See the module. Objects stand upright in it."""
+
+    def __init__(self, parameters: MultiViewParameters | None = None) -> None:
+        self.parameters = parameters or MultiViewParameters()
+        self.single = MultiStart(self.parameters.single)
+
+    def estimate(
+        self, observations: Sequence[Observation], models: Sequence[ObjectModel]
+    ) -> tuple[PoseHypothesis, ...]:
+        """The best pose of each model that could be what all ``observations`` show, most confident first.
+
+        Equal input gives equal output. Raises PerceptionError without an observation.
+        """
+        if not observations:
+            raise PerceptionError("MultiView needs at least one observation, got none")
+        if len(observations) == 1:
+            return self.single.estimate(observations[0].cluster, models, observations[0].view)
+        # The plane that most was seen of is the common one.
+        plane = max((o.cluster.plane for o in observations), key=lambda plane: len(plane.inliers))
+        seen = [_seen_on(plane, observation, self.parameters.single) for observation in observations]
+        found = [best for model in models if (best := self._fit_model(model, seen)) is not None]
+        found.sort(key=lambda hypothesis: -hypothesis.confidence)
+        return tuple(found)
+
+    def _fit_model(self, model: ObjectModel, seen: Sequence[SeenCluster]) -> PoseHypothesis | None:
+        p = self.parameters.single
+        colors = np.concatenate([item.cluster.colors for item in seen])
+        color = color_distance(colors, model.color)
+        surface = self.single.surfaces.resting(model)[0]
+        if color > p.color_limit or not all(item.may_be(surface, p.size_tolerance) for item in seen):
+            return None
+        turns = model.symmetry_order
+        profile = self._profile(surface, seen) if turns == 1 else None
+        starts = self._starts(surface, seen, turns, profile)
+        candidates = [self._fused(surface, seen, start, turns) for start in starts]
+        if profile is None:
+            logits = [p.confidence.logit(evidence, color) for _, evidence in candidates]
+            best = int(np.argmax(logits))
+        else:
+            best = int(np.argmax([self._likelihood(surface, seen, fit) for fit, _ in candidates]))
+        fit, evidence = candidates[best]
+        frame_from_plane = seen[0].cluster.plane.frame_from_plane
+        pose = fit.frame_from_object(frame_from_plane, surface)
+        return PoseHypothesis(
+            model=model,
+            pose=pose,
+            confidence=1.0 / (1.0 + math.exp(-p.confidence.logit(evidence, color))),
+            covariance=covariance_in_frame(fit.covariance, frame_from_plane),
+            yaw_set=self._open_yaws(fit, profile, turns).turned(pose.yaw - float(fit.pose[2])),
+            rmse=evidence.rmse,
+            explained=evidence.explained,
+            visible_fraction=evidence.visible_fraction,
+            floating=evidence.floating,
+            color_distance=color,
+        )
+
+    def _profile(self, surface: ModelSurface, seen: Sequence[SeenCluster]) -> YawProfile:
+        """Product of the views' likelihoods, on the yaws of the first; positions: the means."""
+        p = self.parameters.single
+        turned = self.single.surfaces.turned(surface)
+        start = coarse_poses(surface, seen[0].points, seen[0].eye, 1, 1, p)[0]
+        profiles = [yaw_profile(turned, s.points, s.plane_view, start, s.noise, p.yaw) for s in seen]
+        return YawProfile(
+            profiles[0].yaws,
+            np.mean([profile.positions for profile in profiles], axis=0),
+            np.sum([profile.log_likelihood for profile in profiles], axis=0),
+        )
+
+    def _starts(
+        self, surface: ModelSurface, seen: Sequence[SeenCluster], turns: int, profile: YawProfile | None
+    ) -> list[NDArray[np.float64]]:
+        p = self.parameters.single
+        if profile is not None:
+            return [
+                np.array([*profile.positions[k], profile.yaws[k]]) for k in profile.peaks(p.yaw.margin)[: p.refined]
+            ]
+        return [start for item in seen for start in coarse_poses(surface, item.points, item.eye, turns, p.refined, p)]
+
+    def _fused(
+        self, surface: ModelSurface, seen: Sequence[SeenCluster], start: NDArray[np.float64], turns: int
+    ) -> tuple[Fit, Evidence]:
+        """The fits of all views in one, and the evidence for it, weighed by the views' points."""
+        p = self.parameters
+        information, weighted = np.zeros((3, 3)), np.zeros(3)
+        widening = np.diag([p.camera_position_std**2, p.camera_position_std**2, p.camera_yaw_std**2])
+        for item in seen:
+            fit = refined_fit(surface, item.points, item.eye, start, turns, p.single)
+            own = np.linalg.inv(fit.covariance + widening)
+            information += own
+            weighted += own @ (fit.pose - start)
+        pose = start + np.linalg.solve(information, weighted)
+        fits = [fit_at(surface, item.points, item.eye, pose, turns, p.single) for item in seen]
+        covariance = np.linalg.inv(information)
+        if not turns:
+            covariance[2, 2] = math.pi**2
+        evidence = [item.judge(surface, fit) for item, fit in zip(seen, fits, strict=True)]
+        weights = np.array([len(item.points) for item in seen], dtype=np.float64)
+        fused = Fit(pose, np.concatenate([fit.residuals for fit in fits]), covariance)
+        return fused, pooled(evidence, weights / weights.sum())
+
+    def _likelihood(self, surface: ModelSurface, seen: Sequence[SeenCluster], fit: Fit) -> float:
+        p = self.parameters.single
+        turned = self.single.surfaces.turned(surface)
+        values = [
+            profile_likelihood(turned, item.points, item.plane_view, fit.pose[None], item.noise, p.yaw)[0]
+            for item in seen
+        ]
+        return float(sum(values))
+
+    def _open_yaws(self, fit: Fit, profile: YawProfile | None, turns: int) -> YawSet:
+        if turns == 0:
+            return YawSet()
+        if profile is None:
+            return YawSet(((float(fit.pose[2]), 3.0 * math.sqrt(fit.covariance[2, 2])),))
+        return profile.open_yaws(self.parameters.single.yaw.margin, float(fit.pose[2]))
+
+
+def _seen_on(plane: SupportPlane, observation: Observation, parameters: MultiStartParameters) -> SeenCluster:
+    """Cluster and view lifted or lowered until the plane under the cluster is ``plane``: camera heights err."""
+    cluster, view = observation.cluster, observation.view
+    x, y, _ = cluster.points.mean(axis=0)
+    lift = np.array([0.0, 0.0, plane.height_at(x, y) - cluster.plane.height_at(x, y)])
+    camera = Pose(view.frame_from_camera.position + lift, view.frame_from_camera.quaternion)
+    moved = Cluster(cluster.points + lift, cluster.colors, plane, cluster.at_border)
+    return SeenCluster.of(moved, View(view.image, camera), parameters)
+
+
+def pooled(evidence: Sequence[Evidence], weights: NDArray[np.float64]) -> Evidence:
+    """The mean of several views' evidence; ``weights``: their shares."""
+    mean = {
+        name: float(np.dot(weights, [getattr(item, name) for item in evidence]))
+        for name in ("explained", "visible_fraction", "floating", "noise")
+    }
+    rmse = math.sqrt(float(np.dot(weights, [item.rmse**2 for item in evidence])))
+    return Evidence(rmse=rmse, **mean)

@@ -1,0 +1,202 @@
+"""Registration of a model surface to the points of a cluster, on the plane that carries it.
+
+The object rests on the measured plane, so only x, y and yaw are free: Gauss-Newton on robust point-to-plane distances
+(Chen and Medioni, "Object Modelling by Registration of Multiple Range Images", 1992). Everything here is in the
+plane's frame.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from bestman_bt.messages import Pose
+from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
+from bestman_bt.perception.pose_estimation.point_to_plane import (
+    evenly,
+    gauss_newton,
+    into_model,
+    nearest_offsets,
+    residual_rows,
+)
+
+
+@dataclass(frozen=True)
+class RegistrationParameters:
+    """Lengths in metres, angles in radians.
+
+    ``spacing``: of surface samples. ``coarse_points``, ``fine_points``: of the cluster, at most. ``yaw_step``: between
+    starts; ``offsets``: of the starts from the cluster's centre, away from the camera (which sees only the near side).
+    ``coarse_iterations``, ``fine_iterations``: of Gauss-Newton; ``coarse_scale``, ``fine_scale``: residuals beyond
+    these count less (Cauchy). ``refined``: starts that are refined per model; ``yaw_separation``: how far apart their
+    yaws are at least. ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel.
+    ``error_factor``, ``position_floor``, ``yaw_floor``: standard deviations are the residuals' times the factor
+    (neighbouring residuals are not independent: measured on rendered images) plus the floor.
+    """
+
+    spacing: float = 0.003
+    coarse_points: int = 120
+    fine_points: int = 250
+    yaw_step: float = math.radians(30.0)
+    offsets: tuple[float, ...] = (0.0, 0.012, 0.024)
+    coarse_iterations: int = 8
+    fine_iterations: int = 6
+    coarse_scale: float = 0.008
+    fine_scale: float = 0.004
+    refined: int = 2
+    yaw_separation: float = math.radians(15.0)
+    noise_base: float = 0.0012
+    noise_quadratic: float = 0.0019
+    error_factor: float = 2.0
+    position_floor: float = 0.0003
+    yaw_floor: float = 0.003
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """``pose``: (3,), x, y, yaw in the plane's frame, metres and radians; ``covariance``: (3, 3) of it.
+
+    ``residuals``: (N,), metres, of all points.
+    """
+
+    pose: NDArray[np.float64]
+    residuals: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+    def frame_from_object(self, frame_from_plane: Pose, surface: ModelSurface) -> Pose:
+        """Where the object stands."""
+        x, y, yaw = self.pose
+        return frame_from_plane @ Pose.from_xyz_rpy((x, y, 0.0), (0.0, 0.0, yaw)) @ surface.rest_from_object
+
+
+def depth_noise(points: NDArray[np.float64], eye: NDArray[np.float64], p: RegistrationParameters) -> float:
+    """Standard deviation, metres, expected at the distance of ``points`` (N, 3)."""
+    distance = float(np.linalg.norm(points.mean(axis=0) - eye))
+    return p.noise_base + p.noise_quadratic * max(0.0, distance - 0.4) ** 2
+
+
+def coarse_poses(
+    surface: ModelSurface,
+    points: NDArray[np.float64],
+    eye: NDArray[np.float64],
+    turns: int,
+    limit: int,
+    p: RegistrationParameters,
+) -> list[NDArray[np.float64]]:
+    """The best distinct poses (3,) of all starts, at most ``limit``; ``turns``: symmetry order about z."""
+    points = points[evenly(len(points), p.coarse_points)]
+    lower, upper = np.percentile(points[:, :2], [2.0, 98.0], axis=0)
+    centre = (lower + upper) / 2
+    away = centre - eye[:2]
+    away /= max(float(np.linalg.norm(away)), 1e-9)
+    span = 2 * math.pi / turns if turns else 0.0
+    count = max(1, math.ceil(span / p.yaw_step - 1e-9))
+    yaws = np.arange(count) * (span / count)
+    starts = np.array([[*(centre + offset * away), yaw] for offset in p.offsets for yaw in yaws])
+    for iteration in range(p.coarse_iterations):
+        moved = into_model(points, starts)
+        nearest = surface.nearest_samples(moved)
+        scale = p.coarse_scale * (2.0 if iteration < p.coarse_iterations // 2 else 1.0)
+        normals = surface.normals[nearest]
+        residuals = ((moved - surface.points[nearest]) * normals).sum(axis=2)
+        step, _ = gauss_newton(residuals, normals, moved, starts, scale, bool(turns))
+        starts = starts + step
+    moved = into_model(points, starts)
+    distances = np.linalg.norm(moved - surface.points[surface.nearest_samples(moved)], axis=2)
+    costs = np.minimum(distances, 0.02).mean(axis=1)
+    chosen: list[NDArray[np.float64]] = []
+    for i in np.argsort(costs, kind="stable"):
+        apart = all(
+            np.hypot(*(starts[i, :2] - other[:2])) > 0.006
+            or yaw_difference(starts[i, 2] - other[2], turns) > p.yaw_separation
+            for other in chosen
+        )
+        if apart:
+            chosen.append(starts[i])
+        if len(chosen) == limit:
+            break
+    return chosen
+
+
+def refined_fit(
+    surface: ModelSurface,
+    points: NDArray[np.float64],
+    eye: NDArray[np.float64],
+    start: NDArray[np.float64],
+    turns: int,
+    p: RegistrationParameters,
+) -> Fit:
+    """Fit to the samples that face the camera: of a thin wall only one side can have been measured."""
+    pose = start[None]
+    some = points[evenly(len(points), p.fine_points)]
+    # What faces the camera depends on the pose: it is found anew for the second half.
+    for iteration in range(p.fine_iterations):
+        if iteration in (0, p.fine_iterations // 2):
+            seen = _FacingSide(surface, eye, pose)
+        moved = into_model(some, pose)
+        residuals, directions, places = residual_rows(*seen.nearest(moved[0]), moved[0], p.spacing)
+        step, _ = gauss_newton(residuals[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
+        pose = pose + step
+    return _judged_fit(surface, points, seen, pose, turns, p)
+
+
+def fit_at(
+    surface: ModelSurface,
+    points: NDArray[np.float64],
+    eye: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    turns: int,
+    p: RegistrationParameters,
+) -> Fit:
+    """Residuals and covariance of ``pose`` (3,) as it is."""
+    return _judged_fit(surface, points, _FacingSide(surface, eye, pose[None]), pose[None], turns, p)
+
+
+def yaw_difference(angle: float, turns: int) -> float:
+    """Size of an angle modulo the symmetry, radians."""
+    if turns == 0:
+        return 0.0
+    span = 2 * math.pi / turns
+    return abs((angle + span / 2) % span - span / 2)
+
+
+class _FacingSide:
+    """The samples that face the camera when the model stands at ``pose`` (1, 3)."""
+
+    def __init__(self, surface: ModelSurface, eye: NDArray[np.float64], pose: NDArray[np.float64]) -> None:
+        towards = into_model(eye[None], pose)[0, 0] - surface.points
+        facing = (towards * surface.normals).sum(axis=1) > -0.1 * np.linalg.norm(towards, axis=1)
+        self._samples, self._normals = surface.points[facing], surface.normals[facing]
+        self._tree = cKDTree(self._samples)
+
+    def nearest(self, moved: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return nearest_offsets(self._tree, self._samples, self._normals, moved)
+
+
+def _judged_fit(
+    surface: ModelSurface,
+    points: NDArray[np.float64],
+    seen: _FacingSide,
+    pose: NDArray[np.float64],
+    turns: int,
+    p: RegistrationParameters,
+) -> Fit:
+    moved = into_model(points, pose)
+    offsets, normals = seen.nearest(moved[0])
+    rows, directions, places = residual_rows(offsets, normals, moved[0], p.spacing)
+    _, information = gauss_newton(rows[None], directions[None], places[None], pose, p.fine_scale, bool(turns))
+    along = (offsets * normals).sum(axis=1)
+    distances = np.linalg.norm(offsets, axis=1)
+    beside = distances**2 - along**2 > (2 * p.spacing) ** 2
+    residuals = np.where(beside, distances, along)
+    sigma = max(float(np.sqrt(np.mean(np.minimum(residuals**2, 0.01**2)))), 1e-4)
+    covariance = np.linalg.inv(information[0]) * (p.error_factor * sigma) ** 2
+    covariance += np.diag([p.position_floor**2, p.position_floor**2, p.yaw_floor**2])
+    if not turns:
+        covariance[2], covariance[:, 2] = 0.0, 0.0
+        covariance[2, 2] = math.pi**2
+    return Fit(pose[0], residuals, covariance)

@@ -1,0 +1,197 @@
+"""The view after which the fewest yaws stay open.
+
+For each yaw that an object may have, the model is looked at from each candidate: which part of its surface would be
+seen, and how far does that part lie from the model at the other yaws? Two yaws stay together where that is too little
+evidence to part them. The expected width of what stays ranks the views: a next-best-view planner in the sense of
+Connolly, "The Determination of Next Best Views", 1985, for yaw instead of coverage. No physics, no rendering: samples
+of the surface in a depth buffer, and rays against boxes around the obstacles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import CameraIntrinsics, ObjectModel, PlacedShape, Pose, YawSet
+from bestman_bt.perception.pose_estimation.base import PoseHypothesis
+from bestman_bt.perception.pose_estimation.model_surface import model_surface
+from bestman_bt.perception.pose_estimation.point_to_plane import evenly
+from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, turned_surface
+from bestman_bt.perception.pose_estimation.yaw_profile import YawProfileParameters
+from bestman_bt.perception.view_planning.base import RankedView, ViewPlanner
+from bestman_bt.perception.view_planning.line_of_sight import hidden_by_shapes, unobstructed
+
+
+@dataclass(frozen=True)
+class ExpectedYawParameters:
+    """Lengths in metres, angles in radians.
+
+    ``distances``, ``elevations``, ``azimuths``: of the candidates around the object's middle; the defaults suit a
+    camera beside the hand, one on a mast wants about (0.9, 1.2). ``filling``: the object takes at most this share of
+    the image's smaller side: nearer candidates are moved away. ``spacing``: of surface samples. ``telling_samples``:
+    that change when the object turns, and ``samples`` in all: at most. ``yaw_samples``: of the yaws that are open, at
+    most; ``min_step``: between them. ``noise_base``, ``noise_quadratic``: of depth. ``profile``: how evidence will be
+    weighed in the view that is taken; only the share ``caution`` of what is foreseen is counted on.
+    """
+
+    distances: tuple[float, ...] = (0.30, 0.42)
+    elevations: tuple[float, ...] = (math.radians(35.0), math.radians(52.0), math.radians(70.0))
+    azimuths: int = 10
+    filling: float = 0.7
+    spacing: float = 0.003
+    samples: int = 800
+    telling_samples: int = 250
+    yaw_samples: int = 12
+    min_step: float = math.radians(5.0)
+    noise_base: float = 0.0012
+    noise_quadratic: float = 0.0019
+    caution: float = 0.3
+    profile: YawProfileParameters = field(default_factory=YawProfileParameters)
+
+
+class ExpectedYaw(ViewPlanner):
+    """See the module. It keeps the surfaces of the models that it has met."""
+
+    def __init__(self, parameters: ExpectedYawParameters | None = None) -> None:
+        self.parameters = parameters or ExpectedYawParameters()
+        self._turned: dict[ObjectModel, TurnedSurface] = {}
+
+    def candidates(self, hypothesis: PoseHypothesis, intrinsics: CameraIntrinsics) -> tuple[Pose, ...]:
+        """See ViewPlanner; nearest ring first."""
+        p = self.parameters
+        lower, upper = hypothesis.model.bounds()
+        centre = hypothesis.pose.apply((lower + upper) / 2)
+        radius = float(np.linalg.norm(upper - lower)) / 2
+        half_angle = math.atan(min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2)
+        least = radius / math.sin(p.filling * half_angle)
+        rings = sorted({max(distance, least) for distance in p.distances})
+        return tuple(
+            looking_at(centre, azimuth * 2 * math.pi / p.azimuths, elevation, distance)
+            for distance in rings
+            for elevation in p.elevations
+            for azimuth in range(p.azimuths)
+        )
+
+    def rank(
+        self,
+        hypothesis: PoseHypothesis,
+        candidates: Sequence[Pose],
+        intrinsics: CameraIntrinsics,
+        obstacles: Sequence[PlacedShape] = (),
+    ) -> tuple[RankedView, ...]:
+        """See ViewPlanner. Views that promise the same are ranked by how much of the object they show."""
+        if not candidates:
+            return ()
+        turned = self._turned_surface(hypothesis.model)
+        yaws, step = self._yaws(hypothesis)
+        telling, others = self._samples(turned)
+        chosen = np.concatenate([telling, others])
+        seen = self._visible(hypothesis, turned, yaws, chosen, candidates, intrinsics, obstacles)
+        share = len(telling) / max(1, int((turned.telling > self.parameters.profile.telling).sum()))
+        ranked = []
+        for index, frame_from_camera in enumerate(candidates):
+            distance = float(np.linalg.norm(frame_from_camera.position - hypothesis.pose.position))
+            width = self._expected_width(turned, yaws, step, telling, seen[index, :, : len(telling)], distance, share)
+            ranked.append(RankedView(index, frame_from_camera, width, float(seen[index].mean())))
+        return tuple(sorted(ranked, key=lambda view: (round(view.expected_yaw_width, 6), -view.visible_fraction)))
+
+    def _samples(self, turned: TurnedSurface) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Indices of samples that change when the object turns, and of others, which may hide those."""
+        p = self.parameters
+        tells = turned.telling > p.profile.telling
+        telling, others = np.flatnonzero(tells), np.flatnonzero(~tells)
+        telling = telling[evenly(len(telling), p.telling_samples)]
+        return telling, others[evenly(len(others), p.samples - len(telling))]
+
+    def _turned_surface(self, model: ObjectModel) -> TurnedSurface:
+        if model not in self._turned:
+            self._turned[model] = turned_surface(model_surface(model, Pose(), self.parameters.spacing))
+        return self._turned[model]
+
+    def _yaws(self, hypothesis: PoseHypothesis) -> tuple[NDArray[np.float64], float]:
+        """Turns (Y,) away from the likeliest yaw that are open, and the width that each stands for, radians."""
+        p = self.parameters
+        open_yaws: YawSet = hypothesis.yaw_set
+        if not hypothesis.upright or open_yaws.width == 0.0:
+            return np.zeros(1), 0.0
+        step = max(p.min_step, open_yaws.width / p.yaw_samples)
+        turns = []
+        for middle, half in open_yaws.arcs:
+            count = max(1, round(2 * half / step))
+            offsets = (np.arange(count) + 0.5) / count * 2 * half - half
+            turns.extend(middle + offsets - hypothesis.pose.yaw)
+        return np.array(turns), open_yaws.width / len(turns)
+
+    def _visible(
+        self,
+        hypothesis: PoseHypothesis,
+        turned: TurnedSurface,
+        yaws: NDArray[np.float64],
+        chosen: NDArray[np.intp],
+        candidates: Sequence[Pose],
+        intrinsics: CameraIntrinsics,
+        obstacles: Sequence[PlacedShape],
+    ) -> NDArray[np.bool_]:
+        """Which samples (C, Y, S) each candidate would see at each yaw."""
+        frame_from_rest = hypothesis.pose @ turned.surface.rest_from_object.inverse()
+        points, normals = turned.surface.points[chosen], turned.surface.normals[chosen]
+        seen = np.zeros((len(candidates), len(yaws), len(chosen)), dtype=bool)
+        eyes = np.array([candidate.position for candidate in candidates])
+        cell = self.parameters.spacing * 2.0
+        for index, (yaw, shift) in enumerate(zip(yaws, turned.shift(yaws), strict=True)):
+            frame_from_turned = frame_from_rest @ Pose.from_xyz_rpy((*shift, 0.0), (0.0, 0.0, yaw))
+            placed = frame_from_turned.apply(points)
+            seen[:, index] = unobstructed(points, normals, frame_from_turned.inverse().apply(eyes), cell)
+            seen[:, index] &= ~hidden_by_shapes(placed, eyes, obstacles)
+            for number, candidate in enumerate(candidates):
+                seen[number, index] &= _in_image(placed, candidate, intrinsics)
+        return seen
+
+    def _expected_width(
+        self,
+        turned: TurnedSurface,
+        yaws: NDArray[np.float64],
+        step: float,
+        telling: NDArray[np.intp],
+        seen: NDArray[np.bool_],
+        distance: float,
+        share: float,
+    ) -> float:
+        """Radians; ``seen``: (Y, T) of the ``telling`` samples, which are the ``share`` of all that tell."""
+        p = self.parameters
+        if step == 0.0:
+            return 0.0
+        noise = p.noise_base + p.noise_quadratic * max(0.0, distance - 0.4) ** 2
+        variance = noise**2 + p.profile.model_error**2
+        # Evidence that what is seen at yaw a does not belong to yaw b: (Y, Y).
+        turns = turned.nearest_turn(yaws[None, :] - yaws[:, None])
+        moved = np.maximum(0.0, turned.distances[:, telling] - turned.distances[0, telling])
+        costs = np.minimum(moved**2 / (2 * variance), p.profile.cap)
+        foreseen = np.take_along_axis(seen.astype(np.float64) @ costs.T, turns, axis=1)
+        evidence = p.caution * p.profile.floating_weight / share * (foreseen + foreseen.T)
+        return float(step * (evidence < p.profile.margin).sum(axis=1).mean())
+
+
+def looking_at(centre: NDArray[np.float64], azimuth: float, elevation: float, distance: float) -> Pose:
+    """Optical frame (z ahead, y down) at ``distance`` metres from ``centre``, which it looks at, upright."""
+    back = np.array(
+        [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+    )
+    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([right, np.cross(-back, right), -back], axis=1)
+    matrix[:3, 3] = np.asarray(centre) + distance * back
+    return Pose.from_matrix(matrix)
+
+
+def _in_image(points: NDArray[np.float64], frame_from_camera: Pose, k: CameraIntrinsics) -> NDArray[np.bool_]:
+    x, y, z = frame_from_camera.inverse().apply(points).T
+    ahead = z > 1e-3
+    depth = np.where(ahead, z, 1.0)
+    u, v = k.cx + k.fx * x / depth, k.cy + k.fy * y / depth
+    inside: NDArray[np.bool_] = ahead & (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+    return inside
