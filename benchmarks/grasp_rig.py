@@ -160,7 +160,7 @@ class GraspRig:
         """A picture for people of the hand and the object, (H, W, 3)."""
         at = self.truth.object_pose(target).position
         eye = at + np.array([-0.55, -0.35, 0.30])
-        return self.photographer.picture(Viewpoint(tuple(eye), tuple(at + (0.0, 0.0, 0.05)), 45.0), 640, 480, 1)
+        return self.photographer.picture(Viewpoint(tuple(eye), tuple(at + np.array([0.0, 0.0, 0.05])), 45.0), 640, 480, 1)
 
     def grasp(self, candidate: GraspCandidate, target: str) -> GraspOutcome:
         """Carry ``candidate`` out and judge it; ``target``: the object that is to be lifted."""

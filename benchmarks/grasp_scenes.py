@@ -14,6 +14,7 @@ import pybullet
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, cKDTree
 
+from benchmarks.rendering import occlusion
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.perception.segmentation import Region
@@ -23,6 +24,8 @@ from hal.pybullet.body_urdf import body_urdf
 TABLE_SIZE, TOP_THICKNESS = (0.8, 1.2), 0.04
 MAST = (-0.2, 0.0, 1.65)
 """Where the head camera stands over the robot's base, which is at the origin."""
+MAX_HIDDEN = 0.30
+OPTICAL = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (-math.pi / 2, 0.0, -math.pi / 2))
 REACH = ((-0.30, 0.10), (-0.30, 0.30))
 """Where on the table things stand: x from its middle, towards the robot negative, and y; metres."""
 
@@ -40,37 +43,35 @@ class GraspScene:
     head: Pose
 
 
-def draw_scene(
-    seed: int, things: Sequence[tuple[ObjectModel, Pose]], gap: tuple[float, float], target: int = 0
-) -> GraspScene:
+def draw_scene(seed: int, things: Sequence[tuple[ObjectModel, Pose]], gap: tuple[float, float]) -> GraspScene:
     """Put ``things`` on a table, each turned about z at random from the orientation that its pose gives.
 
     The names in the world are ``thing_0`` and so on. ``gap``: least and largest distance (metres, outlines seen from
-    above) of every other thing from its nearest neighbour; the thing ``target`` is put first.
+    above) of each thing from its nearest neighbour among those before it. Of the first one, the others hide at most
+    MAX_HIDDEN from the head camera.
     """
     rng = np.random.default_rng([seed, 1])
     height = float(rng.uniform(0.70, 0.90))
     table = Pose2D(0.32 + float(rng.uniform(0.0, 0.1)) + TABLE_SIZE[0] / 2, float(rng.uniform(-0.1, 0.1)), 0.0)
-    order = [target, *(i for i in range(len(things)) if i != target)]
+    head = Pose.from_xyz_rpy(MAST, (0.0, math.radians(float(rng.uniform(40.0, 50.0))), float(rng.uniform(-0.15, 0.15))))
+    error = Pose2D(*(float(v) for v in rng.uniform(-0.03, 0.03, 2)), float(rng.uniform(-0.035, 0.035)))
     for _ in range(200):
-        poses: dict[int, Pose] = {}
-        outlines: list[NDArray[np.float64]] = []
-        for index in order:
-            found = _place(*things[index], outlines, gap, table, height, rng)
+        poses: list[Pose] = []
+        for model, lying in things:
+            others = [_outline(other, pose) for (other, _), pose in zip(things, poses, strict=False)]
+            found = _place(model, lying, others, gap, table, height, rng)
             if found is None:
                 break
-            poses[index] = found
-            outlines.append(_outline(things[index][0], found))
-        else:
+            poses.append(found)
+        if len(poses) == len(things) and _hidden([model for model, _ in things], poses, head) <= MAX_HIDDEN:
             break
     else:
         raise RuntimeError(f"no room for {len(things)} things on a table with seed {seed}")
-    objects = tuple(PlacedObject(f"thing_{i}", things[i][0], poses[i]) for i in range(len(things)))
+    placed = zip(things, poses, strict=True)
+    objects = tuple(PlacedObject(f"thing_{i}", model, pose) for i, ((model, _), pose) in enumerate(placed))
     furniture = PlacedFurniture("table", _table(height), table, table)
     world = World("grasps", seed, (), (furniture,), objects, Pose2D(), {})
-    error = Pose2D(*(float(v) for v in rng.uniform(-0.03, 0.03, 2)), float(rng.uniform(-0.035, 0.035)))
     region = Region((table @ error).to_pose(height), (TABLE_SIZE[0] + 0.1, TABLE_SIZE[1] + 0.1))
-    head = Pose.from_xyz_rpy(MAST, (0.0, math.radians(float(rng.uniform(40.0, 50.0))), float(rng.uniform(-0.15, 0.15))))
     return GraspScene(world, region, height, head)
 
 
@@ -139,6 +140,18 @@ def _outline(model: ObjectModel, pose: Pose) -> NDArray[np.float64]:
     steps = np.maximum(1, np.ceil(np.linalg.norm(following - corners, axis=1) / 0.003).astype(int))
     sides = zip(corners, following, steps, strict=True)
     return np.concatenate([a + np.linspace(0.0, 1.0, n, endpoint=False)[:, None] * (b - a) for a, b, n in sides])
+
+
+def _hidden(models: Sequence[ObjectModel], poses: Sequence[Pose], head: Pose) -> float:
+    """The share of the first thing that the others hide from the camera."""
+    if len(models) == 1:
+        return 0.0
+    bodies = [
+        [PlacedShape(part.shape, pose @ part.pose) for part in model.visual or model.collision]
+        for model, pose in zip(models, poses, strict=True)
+    ]
+    others = [shape for body in bodies[1:] for shape in body]
+    return float(occlusion([bodies[0], others], head @ OPTICAL)[0])
 
 
 def _inside(outline: NDArray[np.float64], other: NDArray[np.float64]) -> bool:

@@ -30,10 +30,11 @@ def save_picture(file: Path, rig: GraspRig, planned: PlannedGrasp, outcome: Gras
     pixels = pixels if where is None else planned.view.project(where[None])[0]
     cropped = _around(image, np.nanmean(pixels, axis=0))
     pair = np.concatenate([cropped, rig.photograph(target)], axis=1)
-    for line, text in enumerate([outcome.why, *(f"{name}: {value}" for name, value in planned.notes.items())]):
-        place = (8, 22 + 20 * line)
-        cv2.putText(pair, text[:110], place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (255, 255, 255), 3, cv2.LINE_AA)
-        cv2.putText(pair, text[:110], place, cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 1, cv2.LINE_AA)
+    lines = [outcome.why, *(f"{name}: {value}" for name, value in planned.notes.items())]
+    pair = np.concatenate([pair, np.full((20 * len(lines) + 8, pair.shape[1], 3), 255, np.uint8)])
+    for line, text in enumerate(lines):
+        place = (8, 480 + 18 + 20 * line)
+        cv2.putText(pair, text[:140], place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (20, 20, 20), 1, cv2.LINE_AA)
     file.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(file), cv2.cvtColor(pair, cv2.COLOR_RGB2BGR))
 
@@ -52,7 +53,9 @@ def draw_grasp(image: NDArray[np.uint8], view: View, candidate: GraspCandidate) 
             cv2.polylines(image, [np.rint(pixels).astype(np.int32)], False, color, 1, cv2.LINE_AA)
 
 
-def _around(image: NDArray[np.uint8], pixel: NDArray[np.float64], size: tuple[int, int] = (213, 160)) -> NDArray[np.uint8]:
+def _around(
+    image: NDArray[np.uint8], pixel: NDArray[np.float64], size: tuple[int, int] = (213, 160)
+) -> NDArray[np.uint8]:
     """The part of ``size`` around ``pixel``, as large as the whole image is."""
     corner = [int(np.clip(pixel[k] - size[k] / 2, 0, image.shape[1 - k] - size[k])) for k in range(2)]
     part = image[corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]]

@@ -64,7 +64,9 @@ def plan_grasp(rig: GraspRig, scene: GraspScene, wanted: str) -> PlannedGrasp:
     if detection is None:
         return PlannedGrasp(view, None, "not recognised")
     notes = _errors(detection, rig.truth.object_pose(TARGET))
-    target = replace(GraspTarget.of_model(detection.hypothesis.model, detection.pose), surroundings=_others(found, detection))
+    target = replace(
+        GraspTarget.of_model(detection.hypothesis.model, detection.pose), surroundings=_others(found, detection)
+    )
     x, y, _ = detection.pose.position
     candidates = _planner().plan(target, rig.gripper, found.plane.height_at(x, y))
     if not candidates:

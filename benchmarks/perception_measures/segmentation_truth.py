@@ -18,9 +18,7 @@ MIN_PIXELS = 150
 """A thing of which fewer measured pixels are in view is not asked for."""
 
 
-def judged(
-    clusters: Sequence[Cluster], masks: Mapping[str, NDArray[np.bool_]], view: View
-) -> dict[str, str]:
+def judged(clusters: Sequence[Cluster], masks: Mapping[str, NDArray[np.bool_]], view: View) -> dict[str, str]:
     """For each thing in view what is wrong with its cluster, empty where nothing is.
 
     Right: one cluster holds 80 % of the thing's measured points, less than 10 % of its own points lie elsewhere, and

@@ -29,7 +29,9 @@ class SecondViewParameters:
     share: float = 0.3
 
 
-def pointed_at(clusters: tuple[Cluster, ...], view: View, pixel: NDArray[np.float64], reach: float = 6.0) -> Cluster | None:
+def pointed_at(
+    clusters: tuple[Cluster, ...], view: View, pixel: NDArray[np.float64], reach: float = 6.0
+) -> Cluster | None:
     """The cluster that shows at ``pixel`` (u, v), or within ``reach`` pixels of it; None where there is none."""
     distances = [float(np.linalg.norm(view.project(cluster.points)[0] - pixel, axis=1).min()) for cluster in clusters]
     if not distances or min(distances) > reach:
@@ -68,7 +70,9 @@ def fused_target(
         tree, around = cKDTree(cluster.points), cKDTree(np.concatenate([np.full((1, 3), 1e3), *others]))
         for other in second[1].clusters:
             mine = tree.query(other.points)[0]
-            if (mine < parameters.near).mean() >= parameters.share and mine.mean() < around.query(other.points)[0].mean():
+            if (mine < parameters.near).mean() >= parameters.share and mine.mean() < around.query(other.points)[
+                0
+            ].mean():
                 parts.append(other.points)
                 colors.append(other.colors)
             else:
@@ -76,6 +80,4 @@ def fused_target(
     cloud = PointCloud(np.concatenate(parts), np.concatenate(colors))
     whole = replace(cluster, points=cloud.points, colors=cloud.colors)
     surroundings = np.concatenate([np.zeros((0, 3)), *others])
-    return replace(
-        GraspTarget.of_cluster(whole), cloud=cloud, viewpoints=np.array(eyes), surroundings=surroundings
-    )
+    return replace(GraspTarget.of_cluster(whole), cloud=cloud, viewpoints=np.array(eyes), surroundings=surroundings)

@@ -24,7 +24,7 @@ from bestman_bt.configuration import ConfigurationError
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner
-from bestman_bt.perception.segmentation import PlaneDbscan, SegmentedScene, Segmentation
+from bestman_bt.perception.segmentation import PlaneDbscan, Segmentation, SegmentedScene
 from bestman_bt.scene import read_object
 from hal.api import CommandRefusedError
 
@@ -126,7 +126,9 @@ def _planner() -> GraspPlanner:
     return AntipodalCloud()
 
 
-def _second_look(rig: GraspRig, scene: GraspScene, where, rng: np.random.Generator) -> tuple[View, SegmentedScene] | None:
+def _second_look(
+    rig: GraspRig, scene: GraspScene, where, rng: np.random.Generator
+) -> tuple[View, SegmentedScene] | None:
     try:
         view = rig.look_from(where)
         return view, _segmentation().segment(view, scene.region, rng)
