@@ -16,13 +16,14 @@ VERBS = {
     "show": "print a tree",
     "nodes": "list the nodes that trees may use, with their ports",
     "validate": "check tree files without running them",
+    "object": "add, list and show objects",
     "stop": "stop the robots of all running executors",
     "version": "print the versions of this package and of what it stands on",
 }
 
 
 class Verbs(TyperGroup):
-    """Finds ``bestman_bt.cli.<verb>:command`` when a verb is asked for."""
+    """Finds ``bestman_bt.cli.<verb>_command:command`` (or ``verbs``, a group) when a verb is asked for."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """All verbs, in the order of use."""
@@ -35,6 +36,8 @@ class Verbs(TyperGroup):
 
             ctx.fail(f"unknown command {cmd_name!r}; {suggestion(cmd_name, list(VERBS))}")
         module = import_module(f"bestman_bt.cli.{cmd_name}_command")
+        if hasattr(module, "verbs"):
+            return typer.main.get_command(module.verbs)
         verb = typer.Typer(add_completion=False, rich_markup_mode=None)
         verb.command(name=cmd_name, help=VERBS[cmd_name].capitalize() + ".", epilog=module.__doc__)(module.command)
         return typer.main.get_command(verb)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -28,19 +29,28 @@ def data_root() -> Path:
     return package / "_data"
 
 
+def own_objects() -> Path:
+    """Where users keep objects of their own: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/objects``."""
+    if (data_root() / "pyproject.toml").is_file():
+        return data_root() / _FOLDERS["object"][0]
+    return _user_objects()
+
+
 def data_names(kind: str) -> list[str]:
-    """Sorted names of the shipped files of a ``kind`` (robot, task, algorithms, part, scene, furniture, …)."""
-    folder, suffixes = _FOLDERS[kind]
-    return sorted({path.stem for path in (data_root() / folder).glob("*") if path.suffix in suffixes})
+    """Sorted names of the files of a ``kind`` (robot, task, algorithms, part, scene, furniture, object, …)."""
+    suffixes = _FOLDERS[kind][1]
+    return sorted({path.stem for folder in _folders(kind) for path in folder.glob("*") if path.suffix in suffixes})
 
 
 def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> Path:
-    """The file of ``name``: a bare name means a shipped one, a path (with a folder or a suffix) means that file.
+    """The file of ``name``: a path (with a folder or a suffix) means that file, a bare name a shipped one.
+
+    Of an object, a bare name also means one that the user has added.
 
     ``asked_by``: the place that names it, for the error's source, line and field (its message is not used).
     Raises ConfigurationError that suggests the closest shipped name.
     """
-    folder, suffixes = _FOLDERS[kind]
+    suffixes = _FOLDERS[kind][1]
     text = str(name)
     if isinstance(name, Path) or "/" in text or "\\" in text or Path(text).suffix in suffixes:
         path = Path(name)
@@ -48,10 +58,18 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
             return path
         message = f"no such {kind} file: {text}"
     else:
-        for suffix in suffixes:
-            path = data_root() / folder / f"{text}{suffix}"
+        for path in (folder / f"{text}{suffix}" for folder in _folders(kind) for suffix in suffixes):
             if text and path.is_file():
                 return path
         message = f"unknown {kind} {text!r}; {suggestion(text, data_names(kind))}"
     place = asked_by or Problem(text, None, "", "")
     raise ConfigurationError([Problem(place.source, place.line, place.field, message)])
+
+
+def _folders(kind: str) -> list[Path]:
+    shipped = data_root() / _FOLDERS[kind][0]
+    return [shipped, _user_objects()] if kind == "object" else [shipped]
+
+
+def _user_objects() -> Path:
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "bestman-bt/objects"

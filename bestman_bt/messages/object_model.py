@@ -28,8 +28,9 @@ class ObjectModel:
 
     ``color``: rgb, each 0 to 1. ``mass``: kg. ``friction``: lateral coefficient. ``collision``: solid parts;
     ``visual``: what a camera sees (empty: the collision shapes). ``symmetry_order``: rotations about z that look
-    the same: 1 none, 2 half turns, 4 quarter turns, 0 any angle (a body of revolution). ``visual_colors``: rgb of each
-    visual shape; empty: all have ``color``. ``grasps``: antipodal grasps found beforehand, best first; may be empty.
+    the same: 1 none, 2 half turns, 4 quarter turns, n turns by 2π/n, 0 any angle (a body of revolution).
+    ``visual_colors``: rgb of each visual shape; empty: all have ``color``. ``grasps``: antipodal grasps found
+    beforehand, best first; may be empty.
     """
 
     name: str

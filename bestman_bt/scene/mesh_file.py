@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -57,7 +58,7 @@ def locate_mesh(file: str, folder: Path) -> Path:
 
 def read_mesh(config: MeshConfig, folder: Path) -> Mesh:
     """The whole surface, in the frame of the file turned upright. Raises MeshError."""
-    return _scaled(read_triangles(locate_mesh(config.file, folder)), config)
+    return upright(read_triangles(locate_mesh(config.file, folder)), config)
 
 
 def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
@@ -74,7 +75,7 @@ def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
                 f"part {index} of {config.file} is not convex (it fills {share:.0%} of its hull), which physics needs; "
                 "'bestman-bt object add' cuts a mesh into convex parts"
             )
-        parts.append(_scaled(part, config))
+        parts.append(upright(part, config))
     return tuple(parts)
 
 
@@ -88,6 +89,40 @@ def read_triangles(path: Path) -> Any:
 def read_groups(path: Path) -> list[Any]:
     """The objects of a file (``o`` of an OBJ file), each as ``read_triangles`` gives it. Raises MeshError."""
     return [_cleaned(mesh) for mesh in _geometries(path)]
+
+
+def read_color(path: Path) -> tuple[float, float, float] | None:
+    """The mean colour of a file's surface, rgb 0 to 1; None where it says nothing of colours. Raises MeshError."""
+    import trimesh
+
+    total, area = np.zeros(3), 0.0
+    try:
+        scene: Any = trimesh.load_scene(path)
+        for mesh in scene.dump():
+            visual = mesh.visual
+            if isinstance(mesh, trimesh.Trimesh) and visual.defined and len(mesh.faces):
+                visual = visual.to_color() if visual.kind == "texture" else visual
+                colors = np.asarray(visual.face_colors)[:, :3] / 255.0
+                if len(colors) == len(mesh.faces):
+                    total += mesh.area_faces @ colors
+                    area += float(mesh.area)
+    except Exception as error:
+        raise MeshError(f"cannot read the colours of {path.name}: {error}") from error
+    if area == 0.0:
+        return None
+    red, green, blue = (round(float(value), 3) for value in total / area)
+    return (red, green, blue)
+
+
+def write_groups(meshes: Sequence[Mesh], path: Path) -> None:
+    """Write meshes as the objects of one OBJ file, each with corners of its own."""
+    lines, first = [], 1
+    for number, mesh in enumerate(meshes):
+        lines.append(f"o part_{number}")
+        lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in mesh.vertices]
+        lines += [f"f {a} {b} {c}" for a, b, c in mesh.faces + first]
+        first += len(mesh.vertices)
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
 def _geometries(path: Path) -> list[Any]:
@@ -113,7 +148,8 @@ def _cleaned(mesh: Any) -> Any:
     return mesh
 
 
-def _scaled(mesh: Any, config: MeshConfig) -> Mesh:
+def upright(mesh: Any, config: MeshConfig) -> Mesh:
+    """A trimesh.Trimesh in metres, z up; where the file has the origin."""
     return Mesh(np.asarray(mesh.vertices) @ _TURNS[config.up].T * config.scale, np.asarray(mesh.faces))
 
 

@@ -10,12 +10,22 @@ from typing import Literal
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
 from bestman_bt.configuration.quantity import Color, Friction, Mass
 from bestman_bt.messages import Mesh, ObjectModel, PlacedShape, Pose
+from bestman_bt.scene.grasps_file import read_grasps
 from bestman_bt.scene.random_shape import random_shape_document
 from bestman_bt.scene.shape_file import ShapeConfig, convex_shapes, placed_shapes
 
 SMALLEST, LARGEST = 0.005, 1.0
 """Metres: limits of the longest side of an object; beyond them its units are likely to be wrong."""
-_SYMMETRY_ORDERS = {"none": 1, "half turns": 2, "quarter turns": 4, "any": 0}
+Symmetry = Literal["none", "half turns", "quarter turns", "sixth turns", "eighth turns", "tenth turns", "any"]
+SYMMETRY_ORDERS: dict[Symmetry, int] = {
+    "none": 1,
+    "half turns": 2,
+    "quarter turns": 4,
+    "sixth turns": 6,
+    "eighth turns": 8,
+    "tenth turns": 10,
+    "any": 0,
+}
 _RANDOM = re.compile(r"random_(\d{3})")
 
 
@@ -24,7 +34,8 @@ class ObjectFile:
     """A movable object; its frame is put into the middle of the bounding box of its collision shapes, z up.
 
     ``collision``: solid shapes; those that are not convex are cut into convex parts. ``visual``: what cameras see,
-    where that is something else. ``symmetry``: turns about z that look alike.
+    where that is something else. ``symmetry``: turns about z that look alike. ``grasps``: a file beside this one that
+    holds grasps found beforehand.
     """
 
     mass: Mass
@@ -32,7 +43,8 @@ class ObjectFile:
     collision: tuple[ShapeConfig, ...]
     visual: tuple[ShapeConfig, ...] = ()
     friction: Friction = 0.8
-    symmetry: Literal["none", "half turns", "quarter turns", "any"] = "none"
+    symmetry: Symmetry = "none"
+    grasps: str = ""
     description: str = ""
 
 
@@ -66,9 +78,11 @@ def object_of(name: str, document: Document, folder: Path) -> ObjectModel:
         friction=file.friction,
         collision=collision,
         visual=visual,
-        symmetry_order=_SYMMETRY_ORDERS[file.symmetry],
+        symmetry_order=SYMMETRY_ORDERS[file.symmetry],
         visual_colors=colors,
     )
+    if file.grasps:
+        model = replace(model, grasps=read_grasps(folder / file.grasps, document.problem(("grasps",), "")))
     longest = float(model.size.max())
     if not SMALLEST <= longest <= LARGEST:
         message = f"the longest side should be {SMALLEST * 1e3:g} mm to {LARGEST:g} m, got {longest:.4g} m"

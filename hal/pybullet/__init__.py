@@ -4,6 +4,7 @@ from hal.pybullet.client import SimulationError
 from hal.pybullet.ground_truth import GroundTruth
 from hal.pybullet.honesty_record import ContactIncident, Finding, HonestyRecord, Penetration
 from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.portrait import portrait
 from hal.pybullet.render import ScenePhotographer, Viewpoint
 from hal.pybullet.robot import PyBulletRobot
 from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
@@ -21,4 +22,5 @@ __all__ = [
     "SceneSnapshot",
     "SimulationError",
     "Viewpoint",
+    "portrait",
 ]

@@ -8,18 +8,22 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from hal.pybullet.client import ReadPurpose
+from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.robot import PyBulletRobot
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Where a picture is taken from: ``eye`` and ``target`` in the map frame, metres; vertical angle in degrees."""
+    """Where a picture is taken from: ``eye`` and ``target`` in the map frame, metres; vertical angle in degrees.
+
+    ``near``: metres before which nothing is drawn.
+    """
 
     eye: tuple[float, float, float]
     target: tuple[float, float, float]
     field_of_view: float = 50.0
     light_direction: tuple[float, float, float] = (-2.0, -3.0, 6.0)
+    near: float = 0.05
 
 
 class ScenePhotographer:
@@ -43,25 +47,32 @@ class ScenePhotographer:
     def picture(
         self, viewpoint: Viewpoint, width: int = 960, height: int = 720, oversampling: int = 2
     ) -> NDArray[np.uint8]:
-        """An (height, width, 3) uint8 picture, smoothed by rendering ``oversampling`` times larger."""
-        across, down = width * oversampling, height * oversampling
-        view = pybullet.computeViewMatrix(viewpoint.eye, viewpoint.target, [0.0, 0.0, 1.0])
-        projection = pybullet.computeProjectionMatrixFOV(viewpoint.field_of_view, width / height, 0.05, 30.0)
-        image = self._reader.getCameraImage(
-            across,
-            down,
-            viewMatrix=view,
-            projectionMatrix=projection,
-            shadow=1,
-            lightDirection=viewpoint.light_direction,
-            lightDistance=4.0,
-            lightColor=[1.0, 0.98, 0.94],
-            lightAmbientCoeff=0.55,
-            lightDiffuseCoeff=0.45,
-            lightSpecularCoeff=0.05,
-            renderer=pybullet.ER_TINY_RENDERER,
-        )
-        rgb = np.asarray(image[2], dtype=np.uint8).reshape(down, across, 4)[..., :3].astype(np.float64)
-        blocks = rgb.reshape(height, oversampling, width, oversampling, 3).mean(axis=(1, 3))
-        picture: NDArray[np.uint8] = np.round(blocks).astype(np.uint8)
-        return picture
+        """See smooth_picture."""
+        return smooth_picture(self._reader, viewpoint, width, height, oversampling)
+
+
+def smooth_picture(
+    reader: Reader, viewpoint: Viewpoint, width: int, height: int, oversampling: int = 2
+) -> NDArray[np.uint8]:
+    """An (height, width, 3) uint8 picture, smoothed by rendering ``oversampling`` times larger."""
+    across, down = width * oversampling, height * oversampling
+    view = pybullet.computeViewMatrix(viewpoint.eye, viewpoint.target, [0.0, 0.0, 1.0])
+    projection = pybullet.computeProjectionMatrixFOV(viewpoint.field_of_view, width / height, viewpoint.near, 30.0)
+    image = reader.getCameraImage(
+        across,
+        down,
+        viewMatrix=view,
+        projectionMatrix=projection,
+        shadow=1,
+        lightDirection=viewpoint.light_direction,
+        lightDistance=4.0,
+        lightColor=[1.0, 0.98, 0.94],
+        lightAmbientCoeff=0.55,
+        lightDiffuseCoeff=0.45,
+        lightSpecularCoeff=0.05,
+        renderer=pybullet.ER_TINY_RENDERER,
+    )
+    rgb = np.asarray(image[2], dtype=np.uint8).reshape(down, across, 4)[..., :3].astype(np.float64)
+    blocks = rgb.reshape(height, oversampling, width, oversampling, 3).mean(axis=(1, 3))
+    picture: NDArray[np.uint8] = np.round(blocks).astype(np.uint8)
+    return picture

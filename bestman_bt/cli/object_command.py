@@ -1,0 +1,172 @@
+"""Examples: bestman-bt object add mug.stl --name my_mug --scale 1mm; bestman-bt object show my_mug --png mug.png."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json
+from bestman_bt.configuration import ConfigurationError, Problem, data_names, find_data, own_objects
+from bestman_bt.configuration.quantity import parse_quantity
+from bestman_bt.messages import ObjectModel
+from bestman_bt.robot_model import GripperModel, load_robot_model
+from bestman_bt.scene import read_object
+from bestman_bt.scene.object_file import SYMMETRY_ORDERS
+
+ROBOT = "diff_panda"
+verbs = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Add, list and show objects.",
+    epilog=__doc__,
+)
+Robot = Annotated[str, typer.Option(help="The robot whose gripper grasps are for.")]
+
+
+@verbs.command()
+def add(
+    mesh: Annotated[Path, typer.Argument(help="A mesh file: STL, OBJ, PLY, GLB, OFF, 3MF …")],
+    name: Annotated[str, typer.Option(help="What scenes call it.")],
+    scale: Annotated[str, typer.Option(metavar="LENGTH", help="Metres per unit of the mesh; also '1 mm'.")] = "1",
+    up: Annotated[str, typer.Option(metavar="x|y|z", help="The mesh's axis that points up when it stands.")] = "z",
+    mass: Annotated[str | None, typer.Option(help="For example '250 g'; default: by its volume.")] = None,
+    color: Annotated[str | None, typer.Option(metavar="R,G,B", help="0 to 1 each; default: the mesh's own.")] = None,
+    friction: Annotated[str, typer.Option(help="Lateral coefficient.")] = "0.7",
+    symmetry: Annotated[str, typer.Option(help=f"auto, or of: {', '.join(SYMMETRY_ORDERS)}.")] = "auto",
+    into: Annotated[Path | None, typer.Option(metavar="DIR", help="Where its files go.")] = None,
+    robot: Robot = ROBOT,
+    open_surface: Annotated[bool, typer.Option("--open", help="Take a mesh with holes.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an object of this name.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Make an object from a mesh: convex parts, symmetry, grasps, a picture and its YAML."""
+    from bestman_bt.runtime.object_import import NewObject, import_object
+
+    with json_output(as_json) as write:
+        new = NewObject(
+            name=name,
+            scale=_number("--scale", scale, "length"),
+            up=_one_of("--up", up, ("x", "y", "z")),
+            mass=None if mass is None else _number("--mass", mass, "mass"),
+            color=None if color is None else _color(color),
+            friction=_number("--friction", friction, allow_zero=True),
+            symmetry=_one_of("--symmetry", symmetry, ("auto", *SYMMETRY_ORDERS)),
+            open_surface=open_surface,
+        )
+        gripper_name, gripper = _gripper(robot)
+        made = import_object(mesh, new, gripper, gripper_name, into or own_objects(), force)
+        facts = _facts(made.model, made.files["object"]) | {
+            "triangles": made.triangles,
+            "watertight": made.watertight,
+            "files": {kind: str(path) for kind, path in made.files.items()},
+        }
+        write(facts)
+        if not as_json:
+            _tell(facts)
+            for kind, path in made.files.items():
+                print(f"  {kind:<10} {path}")
+            if not made.model.grasps:
+                print(f"  no grasp was found: the gripper of {robot} opens to {gripper.max_width * 1e3:.0f} mm")
+
+
+@verbs.command(name="list")
+def list_objects(as_json: Json = False) -> None:
+    """List the objects that scenes may use."""
+    with json_output(as_json) as write:
+        facts = [_facts(read_object(name), find_data("object", name)) for name in data_names("object")]
+        write({"objects": facts})
+        if not as_json:
+            for one in facts:
+                _tell(one)
+            print("random_000 to random_999: the random shapes of pybullet_data")
+
+
+@verbs.command()
+def show(
+    name: Annotated[str, typer.Argument(help="An object's name or YAML file.")],
+    png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture with axes and grasps.")] = None,
+    robot: Robot = ROBOT,
+    as_json: Json = False,
+) -> None:
+    """Show what is known of an object."""
+    with json_output(as_json) as write:
+        model = read_object(name)
+        facts = _facts(model, None)
+        if png is not None:
+            from PIL import Image
+
+            from bestman_bt.runtime.object_picture import object_picture
+
+            gripper = _gripper(robot)[1] if model.grasps else None
+            Image.fromarray(object_picture(model, gripper)).save(png)
+            facts["picture"] = str(png)
+        write(facts)
+        if not as_json:
+            _tell(facts)
+            if png is not None:
+                print(f"  picture    {png}")
+
+
+def _facts(model: ObjectModel, path: Path | None) -> dict[str, Any]:
+    symmetry = next(name for name, order in SYMMETRY_ORDERS.items() if order == model.symmetry_order)
+    return {
+        "name": model.name,
+        "size_m": [round(float(extent), 5) for extent in model.size],
+        "mass_kg": model.mass,
+        "color": list(model.color),
+        "friction": model.friction,
+        "symmetry": symmetry,
+        "convex_parts": len(model.collision),
+        "grasps": len(model.grasps),
+    } | ({} if path is None else {"file": str(path)})
+
+
+def _tell(facts: dict[str, Any]) -> None:
+    size = " × ".join(f"{extent * 1e3:.0f}" for extent in facts["size_m"])
+    print(
+        f"{facts['name']}: {size} mm, {facts['mass_kg'] * 1e3:.0f} g, symmetry: {facts['symmetry']}, "
+        f"convex parts: {facts['convex_parts']}, grasps: {facts['grasps']}"
+    )
+
+
+def _gripper(robot: str) -> tuple[str, GripperModel]:
+    model = load_robot_model(robot)
+    for name, gripper in model.grippers.items():
+        return f"{robot}/{name}", gripper
+    raise _wrong("--robot", f"{robot} has no gripper")
+
+
+def _wrong(option: str, message: str) -> ConfigurationError:
+    return ConfigurationError([Problem(option, None, "", message)])
+
+
+def _number(option: str, text: str, *dimensions: str, allow_zero: bool = False) -> float:
+    try:
+        value = parse_quantity(text, *dimensions)
+    except ValueError as error:
+        raise _wrong(option, str(error)) from error
+    if value < 0.0 or (value == 0.0 and not allow_zero):
+        raise _wrong(option, f"should be {'0 or more' if allow_zero else 'more than 0'}, got {text}")
+    return value
+
+
+def _one_of(option: str, text: str, allowed: tuple[str, ...]) -> Any:
+    if text not in allowed:
+        raise _wrong(option, f"should be one of {', '.join(allowed)}, got {text!r}")
+    return text
+
+
+def _color(text: str) -> tuple[float, float, float]:
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError as error:
+        raise _wrong("--color", f"should be three numbers R,G,B, got {text!r}") from error
+    if values.shape != (3,) or not ((values >= 0.0) & (values <= 1.0)).all():
+        raise _wrong("--color", f"should be three numbers of 0 to 1, got {text!r}")
+    red, green, blue = (float(value) for value in values)
+    return (red, green, blue)

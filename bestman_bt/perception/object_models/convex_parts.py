@@ -1,0 +1,73 @@
+"""Convex parts that fill a body, for physics.
+
+CoACD (Wei, Liu, Ling and Su, "Approximate Convex Decomposition for 3D Meshes with Collision-Aware Concavity and Tree
+Search", 2022), by its authors' library.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from bestman_bt.messages import Mesh
+from bestman_bt.perception.errors import PerceptionError
+
+
+@dataclass(frozen=True)
+class ConvexPartsParameters:
+    """``concavity``: CoACD's threshold, as a share of the size. ``most``: parts. ``convex_share``: a body that fills
+    this much of its hull is taken for its hull. ``iterations``, ``nodes``, ``depth``: of the tree search; the library's
+    own defaults take six times as long for parts that are hardly better. ``resolution``: samples per part.
+    """
+
+    concavity: float = 0.05
+    most: int = 64
+    convex_share: float = 0.98
+    iterations: int = 40
+    nodes: int = 10
+    depth: int = 2
+    resolution: int = 1000
+
+
+def convex_parts(mesh: Mesh, parameters: ConvexPartsParameters | None = None) -> tuple[Mesh, ...]:
+    """Convex meshes that together fill ``mesh``, whose corners are joined where triangles meet.
+
+    Each watertight body of it is cut on its own; if one has holes, the whole is closed first (by remeshing). Raises
+    PerceptionError where there is no volume to fill. The same mesh gives the same parts.
+    """
+    parameters = parameters or ConvexPartsParameters()
+    whole = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)
+    bodies = whole.split(only_watertight=False, repair=False)
+    # A shell turned inwards is the inside of a hollow body: the two belong together.
+    if all(body.is_watertight and body.is_winding_consistent and body.volume > 0.0 for body in bodies):
+        pieces = [piece for body in bodies for piece in _cut(body, "off", parameters)]
+    else:
+        pieces = _cut(whole, "off" if whole.is_watertight else "on", parameters)
+    hulls = [trimesh.convex.convex_hull(np.asarray(piece.vertices)) for piece in pieces]
+    solid = [hull for hull in hulls if hull.volume > 0.0]
+    if not solid:
+        raise PerceptionError("the mesh encloses no volume: no convex parts can fill it")
+    return tuple(Mesh(np.asarray(hull.vertices), np.asarray(hull.faces)) for hull in solid)
+
+
+def _cut(body: Any, preprocess: str, parameters: ConvexPartsParameters) -> list[Any]:
+    if body.is_watertight and body.volume >= parameters.convex_share * body.convex_hull.volume:
+        return [body]
+    import coacd
+
+    coacd.set_log_level("error")
+    pieces = coacd.run_coacd(
+        coacd.Mesh(np.asarray(body.vertices), np.asarray(body.faces)),
+        threshold=parameters.concavity,
+        max_convex_hull=parameters.most,
+        preprocess_mode=preprocess,
+        resolution=parameters.resolution,
+        mcts_iterations=parameters.iterations,
+        mcts_nodes=parameters.nodes,
+        mcts_max_depth=parameters.depth,
+        seed=0,
+    )
+    return [trimesh.Trimesh(vertices, faces, process=False) for vertices, faces in pieces]

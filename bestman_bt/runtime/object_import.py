@@ -1,0 +1,188 @@
+"""A new object from a mesh: checked, cut into convex parts, its symmetry and grasps found, its files written."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from PIL import Image
+
+from bestman_bt.configuration import ConfigurationError, Problem, data_names
+from bestman_bt.messages import Mesh, ObjectModel
+from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.grasp_pose import antipodal_grasps
+from bestman_bt.perception.object_models import convex_parts, simplified, symmetry_order
+from bestman_bt.robot_model import GripperModel
+from bestman_bt.runtime.object_picture import object_picture
+from bestman_bt.scene.grasps_file import grasps_json
+from bestman_bt.scene.mesh_file import MeshConfig, MeshError, read_color, read_triangles, upright, write_groups
+from bestman_bt.scene.object_file import LARGEST, SMALLEST, SYMMETRY_ORDERS, Symmetry, read_object
+
+DENSITY = 500.0
+"""kg/m³: what a thing of unknown mass is taken for; wood, or something thin-walled with something in it."""
+GREY = (0.6, 0.6, 0.6)
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+_RESERVED = re.compile(r"random_\d{3}")
+_UNITS = {"mm": 0.001, "cm": 0.01, "m": 1.0}
+
+
+@dataclass(frozen=True)
+class NewObject:
+    """What is said of an object besides its mesh.
+
+    ``scale``: metres per unit of the mesh; ``up``: its axis that points up. ``mass``: kg, None: by ``DENSITY``.
+    ``color``: rgb 0 to 1, None: the mesh's own. ``symmetry``: ``auto`` finds it. ``open_surface``: take a mesh with
+    holes too.
+    """
+
+    name: str
+    scale: float = 1.0
+    up: Literal["x", "y", "z"] = "z"
+    mass: float | None = None
+    color: tuple[float, float, float] | None = None
+    friction: float = 0.7
+    symmetry: Symmetry | Literal["auto"] = "auto"
+    open_surface: bool = False
+
+
+@dataclass(frozen=True)
+class ImportedObject:
+    """The object as scenes will read it, and its files: ``object``, ``mesh``, ``collision``, ``grasps``, ``picture``.
+
+    ``watertight``: whether the mesh was. ``triangles``: of the mesh given.
+    """
+
+    model: ObjectModel
+    symmetry: Symmetry
+    files: Mapping[str, Path]
+    watertight: bool
+    triangles: int
+
+
+def import_object(
+    mesh_file: Path, new: NewObject, gripper: GripperModel, gripper_name: str, folder: Path, replace: bool = False
+) -> ImportedObject:
+    """Make the files of an object in ``folder``, all or none. Raises ConfigurationError, also if there is one already.
+
+    ``gripper``: that grasps are found for; ``gripper_name``: of it, for people.
+    """
+    files = {
+        "object": folder / f"{new.name}.yaml",
+        "mesh": folder / f"{new.name}.obj",
+        "collision": folder / f"{new.name}.collision.obj",
+        "grasps": folder / f"{new.name}.grasps.json",
+        "picture": folder / f"{new.name}.png",
+    }
+    _check_name(new.name, files, replace)
+    mesh, triangles, watertight = _checked_mesh(mesh_file, new)
+    try:
+        parts = convex_parts(mesh)
+    except PerceptionError as error:
+        raise _fault(mesh_file, "", str(error)) from error
+    symmetry = new.symmetry if new.symmetry != "auto" else _symmetry(mesh)
+    entry = _entry(mesh_file, new, symmetry, parts)
+    folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".object_") as scratch:
+        made = {kind: Path(scratch) / path.name for kind, path in files.items()}
+        write_groups([mesh], made["mesh"])
+        write_groups(parts, made["collision"])
+        made["object"].write_text(yaml.safe_dump(entry, sort_keys=False, allow_unicode=True), encoding="utf-8")
+        made["grasps"].write_text(grasps_json(gripper_name, ()), encoding="utf-8")
+        bare = read_object(made["object"])
+        grasps = antipodal_grasps(bare, gripper, np.random.default_rng(0))
+        made["grasps"].write_text(grasps_json(gripper_name, grasps), encoding="utf-8")
+        model = read_object(made["object"])
+        Image.fromarray(object_picture(model, gripper)).save(made["picture"], optimize=True)
+        for kind, path in files.items():
+            made[kind].replace(path)
+    return ImportedObject(model, symmetry, files, watertight, triangles)
+
+
+def _fault(source: Path | str, field: str, message: str) -> ConfigurationError:
+    return ConfigurationError([Problem(str(source), None, field, message)])
+
+
+def _check_name(name: str, files: Mapping[str, Path], replace: bool) -> None:
+    if not _NAME.fullmatch(name) or _RESERVED.fullmatch(name):
+        message = "a name is letters, digits, _ and -, begins with a letter, and is none of random_000 to random_999"
+        raise _fault("--name", name, message)
+    there = [path for path in files.values() if path.exists()]
+    if there and not replace:
+        raise _fault(there[0], "", "is there already; --force replaces it")
+    if name in data_names("object") and not files["object"].exists():
+        raise _fault("--name", name, "another object has this name; choose a different one")
+
+
+def _checked_mesh(mesh_file: Path, new: NewObject) -> tuple[Mesh, int, bool]:
+    """The mesh in metres, z up, its bounding box about the origin; how many triangles were given; whether closed."""
+    try:
+        if not mesh_file.is_file():
+            raise MeshError("no such mesh")
+        triangles = read_triangles(mesh_file)
+    except MeshError as error:
+        raise _fault(mesh_file, "", str(error)) from error
+    mesh = upright(triangles, MeshConfig(str(mesh_file), new.scale, new.up))
+    extents = np.ptp(mesh.vertices, axis=0)
+    longest = float(extents.max())
+    if not SMALLEST <= longest <= LARGEST:
+        limits = f"its longest side would be {longest:.4g} m, but should be {SMALLEST * 1e3:g} mm to {LARGEST:g} m"
+        raise _fault(mesh_file, "", limits + _better_scale(longest / new.scale))
+    if extents.min() < 1e-4:
+        raise _fault(mesh_file, "", "it is flat: a solid object is needed")
+    watertight = bool(triangles.is_watertight and triangles.is_winding_consistent)
+    if not watertight and not new.open_surface:
+        edges = np.sort(triangles.edges, axis=1)
+        _, counts = np.unique(edges, axis=0, return_counts=True)
+        loose = int((counts != 2).sum())
+        message = (
+            f"its surface is not closed ({loose} of {len(counts)} edges do not join two triangles), so it has no inside"
+            if loose
+            else "its triangles do not agree on which side is outside"
+        )
+        raise _fault(mesh_file, "", f"{message}; --open takes it as it is and closes it for physics only")
+    if watertight and triangles.volume < 0.0:
+        mesh = Mesh(mesh.vertices, mesh.faces[:, ::-1])
+    lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return simplified(Mesh(mesh.vertices - (lower + upper) / 2, mesh.faces)), len(triangles.faces), watertight
+
+
+def _better_scale(longest: float) -> str:
+    """A hint at the unit that would make an object of ordinary size, if there is one."""
+    for unit, metres in _UNITS.items():
+        if 0.03 <= longest * metres <= 0.5:
+            return f"; if its unit is {unit} (--scale {metres:g}), that is {longest * metres:.3g} m"
+    return "; --scale gives the metres per unit of the file"
+
+
+def _symmetry(mesh: Mesh) -> Symmetry:
+    order = symmetry_order(mesh)
+    return next(name for name, of_name in SYMMETRY_ORDERS.items() if of_name == order)
+
+
+def _entry(mesh_file: Path, new: NewObject, symmetry: Symmetry, parts: tuple[Mesh, ...]) -> dict[str, Any]:
+    try:
+        color = new.color or read_color(mesh_file) or GREY
+    except MeshError:
+        color = GREY  # the surface could be read, its materials could not
+    mass = new.mass if new.mass is not None else max(0.01, round(DENSITY * sum(_volume(part) for part in parts), 3))
+    return {
+        "description": f"Made from {mesh_file.name}.",
+        "mass": mass,
+        "color": list(color),
+        "friction": new.friction,
+        "symmetry": symmetry,
+        "collision": [{"mesh": {"file": f"{new.name}.collision.obj"}}],
+        "visual": [{"mesh": {"file": f"{new.name}.obj"}}],
+        "grasps": f"{new.name}.grasps.json",
+    }
+
+
+def _volume(mesh: Mesh) -> float:
+    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
