@@ -66,8 +66,11 @@ ALGORITHMS = Registry(
     "algorithm",
     {
         "affordance/front_handles": "bestman_bt.perception.affordance:FrontHandles",
+        "detection/aruco": "bestman_bt.perception.detection:ByMarker",
         "detection/color_shape": "bestman_bt.perception.detection:ColorShape",
         "detection/model_registration": "bestman_bt.perception.detection:ModelRegistration",
+        "detection/onnx": "bestman_bt.perception.detection:OnnxDetector",
+        "detection/remote": "bestman_bt.perception.detection:RemoteDetector",
         "calibration/daniilidis": "bestman_bt.perception.calibration:Daniilidis",
         "calibration/park_martin": "bestman_bt.perception.calibration:ParkMartin",
         "segmentation/plane_dbscan": "bestman_bt.perception.segmentation:PlaneDbscan",

@@ -42,7 +42,7 @@ def depth_fragments(
     mask = mask & (depth > 0)
     if not mask.any():
         return np.zeros(depth.shape, dtype=np.int32)
-    smooth = cv2.bilateralFilter(np.where(mask, depth, np.float32(0.0)), 5, p.smoothing, 2.0)
+    smooth = np.asarray(cv2.bilateralFilter(np.where(mask, depth, np.float32(0.0)), 5, p.smoothing, 2.0), np.float32)
     border = _jumps(smooth, mask, p.jump)
     coarse = _components(mask & ~border)
     middle = float(np.median(smooth[mask]))

@@ -19,10 +19,9 @@ def footprint(xy: NDArray[np.float64], grow: float = 0.0) -> NDArray[np.float32]
         angles = np.arange(8) * math.pi / 4
         ring = grow * np.stack([np.cos(angles), np.sin(angles)], axis=1)
         # The hull of the grown points is that of the grown hull, and the hull has few points.
-        hull = cv2.convexHull((1000.0 * xy).astype(np.float32))[:, 0]
+        hull = np.asarray(cv2.convexHull((1000.0 * xy).astype(np.float32)), dtype=np.float64)[:, 0]
         xy = ((hull / 1000.0)[:, None, :] + ring).reshape(-1, 2)
-    grown: NDArray[np.float32] = cv2.convexHull((1000.0 * xy).astype(np.float32))
-    return grown
+    return np.asarray(cv2.convexHull((1000.0 * xy).astype(np.float32)), dtype=np.float32)
 
 
 def overlaps(footprints: Sequence[NDArray[np.float32]]) -> NDArray[np.float64]:

@@ -33,8 +33,7 @@ def plane_normals(
 
     def moment(values: NDArray[np.float64], power_u: int, power_v: int) -> NDArray[np.float64]:
         across, down = (u**power_u).astype(np.float64), (v**power_v).astype(np.float64)
-        summed: NDArray[np.float64] = cv2.sepFilter2D(values, cv2.CV_64F, across, down, borderType=cv2.BORDER_CONSTANT)
-        return summed
+        return np.asarray(cv2.sepFilter2D(values, cv2.CV_64F, across, down, borderType=cv2.BORDER_CONSTANT), float)
 
     n, su, sv = moment(weight, 0, 0), moment(weight, 1, 0), moment(weight, 0, 1)
     n = np.maximum(np.rint(n), 1.0)

@@ -112,7 +112,8 @@ def _along(points: NDArray[np.float64], pose: Pose, axis: int) -> NDArray[np.flo
     """One coordinate (h, w) of ``pose.apply(points)``: term by term, since BLAS adds in an order of its own."""
     a, b, c = pose.rotation[axis]
     moved: NDArray[np.float64] = a * points[..., 0] + b * points[..., 1] + c * points[..., 2]
-    return moved + pose.position[axis]
+    moved += pose.position[axis]
+    return moved
 
 
 def _window(mask: NDArray[np.bool_]) -> tuple[slice, slice]:

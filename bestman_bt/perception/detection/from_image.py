@@ -1,0 +1,164 @@
+"""From named boxes and masks in an image to things in space: which cluster is it, and where exactly?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import ObjectModel, PointCloud
+from bestman_bt.perception.detection.base import DetectedScene, Detection, Detector, LabelledCluster
+from bestman_bt.perception.detection.image_detector import ImageDetection, ImageDetector
+from bestman_bt.perception.pose_estimation import MultiStart, PoseEstimator
+from bestman_bt.perception.segmentation import Cluster, Region, RegionGrowing, Segmentation, SegmentedScene
+from bestman_bt.perception.segmentation.voxels import voxel_means
+from bestman_bt.perception.view import View
+
+
+@dataclass(frozen=True)
+class FromImageParameters:
+    """``names``: of things without a model that are also sought. ``prompts``: what to ask for, by the object's name.
+
+    ``min_score``: of the image detector; ``min_confidence``: of the pose, below which a thing only has its label.
+    ``whole_share``: a cluster is the thing where this share of it lies in the box or mask. ``min_overlap``:
+    intersection over union of a box without mask and the cluster's own box. ``min_points``: voxels of a cluster cut out
+    by a mask. ``voxel``: their edge, metres.
+    """
+
+    names: tuple[str, ...] = ()
+    prompts: Mapping[str, str] = field(default_factory=dict)
+    min_score: float = 0.3
+    min_confidence: float = 0.5
+    whole_share: float = 0.7
+    min_overlap: float = 0.3
+    min_points: int = 30
+    voxel: float = 0.004
+
+
+class FromImage(Detector):
+    """Asks an image detector, finds the cluster of each box or mask, and its pose where there is a model of that name.
+
+    What has a name but no pose is a LabelledCluster among the unknown; what has no name is unknown.
+    """
+
+    def __init__(
+        self,
+        image_detector: ImageDetector,
+        parameters: FromImageParameters | None = None,
+        segmentation: Segmentation | None = None,
+        pose_estimator: PoseEstimator | None = None,
+    ) -> None:
+        self.image_detector = image_detector
+        self.parameters: FromImageParameters = parameters or FromImageParameters()
+        self.segmentation = segmentation or RegionGrowing()
+        self.pose_estimator = pose_estimator or MultiStart()
+
+    def detect(
+        self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
+    ) -> DetectedScene:
+        """See Detector."""
+        scene = self.segmentation.segment(view, region, rng)
+        labelled, rest = self._labelled(scene, view, region, models)
+        return located(scene, labelled, rest, models, self.pose_estimator, view, self.parameters.min_confidence)
+
+    def seen(self, view: View, models: Sequence[ObjectModel]) -> tuple[ImageDetection, ...]:
+        """What the image detector finds, by the objects' names, highest score first."""
+        p = self.parameters
+        name_of = {p.prompts.get(name, name): name for name in (*(model.name for model in models), *p.names)}
+        if not name_of:
+            return ()
+        k = view.image.intrinsics
+        found = []
+        for detection in self.image_detector.find(view.image, list(name_of)):
+            clipped = detection.clipped(k.width, k.height)
+            if clipped is not None and detection.score >= p.min_score and detection.label in name_of:
+                found.append(ImageDetection(name_of[detection.label], detection.score, clipped.box, clipped.mask))
+        return tuple(sorted(found, key=lambda detection: -detection.score))
+
+    def _labelled(
+        self, scene: SegmentedScene, view: View, region: Region, models: Sequence[ObjectModel]
+    ) -> tuple[list[LabelledCluster], list[Cluster]]:
+        """Clusters with labels, and what is left."""
+        p = self.parameters
+        rest = list(scene.clusters)
+        labelled = []
+        for detection in self.seen(view, models):
+            pixels = [view.project(cluster.points)[0] for cluster in rest]
+            inside = [detection.holds(some) for some in pixels]
+            counts = [int(held.sum()) for held in inside]
+            best = int(np.argmax(counts)) if counts else 0
+            if counts and inside[best].mean() >= p.whole_share:
+                if detection.mask is not None or _overlap(detection.box, pixels[best]) >= p.min_overlap:
+                    labelled.append(_with_label(rest.pop(best), detection))
+            elif detection.mask is not None and counts and counts[best] >= p.min_points:
+                cluster = rest.pop(best)
+                rest += [part for part in [_part(cluster, ~inside[best])] if len(part.points) >= p.min_points]
+                labelled.append(_with_label(_part(cluster, inside[best]), detection))
+            elif detection.mask is not None and sum(counts) < p.min_points:
+                flat = self._cut_out(detection, scene, view, region)
+                if flat is not None:
+                    labelled.append(_with_label(flat, detection))
+        return labelled, rest
+
+    def _cut_out(self, detection: ImageDetection, scene: SegmentedScene, view: View, region: Region) -> Cluster | None:
+        """The points of a mask on or above the surface: a thing too flat for the segmentation."""
+        plane = scene.planes[0]
+        points, _, (rows, columns) = view.organised(region.corners())
+        assert detection.mask is not None
+        local = plane.frame_from_plane.inverse().apply(points)
+        held = detection.mask[rows, columns] & (local[..., 2] > -0.005) & (local[..., 2] < region.height)
+        held &= (np.abs(local[..., 0]) < plane.size[0] / 2) & (np.abs(local[..., 1]) < plane.size[1] / 2)
+        cloud = voxel_means(PointCloud(points[held], view.image.rgb[rows, columns][held]), self.parameters.voxel)
+        if len(cloud) < self.parameters.min_points or cloud.colors is None:
+            return None
+        height, width = detection.mask.shape
+        left, top, right, bottom = detection.box
+        at_border = min(left, top, width - 1 - right, height - 1 - bottom) < 3.0
+        return Cluster(cloud.points, cloud.colors, plane, at_border)
+
+
+def located(
+    scene: SegmentedScene,
+    labelled: Sequence[LabelledCluster],
+    rest: Sequence[Cluster],
+    models: Sequence[ObjectModel],
+    pose_estimator: PoseEstimator,
+    view: View,
+    min_confidence: float,
+) -> DetectedScene:
+    """A scene in which the labelled clusters have poses, where there is a model of that name and it fits."""
+    model_of = {model.name: model for model in models}
+    detections: list[Detection] = []
+    unknown: list[Cluster] = []
+    for cluster in labelled:
+        known = [model_of[cluster.label]] if cluster.label in model_of else []
+        hypotheses = pose_estimator.estimate(cluster, known, view) if known else ()
+        if hypotheses and hypotheses[0].confidence >= min_confidence:
+            detections.append(Detection(cluster, hypotheses[0], hypotheses[1:]))
+        else:
+            unknown.append(cluster)
+    detections.sort(key=lambda detection: -detection.confidence)
+    return DetectedScene(scene, tuple(detections), (*unknown, *rest))
+
+
+def _with_label(cluster: Cluster, detection: ImageDetection) -> LabelledCluster:
+    return LabelledCluster(
+        cluster.points, cluster.colors, cluster.plane, cluster.at_border, detection.label, detection.score
+    )
+
+
+def _part(cluster: Cluster, kept: NDArray[np.bool_]) -> Cluster:
+    return Cluster(cluster.points[kept], cluster.colors[kept], cluster.plane, cluster.at_border)
+
+
+def _overlap(box: tuple[float, float, float, float], pixels: NDArray[np.float64]) -> float:
+    """Intersection over union of ``box`` and the box around the pixels (N, 2)."""
+    lower, upper = np.nanmin(pixels, axis=0), np.nanmax(pixels, axis=0)
+    common = np.minimum(upper, box[2:]) - np.maximum(lower, box[:2])
+    if (common <= 0).any():
+        return 0.0
+    shared = float(np.prod(common))
+    mine, yours = float(np.prod(upper - lower)), (box[2] - box[0]) * (box[3] - box[1])
+    return shared / (mine + yours - shared)
