@@ -124,9 +124,7 @@ class MultiView:
     ) -> list[NDArray[np.float64]]:
         p = self.parameters.single
         if profile is not None:
-            return [
-                np.array([*profile.positions[k], profile.yaws[k]]) for k in profile.peaks(p.yaw.margin)[: p.refined]
-            ]
+            return profile.starts(p.yaw.margin, p.refined)
         return [start for item in seen for start in coarse_poses(surface, item.points, item.eye, turns, p.refined, p)]
 
     def _fused(
@@ -143,7 +141,7 @@ class MultiView:
             weighted += own @ (fit.pose - start)
         pose = start + np.linalg.solve(information, weighted)
         fits = [fit_at(surface, item.points, item.eye, pose, turns, p.single) for item in seen]
-        covariance = np.linalg.inv(information)
+        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
         if not turns:
             covariance[2, 2] = math.pi**2
         evidence = [item.judge(surface, fit) for item, fit in zip(seen, fits, strict=True)]

@@ -48,7 +48,7 @@ class TurnedSurface:
 
 def turned_surface(surface: ModelSurface, count: int = 72) -> TurnedSurface:
     """Compare ``surface`` with itself at ``count`` evenly spaced turns."""
-    angles = np.arange(count) * (2 * math.pi / count)
+    angles = np.asarray(np.arange(count) * (2 * math.pi / count), dtype=np.float64)
     some = surface.points[evenly(len(surface.points), SELF_POINTS)]
     # A turn about the middle of the surface, or about the origin: the better one is the start.
     starts = np.concatenate([_turn_about(centre, angles) for centre in (np.median(some[:, :2], axis=0), np.zeros(2))])

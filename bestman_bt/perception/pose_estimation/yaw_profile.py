@@ -129,7 +129,9 @@ def profile_likelihood(
     variance = noise**2 + p.model_error**2
     unexplained = surface_distances(turned.surface, points, poses, plane_view.viewpoint)
     cost = np.minimum(unexplained**2 / (2 * variance), p.cap).sum(axis=1)
-    return -cost - p.floating_weight * _floating_cost(turned, plane_view, poses, variance, p)
+    floating = _floating_cost(turned, plane_view, poses, variance, p)
+    log_likelihood: NDArray[np.float64] = -cost - p.floating_weight * floating
+    return log_likelihood
 
 
 def _floating_cost(
@@ -174,7 +176,8 @@ def _nearest_depth(view: View, pixels: NDArray[np.float64], depth: float, positi
     window = view.image.depth[corner[1] : end[1], corner[0] : end[0]].astype(np.float64)
     # What was not measured may be as near as it likes: edges of things often are not.
     window = np.where(np.isfinite(window), window, 0.0)
-    window = cv2.erode(window, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8), borderValue=np.inf)
+    around = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
+    window = np.asarray(cv2.erode(window, around, borderValue=np.inf))
     u, v = (np.rint(np.where(finite, pixels[:, axis], -1e6)).astype(np.intp) - corner[axis] for axis in (0, 1))
     inside = (u >= 0) & (u < window.shape[1]) & (v >= 0) & (v < window.shape[0])
     nearest = np.full(len(pixels), np.nan)

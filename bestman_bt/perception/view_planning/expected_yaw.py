@@ -119,7 +119,7 @@ class ExpectedYaw(ViewPlanner):
         if not hypothesis.upright or open_yaws.width == 0.0:
             return np.zeros(1), 0.0
         step = max(p.min_step, open_yaws.width / p.yaw_samples)
-        turns = []
+        turns: list[float] = []
         for middle, half in open_yaws.arcs:
             count = max(1, round(2 * half / step))
             offsets = (np.arange(count) + 0.5) / count * 2 * half - half
