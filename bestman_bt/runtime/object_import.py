@@ -127,7 +127,8 @@ def _checked_mesh(mesh_file: Path, new: NewObject) -> tuple[Mesh, int, bool]:
         triangles = read_triangles(mesh_file)
     except MeshError as error:
         raise _fault(mesh_file, "", str(error)) from error
-    mesh = upright(triangles, MeshConfig(str(mesh_file), new.scale, new.up))
+    config = MeshConfig(str(mesh_file), new.scale, new.up)
+    mesh = Mesh(upright(triangles.vertices, config), triangles.faces)
     extents = np.ptp(mesh.vertices, axis=0)
     longest = float(extents.max())
     if not SMALLEST <= longest <= LARGEST:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from scipy.spatial import QhullError
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.messages import Mesh
@@ -58,7 +59,8 @@ def locate_mesh(file: str, folder: Path) -> Path:
 
 def read_mesh(config: MeshConfig, folder: Path) -> Mesh:
     """The whole surface, in the frame of the file turned upright. Raises MeshError."""
-    return upright(read_triangles(locate_mesh(config.file, folder)), config)
+    mesh = read_triangles(locate_mesh(config.file, folder))
+    return Mesh(upright(mesh.vertices, config), mesh.faces)
 
 
 def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
@@ -67,16 +69,25 @@ def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
     parts = []
     for index, part in enumerate(part for group in groups for part in group.split(only_watertight=False, repair=False)):
         try:
-            share = abs(float(part.volume)) / _volume(convex_hull(np.asarray(part.vertices)))
+            hull = convex_hull(np.asarray(part.vertices))
         except QhullError as error:
             raise MeshError(f"part {index} of {config.file} is flat, which physics cannot use") from error
-        if not part.is_watertight or share < CONVEX_SHARE:
+        if not _is_convex(part, hull):
             raise MeshError(
-                f"part {index} of {config.file} is not convex (it fills {share:.0%} of its hull), which physics needs; "
-                "'bestman-bt object add' cuts a mesh into convex parts"
+                f"part {index} of {config.file} is not convex, which physics needs; 'bestman-bt object add' cuts a "
+                "mesh into convex parts"
             )
-        parts.append(upright(part, config))
+        parts.append(Mesh(upright(hull.vertices, config), hull.faces))
     return tuple(parts)
+
+
+def _is_convex(part: Any, hull: Mesh) -> bool:
+    """By volume; of a part with holes, which has none, by its corners: they all lie on the hull."""
+    if part.is_watertight:
+        return abs(float(part.volume)) >= CONVEX_SHARE * _volume(hull)
+    planes = ConvexHull(hull.vertices).equations
+    depths = -(np.asarray(part.vertices) @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    return float(depths.max()) <= (1.0 - CONVEX_SHARE) * float(np.ptp(hull.vertices, axis=0).min())
 
 
 def read_triangles(path: Path) -> Any:
@@ -119,7 +130,7 @@ def write_groups(meshes: Sequence[Mesh], path: Path) -> None:
     lines, first = [], 1
     for number, mesh in enumerate(meshes):
         lines.append(f"o part_{number}")
-        lines += [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in mesh.vertices]
+        lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices]
         lines += [f"f {a} {b} {c}" for a, b, c in mesh.faces + first]
         first += len(mesh.vertices)
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
@@ -148,9 +159,9 @@ def _cleaned(mesh: Any) -> Any:
     return mesh
 
 
-def upright(mesh: Any, config: MeshConfig) -> Mesh:
-    """A trimesh.Trimesh in metres, z up; where the file has the origin."""
-    return Mesh(np.asarray(mesh.vertices) @ _TURNS[config.up].T * config.scale, np.asarray(mesh.faces))
+def upright(vertices: NDArray[np.float64], config: MeshConfig) -> NDArray[np.float64]:
+    """Corners (N, 3) of a file in metres, z up; the origin stays."""
+    return np.asarray(vertices) @ _TURNS[config.up].T * config.scale
 
 
 def _volume(mesh: Mesh) -> float:
