@@ -169,8 +169,8 @@ def _symmetry(mesh: Mesh) -> Symmetry:
 def _entry(mesh_file: Path, new: NewObject, symmetry: Symmetry, parts: tuple[Mesh, ...]) -> dict[str, Any]:
     try:
         color = new.color or read_color(mesh_file) or GREY
-    except MeshError:
-        color = GREY  # the surface could be read, its materials could not
+    except MeshError as error:
+        raise _fault(mesh_file, "", f"{error}; --color R,G,B gives one") from error
     mass = new.mass if new.mass is not None else max(0.01, round(DENSITY * sum(_volume(part) for part in parts), 3))
     return {
         "description": f"Made from {mesh_file.name}.",

@@ -39,12 +39,12 @@ def object_picture(model: ObjectModel, gripper: GripperModel | None = None, side
 
 def _viewpoint(size: float) -> Viewpoint:
     """From the front right above."""
-    eye = 2.1 * size * np.array([0.62, -0.62, 0.48])
+    eye = 2.4 * size * np.array([0.62, -0.62, 0.48])
     return Viewpoint((float(eye[0]), float(eye[1]), float(eye[2])), (0.0, 0.0, 0.0), 32.0, near=0.2 * size)
 
 
 def _axes(size: float) -> list[Part]:
-    length, radius = 0.62 * size, 0.006 * size
+    length, radius = 0.55 * size, 0.006 * size
     outwards = Pose(np.array([0.0, 0.0, length / 2]))
     return [
         (PlacedShape(Cylinder(radius, length), Pose.from_xyz_rpy((0.0, 0.0, 0.0), rpy) @ outwards), color)

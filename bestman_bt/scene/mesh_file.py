@@ -110,13 +110,13 @@ def read_color(path: Path) -> tuple[float, float, float] | None:
     try:
         scene: Any = trimesh.load_scene(path)
         for mesh in scene.dump():
-            visual = mesh.visual
-            if isinstance(mesh, trimesh.Trimesh) and visual.defined and len(mesh.faces):
-                visual = visual.to_color() if visual.kind == "texture" else visual
-                colors = np.asarray(visual.face_colors)[:, :3] / 255.0
-                if len(colors) == len(mesh.faces):
-                    total += mesh.area_faces @ colors
-                    area += float(mesh.area)
+            if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces) and mesh.visual.defined:
+                if mesh.visual.kind == "texture":
+                    colors = np.asarray(mesh.visual.to_color().vertex_colors)[mesh.faces].mean(axis=1)
+                else:
+                    colors = np.asarray(mesh.visual.face_colors)
+                total += mesh.area_faces @ colors[:, :3] / 255.0
+                area += float(mesh.area)
     except Exception as error:
         raise MeshError(f"cannot read the colours of {path.name}: {error}") from error
     if area == 0.0:
@@ -161,7 +161,8 @@ def _cleaned(mesh: Any) -> Any:
 
 def upright(vertices: NDArray[np.float64], config: MeshConfig) -> NDArray[np.float64]:
     """Corners (N, 3) of a file in metres, z up; the origin stays."""
-    return np.asarray(vertices) @ _TURNS[config.up].T * config.scale
+    turned: NDArray[np.float64] = np.asarray(vertices) @ _TURNS[config.up].T
+    return turned * config.scale
 
 
 def _volume(mesh: Mesh) -> float:
