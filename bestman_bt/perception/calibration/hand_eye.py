@@ -1,0 +1,145 @@
+"""Hand-eye calibration: where a camera sits on what carries it, from poses of the carrier and of a target seen."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bestman_bt.messages import Pose
+from bestman_bt.perception.calibration.errors import CalibrationError, DegenerateMotionError
+from bestman_bt.perception.calibration.hand_eye_refinement import HandEyeNoise, Refined, refine
+
+LARGEST_ANGLE = math.radians(170.0)
+"""Motions that turn further are left out: near half a turn the sign of their axis is chance."""
+
+
+@dataclass(frozen=True)
+class HandEyeParameters:
+    """``refine``: whether least squares follow the closed form. ``noise``: of the poses, weighs the residuals.
+
+    ``min_views``: fewer are refused. ``min_second_rotation``: radians (root mean square, between views) about the
+    second axis. ``max_angle_mismatch``: radians by which the median motion of the camera may turn differently from its
+    carrier.
+    """
+
+    refine: bool = True
+    noise: HandEyeNoise = field(default_factory=HandEyeNoise)
+    min_views: int = 4
+    min_second_rotation: float = math.radians(3.0)
+    max_angle_mismatch: float = math.radians(3.0)
+
+
+@dataclass(frozen=True, eq=False)
+class HandEyeResult:
+    """``carrier_from_eye``: the camera on its carrier; ``world_from_target``: where the target stands.
+
+    ``covariance``: (6, 6) of ``carrier_from_eye``: position (metres), then rotation vector (radians), both in the
+    carrier frame. ``position_residuals`` (N,) metres and ``rotation_residuals`` (N,) radians: of the target as each
+    view saw it.
+    """
+
+    carrier_from_eye: Pose
+    world_from_target: Pose
+    covariance: NDArray[np.float64]
+    position_residuals: NDArray[np.float64]
+    rotation_residuals: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class RelativeMotions:
+    """Pairs of motions with A X = X B: ``carrier`` A and ``eye`` B, each (M, 4, 4); X is ``carrier_from_eye``."""
+
+    carrier: NDArray[np.float64]
+    eye: NDArray[np.float64]
+
+
+class HandEye(ABC):
+    """Solves ``world_from_carrier @ X @ eye_from_target = world_from_target`` for X, ``carrier_from_eye``."""
+
+    def __init__(self, parameters: HandEyeParameters = HandEyeParameters()) -> None:
+        self._parameters = parameters
+
+    @abstractmethod
+    def closed_form(self, motions: RelativeMotions) -> Pose:
+        """X from relative motions."""
+
+    def eye_in_hand(self, base_from_hand: Sequence[Pose], eye_from_target: Sequence[Pose]) -> HandEyeResult:
+        """The camera is carried by the hand, the target stands still: world is the base, carrier is the hand.
+
+        ``base_from_hand``: N poses by forward kinematics, ``eye_from_target``: the target in each of the N images.
+        Raises CalibrationError, or DegenerateMotionError if the motions do not determine the result.
+        """
+        return self._calibrate(base_from_hand, eye_from_target, "hand")
+
+    def eye_to_hand(self, base_from_hand: Sequence[Pose], eye_from_target: Sequence[Pose]) -> HandEyeResult:
+        """The camera stands still, the hand carries the target: world is the hand, carrier is the base.
+
+        ``carrier_from_eye`` is ``base_from_eye``, ``world_from_target`` is ``hand_from_target``. Raises as above.
+        """
+        return self._calibrate([pose.inverse() for pose in base_from_hand], eye_from_target, "hand with the target")
+
+    def _calibrate(
+        self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], what_moves: str
+    ) -> HandEyeResult:
+        parameters = self._parameters
+        if len(world_from_carrier) != len(eye_from_target):
+            raise CalibrationError(
+                f"as many poses as views are needed, got {len(world_from_carrier)} and {len(eye_from_target)}"
+            )
+        if len(world_from_carrier) < parameters.min_views:
+            raise CalibrationError(
+                f"at least {parameters.min_views} views are needed, got {len(world_from_carrier)}; 15 to 25 are good"
+            )
+        motions = relative_motions(world_from_carrier, eye_from_target)
+        self._check(motions, what_moves)
+        start = self.closed_form(motions)
+        noise = parameters.noise
+        refined = refine(world_from_carrier, eye_from_target, start, noise, move=parameters.refine)
+        return _result(refined)
+
+    def _check(self, motions: RelativeMotions, what_moves: str) -> None:
+        parameters = self._parameters
+        turns = Rotation.from_matrix(motions.carrier[:, :3, :3]).as_rotvec()
+        spread = np.sqrt(np.maximum(np.linalg.eigvalsh(turns.T @ turns / max(len(turns), 1)), 0.0))
+        if spread[1] < parameters.min_second_rotation:
+            raise DegenerateMotionError(
+                f"the views turn by {math.degrees(spread[2]):.1f}° about one axis but only by "
+                f"{math.degrees(spread[1]):.1f}° about any other; turn the {what_moves} by 20° and more about two axes "
+                "that are not parallel"
+            )
+        seen = Rotation.from_matrix(motions.eye[:, :3, :3]).magnitude()
+        mismatch = float(np.median(np.abs(np.linalg.norm(turns, axis=1) - seen)))
+        if mismatch > parameters.max_angle_mismatch:
+            raise CalibrationError(
+                "camera and carrier turn by different angles between the same views (median "
+                f"{math.degrees(mismatch):.1f}° apart): poses and images do not belong together, or the target moved"
+            )
+
+
+def relative_motions(world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose]) -> RelativeMotions:
+    """The motions between all pairs of views, but for those that turn by nearly half a turn."""
+    first, second = np.triu_indices(len(world_from_carrier), 1)
+    carriers = np.array([pose.matrix for pose in world_from_carrier])
+    seen = np.array([pose.matrix for pose in eye_from_target])
+    carrier = np.linalg.inv(carriers[second]) @ carriers[first]
+    eye = seen[second] @ np.linalg.inv(seen[first])
+    angles = [Rotation.from_matrix(motions[:, :3, :3]).magnitude() for motions in (carrier, eye)]
+    usable = np.max(angles, axis=0) < LARGEST_ANGLE
+    return RelativeMotions(carrier[usable], eye[usable])
+
+
+def _result(refined: Refined) -> HandEyeResult:
+    residuals = refined.residuals
+    return HandEyeResult(
+        refined.carrier_from_eye,
+        refined.world_from_target,
+        refined.covariance,
+        np.linalg.norm(residuals[:, :3], axis=1),
+        np.linalg.norm(residuals[:, 3:], axis=1),
+    )

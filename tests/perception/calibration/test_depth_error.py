@@ -1,0 +1,56 @@
+"""Scale and offset of a depth sensor are recovered from a board."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Pose
+from bestman_bt.perception.calibration import CalibrationError, DegenerateMotionError, calibrate_depth
+from tests.perception.calibration.recorded import LENS, corners, sighting, turned
+
+
+def view(distance: float, rng: np.random.Generator, scale: float = 1.0, offset: float = 0.0):
+    """Corners, pose, and the depth of the board's plane as the sensor tells it, with 3 mm of noise and holes."""
+    lean = turned(np.append(rng.uniform(-0.4, 0.4, 2), 0.0))
+    pose = Pose(np.array([0.0, 0.0, distance])) @ lean @ Pose(-corners().mean(axis=0))
+    u, v = np.meshgrid(np.arange(640), np.arange(480))
+    normal = pose.rotation[:, 2]
+    rays = np.stack([(u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, np.ones(u.shape)], axis=-1)
+    true = normal @ pose.position / (rays @ normal)
+    told = scale * true + offset + rng.normal(0.0, 0.003, true.shape)
+    told[rng.random(told.shape) < 0.05] = 0.0
+    return sighting(pose, LENS, rng, 0.1), pose, told.astype(np.float32)
+
+
+def test_scale_and_offset_are_recovered():
+    rng = np.random.default_rng(1)
+    views = [view(distance, rng, 1.02, -0.008) for distance in np.linspace(0.35, 1.1, 12)]
+    result = calibrate_depth(views, LENS)
+    assert result.correction.scale == pytest.approx(1.02, abs=0.002)
+    assert result.correction.offset == pytest.approx(-0.008, abs=0.0015)
+    assert abs(result.correction.scale - 1.02) < 4 * result.scale_std + 1e-3
+    assert np.abs(result.residuals).max() < 0.003
+    assert len(result.distances) == 12
+
+
+def test_one_view_with_something_before_the_board_does_not_matter():
+    rng = np.random.default_rng(2)
+    views = [view(distance, rng, 0.99, 0.004) for distance in np.linspace(0.35, 1.1, 12)]
+    views[5][2][:] = 0.2
+    result = calibrate_depth(views, LENS)
+    assert result.correction.scale == pytest.approx(0.99, abs=0.004)
+    assert result.correction.offset == pytest.approx(0.004, abs=0.003)
+
+
+def test_one_distance_does_not_tell_scale_from_offset():
+    rng = np.random.default_rng(3)
+    with pytest.raises(DegenerateMotionError, match="cannot be told apart"):
+        calibrate_depth([view(0.5, rng) for _ in range(5)], LENS)
+
+
+def test_images_without_depth_are_refused():
+    rng = np.random.default_rng(4)
+    blind = [(s, p, np.zeros_like(d)) for s, p, d in (view(0.5, rng), view(0.9, rng))]
+    with pytest.raises(CalibrationError, match="0 of 2 views have depth on the board"):
+        calibrate_depth(blind, LENS)
