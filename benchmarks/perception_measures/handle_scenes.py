@@ -31,6 +31,7 @@ KINDS = ("drawer_chest", "cupboard", "fridge", "dishwasher", "microwave")
 NEAREST, FARTHEST = 0.7, 1.8
 WIDEST_ANGLE = math.radians(40.0)
 MIN_SEEN = 0.6
+BORDER = 8.0  # pixels along the image's border in which a handle is not in view
 _TRUE_DEPTH = DepthNoise(0.0, 0.0, 0.0, 0.0, 1e-6)
 
 
@@ -197,7 +198,10 @@ def _share_seen(view: View, handle: Handle) -> float:
         surface = np.concatenate([along[:, None] * [1.0, 0.0, 0.0] + handle.radius * side for side in sides])
     pixels, depth = view.project(handle.pose.apply(surface))
     measured = view.measured_depth(pixels)
-    return float((np.abs(measured - depth) < 0.012).mean())
+    k = view.image.intrinsics
+    inside = ((pixels > BORDER) & (pixels < np.array([k.width, k.height]) - 1 - BORDER)).all(axis=1)
+    # The pixel nearest to a point may show what is beside a thin bar: farther away, never nearer.
+    return float((inside & (measured > depth - 0.003) & (measured < depth + 0.08)).mean())
 
 
 def _on_handles(view: View, handles: list[Handle]) -> NDArray[np.bool_]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.affordance.base import HandleDetector, HandleScene
@@ -64,12 +66,14 @@ class FrontHandles(HandleDetector):
             rectified = rectify(view, front, around)
             on_front = find_protrusions(around, p.protrusions) + find_grooves(rectified, around, p.grooves)
             found += [(front, rectified, one) for one in on_front if one.confidence >= p.min_confidence]
-        found.sort(key=lambda entry: -entry[2].confidence)
+        # A part of a bar may look like a shorter one: the longest first.
+        found.sort(key=lambda entry: -entry[2].confidence * entry[2].length)
         handles: list[Handle] = []
         for front, rectified, one in found:
             position = front.frame_from_front.apply(one.centre[None])[0]
-            if all(np.linalg.norm(position - other.pose.position) > p.apart for other in handles):
+            if all(_distance(position, other) > p.apart for other in handles):
                 handles.append(self._handle(front, rectified, one))
+        handles.sort(key=lambda handle: -handle.confidence)
         reason = "" if handles else f"no handle on the {len(fronts)} upright planes in view"
         return HandleScene(tuple(handles), tuple(_plane(front) for front in fronts), reason)
 
@@ -102,6 +106,12 @@ class FrontHandles(HandleDetector):
             panel=panel,
             panel_size=size,
         )
+
+
+def _distance(point: NDArray[np.float64], handle: Handle) -> float:
+    """From the line along a handle."""
+    along, across, out = handle.pose.inverse().apply(point[None])[0]
+    return math.hypot(max(0.0, abs(along) - handle.length / 2), across, out)
 
 
 def _panel(frame_from_front: Pose, borders: PanelBorders) -> tuple[Pose | None, tuple[float, float] | None]:

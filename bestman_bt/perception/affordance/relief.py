@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -37,6 +38,19 @@ class Relief:
         """
         rays = self.rays[pixels]
         return self.eye[:2] + rays[:, :2] * ((level - self.eye[2]) / rays[:, 2])[:, None]
+
+    def window(self, low: NDArray[np.float64], high: NDArray[np.float64], level: float) -> tuple[slice, slice]:
+        """The rectangle of pixels (rows, columns of this rectangle) that shows x, y from ``low`` to ``high`` there."""
+        corners = np.array([[x, y, level] for x in (low[0], high[0]) for y in (low[1], high[1])]) - self.eye
+        # rays[v, u] = rays[0, 0] + u right + v down, and a corner is a multiple of its pixel's ray.
+        first = self.rays[0, 0]
+        right, down = self.rays[0, 1] - first, self.rays[1, 0] - first
+        u, v, scale = np.linalg.solve(np.stack([right, down, first], axis=1), corners.T)
+        height, width = self.height.shape
+        u, v = u / scale, v / scale
+        rows = slice(int(np.clip(math.floor(v.min()), 0, height)), int(np.clip(math.ceil(v.max()) + 1, 0, height)))
+        columns = slice(int(np.clip(math.floor(u.min()), 0, width)), int(np.clip(math.ceil(u.max()) + 1, 0, width)))
+        return rows, columns
 
     def pixel_size(self) -> float:
         """Metres of the front that one pixel shows, about."""

@@ -1,0 +1,116 @@
+"""What is seen around a thing that stands out of a front: the front, something farther back, or what it stands on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.perception.affordance.relief import Relief
+
+
+@dataclass(frozen=True)
+class SurroundParameters:
+    """Lengths in metres.
+
+    ``ring``: width of the strip around; ``edge_pixels``: between it and the thing, where depth drops out.
+    ``sides``: least share of a strip that must show the front; ``ends``: least share beyond an end of a bar that lies
+    ``clearance`` farther back: what stands on something touches it. ``hiding``: so much nearer is something before it.
+    """
+
+    ring: float = 0.014
+    edge_pixels: float = 2.5
+    sides: float = 0.75
+    ends: float = 0.5
+    clearance: float = 0.010
+    hiding: float = 0.03
+
+
+class Surround:
+    """The pixels near a place (x, y) of a front, up to ``reach`` metres away, for a thing ``level`` before the front."""
+
+    def __init__(
+        self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, p: SurroundParameters
+    ) -> None:
+        self._p = p
+        self._margin = p.edge_pixels * relief.pixel_size()
+        self._ring = max(p.ring, 3.0 * relief.pixel_size())
+        reach = self._margin + self._ring
+        rows, columns = relief.window(low - reach, high + reach, level)
+        height = relief.height[rows, columns]
+        known = np.isfinite(height)
+        inside = np.nonzero(known)
+        pixels = (inside[0] + rows.start, inside[1] + columns.start)
+        around, noise = height[known], relief.noise[rows, columns][known]
+        self.flat = relief.on_level(pixels, level)
+        self.foot = relief.on_level(pixels, 0.0)
+        self.on_front = np.abs(around) < np.maximum(0.006, 3.0 * noise)
+        self.farther = around < level - np.maximum(p.clearance, 3.0 * noise)
+        self.hides = around > level + p.hiding
+
+    def bar(
+        self, middle: NDArray[np.float64], along: NDArray[np.float64], length: float, radius: float
+    ) -> float | None:
+        """The share of the ring that is free; None where something touches the bar or the front is not around it."""
+        across = np.array([-along[1], along[0]])
+        s, t = (self.flat - middle) @ along, (self.flat - middle) @ across
+        inner, outer = radius + self._margin, radius + self._margin + self._ring
+        beside = np.abs(s) < length / 2
+        shares = []
+        for sign in (-1.0, 1.0):
+            side = beside & (sign * t > inner) & (sign * t < outer)
+            if side.sum() < 5 or self.farther[side].mean() < self._p.sides:
+                return None
+            share = float(self.on_front[side].mean())
+            if share < self._p.sides and not self._foot_on_front(middle, along, sign * across, length, radius):
+                return None
+            shares.append(max(share, self._p.sides))
+        ends = []
+        for sign in (-1.0, 1.0):
+            beyond = sign * s - length / 2
+            end = (np.abs(t) < outer) & (beyond > self._margin) & (beyond < self._margin + self._ring)
+            if end.sum() < 3:
+                return None
+            if self.farther[end].mean() >= self._p.ends:
+                ends.append(float(self.farther[end].mean()))
+            elif self.hides[end].mean() < self._p.ends:
+                return None
+        return float(np.mean(shares + ends)) if ends else None
+
+    def hidden(self, middle: NDArray[np.float64], along: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+        """Where along a bar something is before it: metres from its middle."""
+        across = np.array([-along[1], along[0]])
+        hides = self.hides & (np.abs((self.flat - middle) @ across) < radius + self._margin)
+        where: NDArray[np.float64] = (self.flat[hides] - middle) @ along
+        return where
+
+    def knob(self, centre: NDArray[np.float64], radius: float) -> float | None:
+        """As for bars; a knob may be so near to a border that one quarter shows what lies beyond."""
+        around = self.flat - centre
+        distance = np.linalg.norm(around, axis=1)
+        ring = (distance > radius + self._margin) & (distance < radius + self._margin + self._ring)
+        if ring.sum() < 12 or self.farther[ring].mean() < self._p.sides:
+            return None
+        angles = np.arctan2(around[ring, 1], around[ring, 0]) + math.pi
+        quarter = (angles / (math.pi / 2)).astype(int) % 4
+        on_front = self.on_front[ring]
+        shares = sorted(float(on_front[quarter == i].mean()) if (quarter == i).any() else 0.0 for i in range(4))
+        return float(np.mean(shares)) if shares[1] >= self._p.sides else None
+
+    def _foot_on_front(
+        self,
+        middle: NDArray[np.float64],
+        along: NDArray[np.float64],
+        outwards: NDArray[np.float64],
+        length: float,
+        radius: float,
+    ) -> bool:
+        """Whether the front goes on beside the place straight behind the bar: else it is a board's edge.
+
+        Seen aslant, a bar near the border of its panel has something else beside it in the image.
+        """
+        s, t = (self.foot - middle) @ along, (self.foot - middle) @ outwards
+        strip = (np.abs(s) < length / 2) & (t > radius + 0.004) & (t < radius + 0.014)
+        return bool(strip.sum() >= 5 and self.on_front[strip].mean() >= 0.6)
