@@ -112,6 +112,24 @@ def show(
                 print(f"  picture    {png}")
 
 
+@verbs.command()
+def grasps(
+    name: Annotated[str, typer.Argument(help="An object's name or YAML file.")],
+    robot: Robot = ROBOT,
+    as_json: Json = False,
+) -> None:
+    """Find an object's grasps anew, for example for another gripper, and keep them beside its file."""
+    from bestman_bt.runtime.object_import import write_grasps
+
+    with json_output(as_json) as write:
+        path = find_data("object", name)
+        gripper_name, gripper = _gripper(robot)
+        facts = _facts(write_grasps(path, gripper, gripper_name), path)
+        write(facts)
+        if not as_json:
+            _tell(facts)
+
+
 def _facts(model: ObjectModel, path: Path | None) -> dict[str, Any]:
     symmetry = next(name for name, order in SYMMETRY_ORDERS.items() if order == model.symmetry_order)
     return {

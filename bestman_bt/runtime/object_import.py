@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from PIL import Image
 
-from bestman_bt.configuration import ConfigurationError, Problem, data_names
+from bestman_bt.configuration import ConfigurationError, Problem, data_names, read_document
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose import antipodal_grasps
@@ -26,6 +26,8 @@ from bestman_bt.scene.object_file import LARGEST, SMALLEST, SYMMETRY_ORDERS, Sym
 
 DENSITY = 500.0
 """kg/m³: what a thing of unknown mass is taken for; wood, or something thin-walled with something in it."""
+GRASPS = 128
+"""Grasps found for an object, at most."""
 GREY = (0.6, 0.6, 0.6)
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _RESERVED = re.compile(r"random_\d{3}")
@@ -93,15 +95,26 @@ def import_object(
         write_groups([mesh], made["mesh"])
         write_groups(parts, made["collision"])
         made["object"].write_text(yaml.safe_dump(entry, sort_keys=False, allow_unicode=True), encoding="utf-8")
-        made["grasps"].write_text(grasps_json(gripper_name, ()), encoding="utf-8")
-        bare = read_object(made["object"])
-        grasps = antipodal_grasps(bare, gripper, np.random.default_rng(0))
-        made["grasps"].write_text(grasps_json(gripper_name, grasps), encoding="utf-8")
-        model = read_object(made["object"])
+        model = write_grasps(made["object"], gripper, gripper_name)
         Image.fromarray(object_picture(model, gripper)).save(made["picture"], optimize=True)
         for kind, path in files.items():
             made[kind].replace(path)
     return ImportedObject(model, symmetry, files, watertight, triangles)
+
+
+def write_grasps(object_file: Path, gripper: GripperModel, gripper_name: str) -> ObjectModel:
+    """Find the grasps of an object anew, write them beside its file, and name them there.
+
+    Raises ConfigurationError for a file that is no object.
+    """
+    model = read_object(object_file)
+    grasps = antipodal_grasps(model, gripper, np.random.default_rng(0), GRASPS)
+    beside = f"{object_file.stem}.grasps.json"
+    (object_file.parent / beside).write_text(grasps_json(gripper_name, grasps), encoding="utf-8")
+    if "grasps" not in read_document(object_file).data:
+        text = object_file.read_text(encoding="utf-8")
+        object_file.write_text(f"{text.rstrip()}\ngrasps: {beside}\n", encoding="utf-8")
+    return read_object(object_file)
 
 
 def _fault(source: Path | str, field: str, message: str) -> ConfigurationError:
@@ -180,7 +193,6 @@ def _entry(mesh_file: Path, new: NewObject, symmetry: Symmetry, parts: tuple[Mes
         "symmetry": symmetry,
         "collision": [{"mesh": {"file": f"{new.name}.collision.obj"}}],
         "visual": [{"mesh": {"file": f"{new.name}.obj"}}],
-        "grasps": f"{new.name}.grasps.json",
     }
 
 

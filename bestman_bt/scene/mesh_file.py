@@ -110,11 +110,12 @@ def read_color(path: Path) -> tuple[float, float, float] | None:
     try:
         scene: Any = trimesh.load_scene(path)
         for mesh in scene.dump():
-            if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces) and mesh.visual.defined:
-                if mesh.visual.kind == "texture":
-                    colors = np.asarray(mesh.visual.to_color().vertex_colors)[mesh.faces].mean(axis=1)
+            visual: Any = mesh.visual
+            if isinstance(mesh, trimesh.Trimesh) and len(mesh.faces) and visual.defined:
+                if visual.kind == "texture":
+                    colors = np.asarray(visual.to_color().vertex_colors)[mesh.faces].mean(axis=1)
                 else:
-                    colors = np.asarray(mesh.visual.face_colors)
+                    colors = np.asarray(visual.face_colors)
                 total += mesh.area_faces @ colors[:, :3] / 255.0
                 area += float(mesh.area)
     except Exception as error:
