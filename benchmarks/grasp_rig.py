@@ -28,6 +28,7 @@ from hal.api import Arm, Camera, CommandRefusedError, Gripper, Motion, MotionSta
 from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, Viewpoint
 from hal.pybullet.camera import projection_matrix
 from hal.pybullet.client import ReadPurpose
+from hal.pybullet.simulation import Simulation
 
 GANTRY = Path(__file__).with_name("gantry")
 WRIST_FROM_TOOL = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (math.pi, 0.0, -math.pi / 2))
@@ -101,12 +102,17 @@ class GraspRig:
     def __enter__(self) -> GraspRig:
         self._robot.connect()
         self.truth, self.photographer = GroundTruth(self._robot), ScenePhotographer(self._robot)
-        self._reader = self._robot.simulation.client.reader(ReadPurpose.EVALUATION)
+        self._reader = self.simulation.client.reader(ReadPurpose.EVALUATION)
         self._wait(self.parameters.settle)
         return self
 
     def __exit__(self, *_: object) -> None:
         self._robot.disconnect()
+
+    @property
+    def simulation(self) -> Simulation:
+        """The running physics."""
+        return self._robot.simulation
 
     @property
     def seconds(self) -> float:
@@ -143,7 +149,7 @@ class GraspRig:
 
     def masks(self, camera: str = "head_camera") -> dict[str, NDArray[np.bool_]]:
         """Which pixels (H, W) of ``camera`` truly show each object: for judging."""
-        simulation, model = self._robot.simulation, self.model.cameras[camera]
+        model = self.model.cameras[camera]
         pose, k = self._sensors[camera].base_from_camera(), model.intrinsics
         forward, up = pose.rotation[:, 2], -pose.rotation[:, 1]
         image = self._reader.getCameraImage(
@@ -154,13 +160,15 @@ class GraspRig:
             renderer=pybullet.ER_TINY_RENDERER,
         )
         bodies = np.asarray(image[4]).reshape(k.height, k.width)
-        return {name: bodies == body for name, body in simulation.built.objects.items()}
+        return {name: bodies == body for name, body in self.simulation.built.objects.items()}
 
     def photograph(self, target: str) -> NDArray[np.uint8]:
         """A picture for people of the hand and the object, (H, W, 3)."""
         at = self.truth.object_pose(target).position
         eye = at + np.array([-0.55, -0.35, 0.30])
-        return self.photographer.picture(Viewpoint(tuple(eye), tuple(at + np.array([0.0, 0.0, 0.05])), 45.0), 640, 480, 1)
+        return self.photographer.picture(
+            Viewpoint(tuple(eye), tuple(at + np.array([0.0, 0.0, 0.05])), 45.0), 640, 480, 1
+        )
 
     def grasp(self, candidate: GraspCandidate, target: str) -> GraspOutcome:
         """Carry ``candidate`` out and judge it; ``target``: the object that is to be lifted."""
