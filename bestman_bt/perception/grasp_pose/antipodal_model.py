@@ -28,7 +28,8 @@ from bestman_bt.robot_model import GripperModel
 class AntipodalModelParameters:
     """Metres, radians.
 
-    ``samples``: about how many points the surface gets; ``contacts``: how many of them are tried as a first contact.
+    ``samples``: about how many points the surface gets; ``contacts``: how many of them are tried as a first contact;
+    ``pairs``: how many of the pairs that they make are looked at.
     ``turn``: between hands about one closing axis. ``patch_depth``: how far the pads give way.
     ``surface_clearance``: between open hand and object; the palm keeps what ``hand`` says besides.
     ``apart``, ``apart_angle``: two grasps nearer than both count as one.
@@ -36,6 +37,7 @@ class AntipodalModelParameters:
 
     samples: int = 2200
     contacts: int = 350
+    pairs: int = 300
     turn: float = math.radians(30.0)
     patch_depth: float = 0.0012
     surface_clearance: float = 0.002
@@ -116,4 +118,5 @@ def _pairs(
     # First and last exit are often the same.
     _, once = np.unique(np.round(np.column_stack([starts, lines, widths]), 6), axis=0, return_index=True)
     kept = np.sort(once[antipodal[once]])
+    kept = kept[np.linspace(0, len(kept) - 1, min(len(kept), parameters.pairs)).astype(np.intp)]
     return starts[kept], lines[kept], widths[kept]
