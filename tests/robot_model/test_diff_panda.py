@@ -14,7 +14,7 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel, load_robot_model
 
-DECLARED_MASS = 60 + 2 * 2 + 2 * 0.5 + 8 + 3 + 0.8 + 2 * 0.072 + 17.96  # base to cameras, and the Panda
+DECLARED_MASS = 60 + 2 * 2 + 2 * 0.5 + 8 + 3 + 0.8 + 0.072 + 0.06 + 17.96  # base to cameras, and the Panda
 
 # The links of a Panda that can meet (shared planning problems): each must stay in the checks.
 PANDA_PAIRS = [
