@@ -17,6 +17,7 @@ from bestman_bt.configuration import (
     read_document,
 )
 from bestman_bt.registry import suggestion
+from bestman_bt.robot_model.calibration_overlay import with_calibration
 from bestman_bt.robot_model.describe import describe
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.part_config import ArmPart, BasePart, GripperPart, JointGroupPart
@@ -32,7 +33,14 @@ def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | No
     ``{"parts.mast.set.dimensions.mass": "2 kg"}``. Raises ConfigurationError with file, line and field.
     """
     path = find_data("robot", name_or_path)
-    document = override(read_document(path), RobotConfig, overrides or {}, prefix="robot.")
+    settings = dict(overrides or {})
+    document = read_document(path)
+    if "calibration" in settings:
+        document = override(document, RobotConfig, {"calibration": settings.pop("calibration")}, prefix="robot.")
+        document = with_calibration(document, Path())
+    else:
+        document = with_calibration(document, path.parent)
+    document = override(document, RobotConfig, settings, prefix="robot.")
     return compose_robot(path.stem, document)
 
 

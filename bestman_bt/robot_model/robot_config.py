@@ -28,6 +28,7 @@ class MountedPart:
 class RobotConfig:
     """A robot: its parts by name, the first one is the root.
 
+    ``calibration``: files that a calibration wrote; what they say of parts is laid over ``parts``.
     ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot meet, left
     out of self-collision checks.
     """
@@ -36,4 +37,5 @@ class RobotConfig:
     parts: Mapping[str, MountedPart]
     postures: Mapping[str, Mapping[str, tuple[JointPosition, ...]]] = field(default_factory=dict)
     never_touch: tuple[tuple[str, str], ...] = ()
+    calibration: tuple[str, ...] = ()
     description: str = ""

@@ -75,18 +75,19 @@ class HandEye(ABC):
         ``base_from_hand``: N poses by forward kinematics, ``eye_from_target``: the target in each of the N images.
         Raises CalibrationError, or DegenerateMotionError if the motions do not determine the result.
         """
-        return self._calibrate(base_from_hand, eye_from_target, "hand")
+        return self.calibrate(base_from_hand, eye_from_target, "hand")
 
     def eye_to_hand(self, base_from_hand: Sequence[Pose], eye_from_target: Sequence[Pose]) -> HandEyeResult:
         """The camera stands still, the hand carries the target: world is the hand, carrier is the base.
 
         ``carrier_from_eye`` is ``base_from_eye``, ``world_from_target`` is ``hand_from_target``. Raises as above.
         """
-        return self._calibrate([pose.inverse() for pose in base_from_hand], eye_from_target, "hand with the target")
+        return self.calibrate([pose.inverse() for pose in base_from_hand], eye_from_target, "hand with the target")
 
-    def _calibrate(
-        self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], what_moves: str
+    def calibrate(
+        self, world_from_carrier: Sequence[Pose], eye_from_target: Sequence[Pose], what_moves: str = "arm"
     ) -> HandEyeResult:
+        """The general case: the camera is carried, the target stands still in the world. Raises as above."""
         parameters = self._parameters
         if len(world_from_carrier) != len(eye_from_target):
             raise CalibrationError(
