@@ -149,7 +149,7 @@ class AntipodalCloud(GraspPlanner):
         leaving = -np.einsum("ijk,ik->ij", lines, normals) / safe
         arriving = np.einsum("ijk,jk->ij", lines, normals) / safe
         cone = math.cos(math.atan(p.friction))
-        fits = (lengths > max(gripper.min_width, 0.004)) & (lengths <= gripper.max_width - 2 * p.hand.clearance)
+        fits = (lengths > max(gripper.min_width, 0.004)) & (lengths <= p.hand.widest(gripper))
         level = np.abs(lines[:, :, 2]) <= math.sin(p.max_slope) * safe
         first, second = np.nonzero(np.triu((leaving > cone) & (arriving > cone) & fits & level, 1))
         middles = (points[first] + points[second]) / 2
@@ -172,7 +172,7 @@ class AntipodalCloud(GraspPlanner):
         self, hands: HandPoses, contacts: PadContacts, cloud: CompletedCloud, gripper: GripperModel
     ) -> NDArray[np.float64]:
         p = self.parameters
-        widest = gripper.max_width - 2 * p.hand.clearance
+        widest = p.hand.widest(gripper)
         quality = contact_quality(hands, contacts, cloud.centre_of_mass, gripper, widest, p.quality)
         tilt = np.arccos(np.clip(-hands.rotations[:, 2, 2], -1.0, 1.0))
         quality *= 1.0 - p.tilt_weight * tilt / (math.pi / 4)

@@ -75,7 +75,7 @@ def antipodal_grasps(
         gripper.finger_depth,
         parameters.patch_depth,
     )
-    widest = gripper.max_width - 2 * parameters.hand.clearance
+    widest = parameters.hand.widest(gripper)
     quality = contact_quality(hands, contacts, surface.centre_of_mass, gripper, widest, parameters.quality)
     # The pads decide where the middle is: the hand closes there, and both fingers have the same room.
     hands = hands.shifted(contacts.centre[:, 1], 1)
@@ -114,7 +114,7 @@ def _pairs(
     cone = math.cos(math.atan(parameters.quality.friction))
     with np.errstate(invalid="ignore"):
         antipodal = (np.einsum("ij,ij->i", lines, starting) >= cone) & (np.einsum("ij,ij->i", lines, leaving) >= cone)
-        antipodal &= (widths > gripper.min_width) & (widths <= gripper.max_width - 2 * parameters.hand.clearance)
+        antipodal &= (widths > gripper.min_width) & (widths <= parameters.hand.widest(gripper))
     # First and last exit are often the same.
     _, once = np.unique(np.round(np.column_stack([starts, lines, widths]), 6), axis=0, return_index=True)
     kept = np.sort(once[antipodal[once]])

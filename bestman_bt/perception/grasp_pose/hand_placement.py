@@ -17,8 +17,8 @@ class HandPlacementParameters:
     """Metres.
 
     ``clearance``: between each finger and the object before closing; ``least_clearance``: the same for objects so wide
-    that the hand cannot open farther. ``max_depth``: of the tool frame below
-    the object's top, less where the palm would touch it; ``palm_clearance``: between palm and object.
+    that the hand cannot open farther. ``max_depth``: of the tool frame below the object's top, less where the palm
+    would touch it; ``palm_clearance``: between palm and object.
     ``support_clearance``: between fingers (from above) or hand (from the side) and the surface.
     ``hand_half_thickness``: of the hand across the closing direction. ``approach_distance``: from pre-grasp to grasp.
     ``lift_height``: from grasp to lift.
@@ -35,7 +35,11 @@ class HandPlacementParameters:
 
     def fits(self, width: float, gripper: GripperModel) -> bool:
         """Whether the gripper opens wide enough for ``width`` and can close on it."""
-        return gripper.min_width < width <= gripper.max_width - 2 * self.least_clearance
+        return gripper.min_width < width <= self.widest(gripper)
+
+    def widest(self, gripper: GripperModel) -> float:
+        """How wide an object may be, metres."""
+        return gripper.max_width - 2 * self.least_clearance
 
     def openings(self, widths: NDArray[np.float64], gripper: GripperModel) -> NDArray[np.float64]:
         """How far to open (K,) before the approach to objects of ``widths`` (K,), metres."""

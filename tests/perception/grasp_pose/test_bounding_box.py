@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,6 +37,33 @@ def test_it_goes_thirty_millimetres_deep_at_most() -> None:
 
 def test_what_does_not_fit_between_the_fingers_has_no_grasp() -> None:
     assert BoundingBox().plan(box(0.09, 0.075, 0.1), GRIPPER, 0.0) == ()
+
+
+def test_a_size_at_the_limit_of_the_opening_is_still_taken() -> None:
+    (candidate, _) = BoundingBox().plan(box(0.2, 0.0729, 0.1), GRIPPER, 0.0)
+    assert candidate.opening == pytest.approx(0.08)
+    assert BoundingBox().plan(box(0.2, 0.0731, 0.1), GRIPPER, 0.0) == ()
+
+
+def test_with_something_beside_the_middle_it_takes_the_ends() -> None:
+    target = box(0.12, 0.04, 0.1)
+    beside = target.box.pose.apply(np.array([[0.0, 0.04, 0.03], [0.0, -0.04, 0.03]]))
+    candidates = BoundingBox().plan(replace(target, surroundings=beside), GRIPPER, 0.0)
+    along = {round(float(target.box.pose.inverse().apply(c.grasp.position[None])[0, 0]), 3) for c in candidates}
+    assert along == {-0.025, 0.025}
+    assert all(candidate.clearance >= 0.004 for candidate in candidates)
+
+
+def test_with_something_all_around_there_is_no_grasp() -> None:
+    target = box(0.12, 0.04, 0.1)
+    fence = target.box.pose.apply(np.array([[x, y, 0.05] for x in np.linspace(-0.06, 0.06, 25) for y in (-0.03, 0.03)]))
+    assert BoundingBox().plan(replace(target, surroundings=fence), GRIPPER, 0.0) == ()
+
+
+@pytest.mark.parametrize("size", [(0.0, 0.04, 0.1), (0.04, float("nan"), 0.1)])
+def test_a_box_without_a_size_is_refused(size: tuple[float, float, float]) -> None:
+    with pytest.raises(PerceptionError, match="should have a finite size above 0"):
+        BoundingBox().plan(GraspTarget(PlacedShape(Box(size), Pose())), GRIPPER, 0.0)
 
 
 def test_a_target_with_another_shape_is_refused() -> None:
