@@ -16,9 +16,9 @@ _DARK = 0.02
 def palette_distance(colors: NDArray[np.uint8], palette: NDArray[np.float64], shares: NDArray[np.float64]) -> float:
     """How badly the colours (N, 3) of a cluster fit to a model's, 0 to about 1.
 
-    ``palette``: (K, 3) rgb, each 0 to 1. ``shares``: (K,) how much of the model's visible surface has each colour.
-    It is the mean distance of each point to the nearest colour of the palette, and 0.15 times how far the shares of the
-    colours are off beyond a quarter, since one view does not show all sides alike.
+    ``palette``: (K, 3) rgb, each 0 to 1. ``shares``: (Y, K) how much of the model's visible surface has each colour, at
+    each yaw. It is the mean distance of each point to the nearest colour of the palette, and 0.3 times how far the
+    shares of the colours are off at the best yaw, beyond 0.08: something nearer may hide a part.
     """
     seen = colors[np.linspace(0, len(colors) - 1, min(len(colors), 400)).astype(np.intp)].astype(np.float64) / 255.0
     distance = np.linalg.norm(_chromaticity(seen)[:, None] - _chromaticity(palette)[None], axis=2)
@@ -26,8 +26,8 @@ def palette_distance(colors: NDArray[np.uint8], palette: NDArray[np.float64], sh
     distance = distance + 0.1 * np.maximum(0.0, np.abs(brightness) - np.log(2.0)) + 0.01 * np.abs(brightness)
     nearest = distance.argmin(axis=1)
     found = np.bincount(nearest, minlength=len(palette)) / len(seen)
-    mixed_up = float(np.abs(found - shares).sum()) / 2
-    return float(np.minimum(distance.min(axis=1), 0.4).mean()) + 0.15 * max(0.0, mixed_up - 0.25)
+    mixed_up = float(np.abs(found - shares).sum(axis=1).min()) / 2
+    return float(np.minimum(distance.min(axis=1), 0.4).mean()) + 0.3 * max(0.0, mixed_up - 0.08)
 
 
 def _chromaticity(rgb: NDArray[np.float64]) -> NDArray[np.float64]:

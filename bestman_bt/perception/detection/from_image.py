@@ -96,11 +96,16 @@ class FromImage(Detector):
                 cluster = rest.pop(best)
                 rest += [part for part in [_part(cluster, ~inside[best])] if len(part.points) >= p.min_points]
                 labelled.append(_with_label(_part(cluster, inside[best]), detection))
-            elif detection.mask is not None and sum(counts) < p.min_points:
+            elif detection.mask is not None and not self._segmented(detection, scene, view):
                 flat = self._cut_out(detection, scene, view, region)
                 if flat is not None:
                     labelled.append(_with_label(flat, detection))
         return labelled, rest
+
+    def _segmented(self, detection: ImageDetection, scene: SegmentedScene, view: View) -> bool:
+        """Whether the segmentation found what the mask shows, whoever has its name by now."""
+        pixels = [view.project(cluster.points)[0] for cluster in scene.clusters]
+        return sum(int(detection.holds(some).sum()) for some in pixels) >= self.parameters.min_points
 
     def _cut_out(self, detection: ImageDetection, scene: SegmentedScene, view: View, region: Region) -> Cluster | None:
         """The points of a mask on or above the surface: a thing too flat for the segmentation."""

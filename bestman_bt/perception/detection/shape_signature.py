@@ -52,7 +52,9 @@ def signature(points: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[
 
 @dataclass(frozen=True, eq=False)
 class ModelLook:
-    """A model from one elevation: ``signatures`` (Y, 7), one per yaw; ``palette`` (K, 3), ``shares`` (K,): colours."""
+    """A model from one elevation: ``signatures`` (Y, 7), one per yaw; ``palette`` (K, 3) and ``shares`` (Y, K) of colours
+    as in palette_distance.
+    """
 
     signatures: NDArray[np.float64]
     palette: NDArray[np.float64]
@@ -85,17 +87,17 @@ def model_look(model: ObjectModel, elevation: float, yaws: int = 24, spacing: fl
     span = 2 * math.pi / model.symmetry_order if model.symmetry_order else 0.0
     count = max(1, round(yaws * span / (2 * math.pi))) if span else 1
     eye = np.array([-math.cos(elevation), 0.0, math.sin(elevation) + float(points[:, 2].max()) / 2])
-    found_signatures, seen_colors = [], np.zeros(len(palette))
+    found_signatures, shares = [], []
     for yaw in np.arange(count) * (span / count):
         turn = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, float(yaw)))
         turned = turn.apply(points)
         visible = _visible(turned, normals @ turn.rotation.T, eye, 2 * spacing) & (turned[:, 2] > 0.008)
         if visible.sum() >= 8:
             found_signatures.append(signature(turned[visible], eye))
-            seen_colors += np.bincount(color[visible], minlength=len(palette))
+            shares.append(np.bincount(color[visible], minlength=len(palette)) / visible.sum())
     if not found_signatures:
         raise PerceptionError(f"model {model.name!r} is too small to be seen: {model.size} m")
-    return ModelLook(np.array(found_signatures), palette, seen_colors / seen_colors.sum())
+    return ModelLook(np.array(found_signatures), palette, np.array(shares))
 
 
 def _visible(
