@@ -82,7 +82,7 @@ class RemoteImageDetector(ImageDetector):
                     raise _TryAgainError(f"status {answer.status_code}")
                 if answer.status_code != 200:
                     raise DetectorReplyError(f"{p.url}: status {answer.status_code}, 200 is expected")
-                for chunk in answer.iter_bytes(65536):
+                for chunk in answer.iter_bytes():
                     content += chunk
                     if len(content) > p.max_reply:
                         raise DetectorReplyError(f"{p.url}: the answer has more than {p.max_reply} bytes")
