@@ -64,6 +64,6 @@ class RGBDImage:
         k = self.intrinsics
         if k.distortion:
             raise ValueError(f"points of an image with distortion {k.distortion} were asked for; rectify it first")
-        z = np.where(self.depth > 0, self.depth, np.nan).astype(np.float64)
+        z = np.where(np.isfinite(self.depth) & (self.depth > 0), self.depth, np.nan).astype(np.float64)
         u, v = np.meshgrid(np.arange(k.width), np.arange(k.height))
         return np.stack([(u - k.cx) * z / k.fx, (v - k.cy) * z / k.fy, z], axis=-1)

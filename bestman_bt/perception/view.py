@@ -8,14 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import PointCloud, Pose, RGBDImage
+from bestman_bt.perception.errors import PerceptionError
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """An image and ``frame_from_camera``: the pose of the optical frame in a frame whose z points up (base or map)."""
+    """An image and ``frame_from_camera``: the pose of the optical frame in a frame whose z points up (base or map).
+
+    Raises PerceptionError where the image is not that of an ideal pinhole: rectify it first.
+    """
 
     image: RGBDImage
     frame_from_camera: Pose
+
+    def __post_init__(self) -> None:
+        k = self.image.intrinsics
+        if any(k.distortion):
+            raise PerceptionError(f"View: the image has lens distortion {k.distortion}; rectify it first")
+        if not (np.isfinite([k.fx, k.fy, k.cx, k.cy]).all() and k.fx > 0 and k.fy > 0):
+            raise PerceptionError(f"View: focal lengths should be above 0 but are {k.fx}, {k.fy} (at {k.cx}, {k.cy})")
 
     @property
     def viewpoint(self) -> NDArray[np.float64]:
@@ -29,8 +40,8 @@ class View:
         """
         rows, columns = self._window(around)
         k = self.image.intrinsics
-        depth = self.image.depth[rows, columns].astype(np.float64)
-        known = np.isfinite(depth) & np.greater(depth, 0.0)
+        depth = known_depth(self.image.depth[rows, columns]).astype(np.float64)
+        known = depth > 0.0
         # p = R ((u - cx) / fx, (v - cy) / fy, 1)ᵀ z + t, with the terms of rows and columns kept apart: much faster.
         x = (np.arange(columns.start, columns.stop) - k.cx) / k.fx
         y = (np.arange(rows.start, rows.stop) - k.cy) / k.fy

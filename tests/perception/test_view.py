@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.perception import View
+from bestman_bt.perception import PerceptionError, View
 
 
 @pytest.fixture
@@ -52,3 +52,37 @@ def test_another_frame_shows_the_same_points(view: View) -> None:
     other_from_frame = Pose.from_xyz_rpy((1.0, 2.0, 3.0), (0.1, 0.2, 0.3))
     moved = view.seen_from(other_from_frame).cloud().points
     np.testing.assert_allclose(moved, other_from_frame.apply(view.cloud().points), atol=1e-12)
+
+
+def test_the_organised_points_are_the_cloud_with_unknown_pixels_in_their_places(view: View) -> None:
+    points, depth, (rows, columns) = view.organised()
+    assert (rows, columns) == (slice(0, 48), slice(0, 64))
+    known = np.isfinite(points).all(axis=2)
+    np.testing.assert_array_equal(known, depth > 0)
+    np.testing.assert_allclose(points[known], view.cloud().points, atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, -1.0, 0.0])
+def test_depths_that_are_no_distances_are_unknown_everywhere(value: float) -> None:
+    k = CameraIntrinsics(4, 3, 10.0, 10.0, 2.0, 1.0)
+    depth = np.ones((3, 4), np.float32)
+    depth[1, 2] = value
+    odd = View(RGBDImage(np.zeros((3, 4, 3), np.uint8), depth, k, 0.0), Pose())
+    assert len(odd.cloud()) == 11
+    assert np.isnan(odd.organised()[0][1, 2]).all()
+    assert odd.organised()[1][1, 2] == 0.0
+    assert np.isnan(odd.measured_depth(np.array([[2.0, 1.0]]))).all()
+
+
+@pytest.mark.parametrize(
+    ("intrinsics", "message"),
+    [
+        (CameraIntrinsics(4, 3, 10.0, 10.0, 2.0, 1.0, (0.1, 0.0, 0.0, 0.0)), "lens distortion .*; rectify it first"),
+        (CameraIntrinsics(4, 3, 0.0, 10.0, 2.0, 1.0), "focal lengths should be above 0 but are 0.0, 10.0"),
+        (CameraIntrinsics(4, 3, 10.0, float("nan"), 2.0, 1.0), "focal lengths should be above 0"),
+    ],
+)
+def test_images_of_no_ideal_pinhole_are_refused_in_words(intrinsics: CameraIntrinsics, message: str) -> None:
+    image = RGBDImage(np.zeros((3, 4, 3), np.uint8), np.ones((3, 4), np.float32), intrinsics, 0.0)
+    with pytest.raises(PerceptionError, match=message):
+        View(image, Pose())

@@ -52,8 +52,9 @@ def signature(points: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[
 
 @dataclass(frozen=True, eq=False)
 class ModelLook:
-    """A model from one elevation, at Y yaws: ``signatures`` (Y, 7); ``palette`` (K, 3) and ``shares`` (Y, K) of colours, as
-    in palette_distance.
+    """A model from one elevation, at Y yaws.
+
+    ``signatures``: (Y, 7). ``palette``: (K, 3) rgb and ``shares``: (Y, K) of these colours, as in palette_distance.
     """
 
     signatures: NDArray[np.float64]
