@@ -54,7 +54,7 @@ def draw_scene(seed: int, things: Sequence[tuple[ObjectModel, Pose]], gap: tuple
     height = float(rng.uniform(0.70, 0.90))
     table = Pose2D(0.32 + float(rng.uniform(0.0, 0.1)) + TABLE_SIZE[0] / 2, float(rng.uniform(-0.1, 0.1)), 0.0)
     head = Pose.from_xyz_rpy(MAST, (0.0, math.radians(float(rng.uniform(40.0, 50.0))), float(rng.uniform(-0.15, 0.15))))
-    error = Pose2D(*(float(v) for v in rng.uniform(-0.03, 0.03, 2)), float(rng.uniform(-0.035, 0.035)))
+    x, y, turn = (float(v) for v in rng.uniform(-1.0, 1.0, 3) * (0.03, 0.03, 0.035))
     for _ in range(200):
         poses: list[Pose] = []
         for model, lying in things:
@@ -71,7 +71,7 @@ def draw_scene(seed: int, things: Sequence[tuple[ObjectModel, Pose]], gap: tuple
     objects = tuple(PlacedObject(f"thing_{i}", model, pose) for i, ((model, _), pose) in enumerate(placed))
     furniture = PlacedFurniture("table", _table(height), table, table)
     world = World("grasps", seed, (), (furniture,), objects, Pose2D(), {})
-    region = Region((table @ error).to_pose(height), (TABLE_SIZE[0] + 0.1, TABLE_SIZE[1] + 0.1))
+    region = Region((table @ Pose2D(x, y, turn)).to_pose(height), (TABLE_SIZE[0] + 0.1, TABLE_SIZE[1] + 0.1))
     return GraspScene(world, region, height, head)
 
 

@@ -86,12 +86,14 @@ def run(options: argparse.Namespace) -> dict[str, object]:
     load = round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else None
     report["machine"] = {"platform": platform.platform(), "cores": os.cpu_count(), "load": load}
     report["versions"] = versions()
-    return strict(report)
+    printable: dict[str, object] = strict(report)
+    return printable
 
 
 def interval_of(key: str, figures: Mapping[str, Any]) -> list[float] | None:
     """The 95 % interval that the measures give beside a figure."""
-    return figures.get(f"{key}_interval", figures.get(f"{key.removesuffix('_rate')}_interval"))
+    found: list[float] | None = figures.get(f"{key}_interval", figures.get(f"{key.removesuffix('_rate')}_interval"))
+    return found
 
 
 def strict(value: Any) -> Any:

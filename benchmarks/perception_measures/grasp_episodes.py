@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from benchmarks.grasp_rig import GraspOutcome, GraspRig
 from benchmarks.grasp_scenes import GraspScene
@@ -26,14 +27,15 @@ class PlannedGrasp:
     view: View
     candidate: GraspCandidate | None
     why: str = ""
-    notes: dict[str, object] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class GraspEpisode:
     """How it went; ``why`` is empty after a success, ``second_why`` after a success at the first or second attempt.
 
-    ``things``: names of the models, the target first. ``cheats``: resets, constraints and the like, 0 in an honest run.
+    ``things``: names of the models, the target first. ``cheats``: resets, constraints and the like, 0 in an honest
+    run. ``seconds``: of processor time.
     """
 
     seed: int
@@ -44,7 +46,7 @@ class GraspEpisode:
     slip: float
     contacts: tuple[str, ...]
     cheats: int
-    notes: dict[str, object]
+    notes: dict[str, Any]
     simulated_seconds: float
     seconds: float
 
@@ -53,7 +55,7 @@ def run_episode(
     seed: int, scene: GraspScene, plan: Callable[[GraspRig], PlannedGrasp], pictures: Path | None = None
 ) -> GraspEpisode:
     """Grasp the thing TARGET of ``scene`` as ``plan`` says; failures are drawn into the folder ``pictures``."""
-    start = time.perf_counter()
+    start = time.process_time()
     with GraspRig(scene.world, scene.table_height, scene.head) as rig:
         planned = plan(rig)
         outcome = _carry_out(rig, planned)
@@ -74,7 +76,7 @@ def run_episode(
             cheats=sum(rig.audit().values()),
             notes=planned.notes,
             simulated_seconds=rig.seconds,
-            seconds=time.perf_counter() - start,
+            seconds=time.process_time() - start,
         )
 
 

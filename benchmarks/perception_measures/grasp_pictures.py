@@ -59,4 +59,4 @@ def _around(
     """The part of ``size`` around ``pixel``, as large as the whole image is."""
     corner = [int(np.clip(pixel[k] - size[k] / 2, 0, image.shape[1 - k] - size[k])) for k in range(2)]
     part = image[corner[1] : corner[1] + size[1], corner[0] : corner[0] + size[0]]
-    return cv2.resize(part, (640, 480), interpolation=cv2.INTER_NEAREST)
+    return cv2.resize(part, (640, 480), interpolation=cv2.INTER_NEAREST).astype(np.uint8)

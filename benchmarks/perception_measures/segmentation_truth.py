@@ -65,4 +65,5 @@ def _owners(cluster: Cluster, labels: NDArray[np.intp], view: View, count: int) 
         for dv in (-1, 0, 1):
             found = labels[np.clip(near[:, 1] + dv, 0, height - 1), np.clip(near[:, 0] + du, 0, width - 1)]
             hit[np.arange(len(near))[found >= 0], found[found >= 0]] = True
-    return hit.mean(axis=0)
+    shares: NDArray[np.float64] = hit.mean(axis=0)
+    return shares

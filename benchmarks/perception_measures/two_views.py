@@ -77,7 +77,7 @@ def fused_target(
                 colors.append(other.colors)
             else:
                 others.append(other.points)
-    cloud = PointCloud(np.concatenate(parts), np.concatenate(colors))
-    whole = replace(cluster, points=cloud.points, colors=cloud.colors)
+    whole = replace(cluster, points=np.concatenate(parts), colors=np.concatenate(colors))
+    cloud = PointCloud(whole.points, whole.colors)
     surroundings = np.concatenate([np.zeros((0, 3)), *others])
     return replace(GraspTarget.of_cluster(whole), cloud=cloud, viewpoints=np.array(eyes), surroundings=surroundings)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from benchmarks.perception_measures.in_parallel import in_parallel
 from benchmarks.perception_measures.segmentation_truth import judged
 from benchmarks.perception_measures.two_views import SecondViewParameters, fused_target, opposite_view, pointed_at
 from bestman_bt.configuration import ConfigurationError
-from bestman_bt.messages import Mesh, ObjectModel
+from bestman_bt.messages import Mesh, ObjectModel, Pose
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner
 from bestman_bt.perception.segmentation import PlaneDbscan, Segmentation, SegmentedScene
@@ -41,7 +42,7 @@ def measure(seed: int, grasps: int = 100, jobs: int = 1, pictures: Path | None =
     """Grasps drawn from ``seed``, ``seed`` + 1, …: by turns of a thing alone and of one among others."""
     seeds = range(seed, seed + grasps)
     episodes = in_parallel(partial(unknown_episode, pictures=pictures), seeds, jobs, "unknown objects")
-    verdicts = [verdict for episode in episodes for verdict in dict(episode.notes["segmented"]).values()]
+    verdicts = [verdict for episode in episodes for verdict in episode.notes["segmented"].values()]
     share, interval = rate(verdicts.count(""), len(verdicts))
     wrong = [verdict for verdict in verdicts if verdict]
     return {
@@ -90,7 +91,7 @@ def plan_grasp(rig: GraspRig, scene: GraspScene) -> PlannedGrasp:
         seen = _segmentation().segment(view, scene.region, rng)
     except PerceptionError as error:
         return PlannedGrasp(view, None, f"no surface: {error}", {"segmented": dict.fromkeys(masks, "no surface")})
-    notes: dict[str, object] = {"segmented": judged(seen.clusters, masks, view)}
+    notes: dict[str, Any] = {"segmented": judged(seen.clusters, masks, view)}
     cluster = pointed_at(seen.clusters, view, _pixel(masks[TARGET]))
     if cluster is None:
         return PlannedGrasp(view, None, "not segmented", notes)
@@ -127,7 +128,7 @@ def _planner() -> GraspPlanner:
 
 
 def _second_look(
-    rig: GraspRig, scene: GraspScene, where, rng: np.random.Generator
+    rig: GraspRig, scene: GraspScene, where: Pose, rng: np.random.Generator
 ) -> tuple[View, SegmentedScene] | None:
     try:
         view = rig.look_from(where)
