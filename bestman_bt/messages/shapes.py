@@ -45,6 +45,12 @@ class Mesh:
         object.__setattr__(self, "vertices", frozen_array(self.vertices, (None, 3), "Mesh vertices"))
         object.__setattr__(self, "faces", frozen_array(self.faces, (None, 3), "Mesh faces", np.int64))
 
+    @property
+    def volume(self) -> float:
+        """Cubic metres inside a closed surface; negative where its faces turn inwards."""
+        a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
+        return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6.0
+
 
 Shape: TypeAlias = Box | Cylinder | Sphere | Mesh
 

@@ -184,7 +184,7 @@ def _entry(mesh_file: Path, new: NewObject, symmetry: Symmetry, parts: tuple[Mes
         color = new.color or read_color(mesh_file) or GREY
     except MeshError as error:
         raise _fault(mesh_file, "", f"{error}; --color R,G,B gives one") from error
-    mass = new.mass if new.mass is not None else max(0.01, round(DENSITY * sum(_volume(part) for part in parts), 3))
+    mass = new.mass if new.mass is not None else max(0.01, round(DENSITY * sum(part.volume for part in parts), 3))
     return {
         "description": f"Made from {mesh_file.name}.",
         "mass": mass,
@@ -194,8 +194,3 @@ def _entry(mesh_file: Path, new: NewObject, symmetry: Symmetry, parts: tuple[Mes
         "collision": [{"mesh": {"file": f"{new.name}.collision.obj"}}],
         "visual": [{"mesh": {"file": f"{new.name}.obj"}}],
     }
-
-
-def _volume(mesh: Mesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6

@@ -84,7 +84,7 @@ def read_convex_parts(config: MeshConfig, folder: Path) -> tuple[Mesh, ...]:
 def _is_convex(part: Any, hull: Mesh) -> bool:
     """By volume; of a part with holes, which has none, by its corners: they all lie on the hull."""
     if part.is_watertight:
-        return abs(float(part.volume)) >= CONVEX_SHARE * _volume(hull)
+        return abs(float(part.volume)) >= CONVEX_SHARE * hull.volume
     planes = ConvexHull(hull.vertices).equations
     depths = -(np.asarray(part.vertices) @ planes[:, :3].T + planes[:, 3]).max(axis=1)
     return float(depths.max()) <= (1.0 - CONVEX_SHARE) * float(np.ptp(hull.vertices, axis=0).min())
@@ -164,8 +164,3 @@ def upright(vertices: NDArray[np.float64], config: MeshConfig) -> NDArray[np.flo
     """Corners (N, 3) of a file in metres, z up; the origin stays."""
     turned: NDArray[np.float64] = np.asarray(vertices) @ _TURNS[config.up].T
     return turned * config.scale
-
-
-def _volume(mesh: Mesh) -> float:
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6

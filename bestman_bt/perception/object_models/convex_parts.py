@@ -14,6 +14,7 @@ import trimesh
 
 from bestman_bt.messages import Mesh
 from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.object_models.closed import closed
 
 
 @dataclass(frozen=True)
@@ -35,26 +36,25 @@ class ConvexPartsParameters:
 def convex_parts(mesh: Mesh, parameters: ConvexPartsParameters | None = None) -> tuple[Mesh, ...]:
     """Convex meshes that together fill ``mesh``, whose corners are joined where triangles meet.
 
-    Each watertight body of it is cut on its own; if one has holes, the whole is closed first (by remeshing). Raises
-    PerceptionError where there is no volume to fill. The same mesh gives the same parts.
+    Holes are closed first, and each body is cut on its own. Raises PerceptionError where the mesh cannot be closed or
+    encloses no volume. The same mesh gives the same parts.
     """
     parameters = parameters or ConvexPartsParameters()
+    mesh = closed(mesh)
+    if mesh.volume < 1e-4 * float(np.ptp(mesh.vertices, axis=0).max()) ** 3:
+        raise PerceptionError("the mesh encloses no volume: no convex parts can fill it")
     whole = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)
     bodies = whole.split(only_watertight=False, repair=False)
     # A shell turned inwards is the inside of a hollow body: the two belong together.
-    if all(body.is_watertight and body.is_winding_consistent and body.volume > 0.0 for body in bodies):
-        pieces = [piece for body in bodies for piece in _cut(body, "off", parameters)]
-    else:
-        pieces = _cut(whole, "off" if whole.is_watertight else "on", parameters)
+    if any(body.volume <= 0.0 for body in bodies):
+        bodies = [whole]
+    pieces = [piece for body in bodies for piece in _cut(body, parameters)]
     hulls = [trimesh.convex.convex_hull(np.asarray(piece.vertices)) for piece in pieces]
-    solid = [hull for hull in hulls if hull.volume > 0.0]
-    if not solid:
-        raise PerceptionError("the mesh encloses no volume: no convex parts can fill it")
-    return tuple(Mesh(np.asarray(hull.vertices), np.asarray(hull.faces)) for hull in solid)
+    return tuple(Mesh(np.asarray(hull.vertices), np.asarray(hull.faces)) for hull in hulls if hull.volume > 0.0)
 
 
-def _cut(body: Any, preprocess: str, parameters: ConvexPartsParameters) -> list[Any]:
-    if body.is_watertight and body.volume >= parameters.convex_share * body.convex_hull.volume:
+def _cut(body: Any, parameters: ConvexPartsParameters) -> list[Any]:
+    if body.volume >= parameters.convex_share * body.convex_hull.volume:
         return [body]
     import coacd
 
@@ -63,7 +63,7 @@ def _cut(body: Any, preprocess: str, parameters: ConvexPartsParameters) -> list[
         coacd.Mesh(np.asarray(body.vertices), np.asarray(body.faces)),
         threshold=parameters.concavity,
         max_convex_hull=parameters.most,
-        preprocess_mode=preprocess,
+        preprocess_mode="off",
         resolution=parameters.resolution,
         mcts_iterations=parameters.iterations,
         mcts_nodes=parameters.nodes,
