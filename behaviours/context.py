@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,11 +24,18 @@ from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.messages import Pose
 from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.perception.affordance import HandleDetector
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
+from bestman_bt.perception.occupancy import OccupancyMapper
+from bestman_bt.perception.pose_estimation import MultiView, Observation
+from bestman_bt.perception.segmentation import SupportSurfaces
+from bestman_bt.perception.tracking import Tracker
+from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
+from bestman_bt.sensing.tactile import TactileSensor
 from bestman_bt.world_model import WorldModel
 
 
@@ -37,7 +44,15 @@ class Algorithms:
     """The algorithms that the configuration chose, one per slot."""
 
     detection: Detector
+    multi_view: MultiView
+    tracking: Tracker
+    view_planning: ViewPlanner
+    surfaces: SupportSurfaces
+    affordance: HandleDetector
+    occupancy: OccupancyMapper
     grasp_pose: GraspPlanner
+    unknown_grasp_pose: GraspPlanner
+    handle_grasp_pose: GraspPlanner
     kinematics: InverseKinematics
     collision: CollisionModel
     motion_planning: TimedMotionPlanner
@@ -48,6 +63,8 @@ class Algorithms:
 class SkillContext:
     """Everything that a skill may use; the runtime puts it together.
 
+    ``camera``: on the head. ``wrist_camera``: on the hand, where there is one; ``tactile``: pads of the fingers, which
+    may be none. ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
     oldest first.
     """
@@ -60,12 +77,15 @@ class SkillContext:
     gripper: GripperController
     head: HeadController
     camera: RGBDSensor
+    wrist_camera: RGBDSensor | None
+    tactile: Sequence[TactileSensor]
     joints: JointStateSensor
     algorithms: Algorithms
     computation: Computation
     costs: Mapping[str, float]
     rng: np.random.Generator
     failures: list[Failure] = field(default_factory=list)
+    observations: dict[str, list[Observation]] = field(default_factory=dict)
 
     @property
     def arm_model(self) -> ArmModel:

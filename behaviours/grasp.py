@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, hand_contacts, move_free
+from behaviours.context import SkillContext
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.manipulation.motion_planning import Approach, approaches
-from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget
-from bestman_bt.world_model import HeldObject, ObjectBelief
+from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, rank_grasps
+from bestman_bt.perception.pose_estimation.model_surface import sample_shape
+from bestman_bt.world_model import HandleBelief, HeldObject, ObjectBelief
 
 WIDTH_TOLERANCE = 0.008
 """Metres by which the hand may close further than the grasp foresees and still be said to hold the object."""
+NEIGHBOURHOOD = 0.5
+"""Metres around an object in which other things may be in the hand's way."""
+SURROUNDINGS_SPACING = 0.01
+"""Metres between the points that stand for other things."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +64,8 @@ class PlanGrasp(Skill):
         contact = skills.arm_world(scene.allowing(*hand_contacts(skills, belief.name)))
         reference = skills.arm_positions()
         planned: list[tuple[float, PlannedGrasp]] = []
-        for candidate in grasp_candidates(self, belief):
+        for ranked in rank_grasps(grasp_candidates(skills, belief), self._reachability):
+            candidate = ranked.candidate
             for approach in approaches(
                 skills.algorithms.kinematics,
                 candidate.pre_grasp,
@@ -70,11 +77,17 @@ class PlanGrasp(Skill):
                 skills.rng,
             ):
                 grasp = PlannedGrasp(candidate, approach, belief.pose)
-                planned.append((approach.cost + 4.0 * (1.0 - candidate.quality), grasp))
+                planned.append((approach.cost + 4.0 * (1.0 - ranked.score), grasp))
             if len(planned) >= 3 * count:
                 break
-        planned.sort(key=lambda ranked: ranked[0])
+        planned.sort(key=lambda costed: costed[0])
         return [grasp for _, grasp in planned[:count]]
+
+    def _reachability(self, base_from_tool: Pose) -> float:
+        """1 where inverse kinematics finds a posture, whatever stands in the way; else 0."""
+        skills = self.skills
+        found = skills.algorithms.kinematics.solve(base_from_tool, skills.arm_positions(), skills.rng, attempts=5).found
+        return 1.0 if found else 0.0
 
 
 class Grasp(Skill):
@@ -182,7 +195,7 @@ class Reachable(SkillCondition):
         if belief is None:
             return "object_not_found", f"the {name} has not been seen"
         reference = skills.arm_positions()
-        candidates = grasp_candidates(self, belief)
+        candidates = grasp_candidates(skills, belief)
         for candidate in candidates[:12]:
             if skills.algorithms.kinematics.solve(candidate.grasp, reference, skills.rng, attempts=5).found:
                 return None
@@ -190,16 +203,41 @@ class Reachable(SkillCondition):
         return "out_of_reach", f"the {name} is out of reach, {distance:.2f} m from the base"
 
 
-def grasp_candidates(leaf: Any, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
-    """Grasps of a believed object in the base frame, best first."""
-    skills = leaf.skills
-    base_from_object = skills.map_from_base.inverse() @ belief.pose
+def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
+    """Grasps of a believed object in the base frame, best first; of a thing without a model, from its points."""
+    base_from_map = skills.map_from_base.inverse()
+    base_from_object = base_from_map @ belief.pose
     support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
-    target = GraspTarget.of_model(belief.model, base_from_object)
-    candidates: tuple[GraspCandidate, ...] = skills.algorithms.grasp_pose.plan(
-        target, skills.gripper_model, support_height
+    if belief.recognised:
+        target = GraspTarget.of_model(belief.model, base_from_object)
+        return skills.algorithms.grasp_pose.plan(target, skills.gripper_model, support_height)
+    box = belief.model.collision[0]
+    target = GraspTarget(
+        box=replace(box, pose=base_from_object @ box.pose),
+        cloud=None if belief.cloud is None else belief.cloud.transformed(base_from_map),
+        viewpoints=None if belief.viewpoint is None else base_from_map.apply(belief.viewpoint[None]),
+        surroundings=_surroundings(skills, belief, base_from_map),
     )
-    return candidates
+    return skills.algorithms.unknown_grasp_pose.plan(target, skills.gripper_model, support_height)
+
+
+def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:
+    """Grasps of a believed handle in the base frame, best first."""
+    handle = belief.handle.seen_from(skills.map_from_base.inverse())
+    size = (handle.length, 2 * handle.radius, 2 * handle.radius)
+    target = GraspTarget(PlacedShape(Box(size), handle.pose), handle=handle)
+    return skills.algorithms.handle_grasp_pose.plan(target, skills.gripper_model, support_height=0.0)
+
+
+def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:
+    """Points of everything else that is believed near an object, (N, 3) metres in the base frame."""
+    points = [np.empty((0, 3))]
+    for other in skills.world.objects.values():
+        near = np.linalg.norm(other.pose.position - belief.pose.position) < NEIGHBOURHOOD
+        if other.name != belief.name and near:
+            parts = [(other.pose @ part.pose, part.shape) for part in other.model.collision]
+            points += [pose.apply(sample_shape(shape, SURROUNDINGS_SPACING)[0]) for pose, shape in parts]
+    return base_from_map.apply(np.concatenate(points))
 
 
 def grip_problem(width: float, expected: float) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
-from behaviours.perceive import believe_surface
+from behaviours.beliefs import believe_surface
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import surface_region
 from bestman_bt.manipulation.collision import CollisionWorld
@@ -53,7 +53,7 @@ class FindPlacePose(Skill):
         if model is None:
             raise SkillFailure("unknown_object", f"no model of {name!r}")
         view = skills.camera.capture()
-        region = surface_region(skills, surface)
+        region = surface_region(skills, surface, view)
         models = list(skills.world.models.values())
         scene: DetectedScene = yield self.compute(
             "detection", skills.algorithms.detection.detect, view.in_base, region, models, skills.rng

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
 
 from py_trees.ports import PortInformation
 
@@ -15,6 +15,8 @@ from bestman_bt.control import ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, StatefulAction
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.perception.errors import PerceptionError
+
+Result = TypeVar("Result")
 
 
 class Awaitable(Protocol):
@@ -27,6 +29,9 @@ class Awaitable(Protocol):
 
 Steps: TypeAlias = Generator[Awaitable, Any, None]
 """What ``execute`` returns: it yields what to wait for and receives its result."""
+
+StepsTo: TypeAlias = Generator[Awaitable, Any, Result]
+"""A part of a skill that takes time and hands a value back to ``yield from``."""
 
 ALGORITHM_ERRORS = (ManipulationError, PerceptionError)
 

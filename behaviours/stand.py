@@ -77,7 +77,7 @@ class FindStandPose(Skill):
             on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
             return place_tool_poses(skills.world.held, on_surface), goal.position[:2]
         if belief is not None:
-            candidates = grasp_candidates(self, belief)[:8]
+            candidates = grasp_candidates(self.skills, belief)[:8]
             map_from_base = skills.map_from_base
             return [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates], belief.pose.position[
                 :2

@@ -7,12 +7,19 @@ import numpy as np
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.perception.segmentation import Region, SupportPlane
+from bestman_bt.perception.segmentation import Region, SupportPlane, surface_regions
 from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.world_model import MapFurniture, MapSurface, Obstacle
 
 MARGIN = 0.08
 """Metres beyond the mapped rectangle in which a surface is sought: the map is off by up to 3 cm and 2°."""
+
+BOARD = 0.06
+"""Metres below the next surface at which things on this one end: the thickness of a board, and the map's error."""
+RIM = 0.015
+"""Metres of an enclosed surface next to its walls that are left out."""
+SLAB_GROWTH = 0.02
+"""Metres by which a measured surface is taken to be larger on each side than what was seen of it."""
 
 
 def find_surface(skills: SkillContext, name: str) -> tuple[MapFurniture, MapSurface]:
@@ -23,11 +30,25 @@ def find_surface(skills: SkillContext, name: str) -> tuple[MapFurniture, MapSurf
         raise SkillFailure("unknown_surface", str(error.args[0])) from error
 
 
-def surface_region(skills: SkillContext, name: str) -> Region:
-    """Where to look for a surface, in the base frame."""
+def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
+    """Where to look for a surface, in the base frame.
+
+    A surface with another one above it, such as a shelf board, is enclosed by walls: there the measured board is taken,
+    without its rim, where ``view`` shows it.
+    """
     furniture, surface = find_surface(skills, name)
     base_from_surface = skills.map_from_base.inverse() @ furniture.pose.to_pose() @ surface.pose
-    return Region(base_from_surface, (surface.size[0] + 2 * MARGIN, surface.size[1] + 2 * MARGIN))
+    above = [other.pose.position[2] - surface.pose.position[2] for other in furniture.surfaces]
+    room = min((float(rise) for rise in above if rise > 0.0), default=None)
+    if room is None:
+        return Region(base_from_surface, (surface.size[0] + 2 * MARGIN, surface.size[1] + 2 * MARGIN))
+    planes = skills.algorithms.surfaces.find(view.in_base, skills.rng)
+    regions = surface_regions(planes, height=room - BOARD, margin=-RIM)
+    for plane, region in zip(planes, regions, strict=True):
+        local = base_from_surface.inverse().apply(plane.frame_from_plane.position)
+        if abs(local[2]) < MARGIN / 2 and (np.abs(local[:2]) < np.array(surface.size) / 2).all():
+            return region
+    return Region(base_from_surface, surface.size, height=room - BOARD)
 
 
 def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: SupportPlane) -> Obstacle:
@@ -37,7 +58,7 @@ def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: Sup
     below the slab.
     """
     furniture, surface = find_surface(skills, name)
-    slab = plane.slab(thickness=0.04, grow=0.02)
+    slab = plane.slab(thickness=0.04, grow=SLAB_GROWTH)
     map_from_surface = furniture.pose.to_pose() @ surface.pose
     measured_height = plane.height_at(*(view.map_from_base.inverse() @ map_from_surface).position[:2])
     top = measured_height - 0.02

@@ -9,7 +9,8 @@ from behaviours.grasp import Grasp, Holding, PlanGrasp, Reachable
 from behaviours.look import LookAt
 from behaviours.move_arm import MoveArm, Retreat
 from behaviours.navigate import NavigateTo
-from behaviours.perceive import BelievedSurface, DetectObject, EstimatePose, ObjectAt
+from behaviours.object_conditions import BelievedSurface, ObjectAt
+from behaviours.perceive import DetectObject, EstimatePose
 from behaviours.place import FindPlacePose, PlaceOn, Release
 from behaviours.stand import FindStandPose
 from bestman_bt.engine import Fallback, Node, ReactiveSequence, RetryUntilSuccessful, Sequence, SubTree

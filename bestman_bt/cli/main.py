@@ -13,10 +13,12 @@ VERBS = {
     "demo": "fetch a cup in simulation and show what happened",
     "run": "run a tree or a task once and judge it",
     "eval": "run a task over many seeds and summarise",
+    "look": "show what the robot perceives of the furniture in a scene",
     "show": "print a tree",
     "nodes": "list the nodes that trees may use, with their ports",
     "validate": "check tree files without running them",
     "object": "add, list and show objects",
+    "calibrate": "calibrate a lens, a camera on an arm or on a head, from views of a board",
     "stop": "stop the robots of all running executors",
     "version": "print the versions of this package and of what it stands on",
 }

@@ -12,8 +12,8 @@ from bestman_bt.configuration import ConfigurationError, find_data
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
 
-GIVEN = ("object", "source", "target", "goal")
-"""Root entries that a task fills before the first tick."""
+GIVEN = ("object", "source", "target", "goal", "furniture", "front", "top", "inside", "views")
+"""Root entries that a task, or ``bestman-bt look``, fills before the first tick."""
 
 
 def command(

@@ -1,6 +1,7 @@
 """Robots composed from parts: one URDF with groups, frames, sensors and postures."""
 
 from bestman_bt.robot_model.compose import compose_robot, load_robot_model
+from bestman_bt.robot_model.kinematic_chain import joints_above
 from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
@@ -20,5 +21,6 @@ __all__ = [
     "LidarModel",
     "RobotModel",
     "compose_robot",
+    "joints_above",
     "load_robot_model",
 ]

@@ -7,10 +7,20 @@ from typing import Any
 
 from behaviours.context import Algorithms
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, algorithm_parameters
-from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
+from bestman_bt.manipulation.collision import CollisionModel
+from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
+from bestman_bt.navigation.global_planning import GlobalPlanner
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import Localizer
-from bestman_bt.perception.detection import ModelRegistration
+from bestman_bt.perception.affordance import HandleDetector
+from bestman_bt.perception.detection import Detector
+from bestman_bt.perception.grasp_pose import GraspPlanner
+from bestman_bt.perception.occupancy import OccupancyMapper
+from bestman_bt.perception.pose_estimation import MultiView, PoseEstimator
+from bestman_bt.perception.segmentation import Segmentation, SupportSurfaces
+from bestman_bt.perception.tracking import Tracker
+from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.registry import ALGORITHMS, suggestion
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.world_model import SemanticMap
@@ -18,56 +28,79 @@ from bestman_bt.world_model import SemanticMap
 
 def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
     """The algorithms that skills ask; raises as ``make_algorithm``."""
+
+    def make(slot: str, base: type[Any], *needs: Any, kind: str = "", **parts: Any) -> Any:
+        return make_algorithm(config, slot, base, *needs, kind=kind, **parts)
+
     return Algorithms(
-        detection=ModelRegistration(
-            segmentation=make_algorithm(config, "segmentation"),
-            pose_estimator=make_algorithm(config, "pose_estimation"),
+        detection=make(
+            "detection",
+            Detector,
+            segmentation=make("segmentation", Segmentation),
+            pose_estimator=make("pose_estimation", PoseEstimator),
         ),
-        grasp_pose=make_algorithm(config, "grasp_pose"),
-        kinematics=make_algorithm(config, "kinematics", model),
-        collision=make_algorithm(config, "collision", model),
+        multi_view=make("multi_view", MultiView, kind="pose_estimation"),
+        tracking=make("tracking", Tracker),
+        view_planning=make("view_planning", ViewPlanner),
+        surfaces=make("surfaces", SupportSurfaces, kind="segmentation"),
+        affordance=make("affordance", HandleDetector),
+        occupancy=make("occupancy", OccupancyMapper),
+        grasp_pose=make("grasp_pose", GraspPlanner),
+        unknown_grasp_pose=make("unknown_grasp_pose", GraspPlanner, kind="grasp_pose"),
+        handle_grasp_pose=make("handle_grasp_pose", GraspPlanner, kind="grasp_pose"),
+        kinematics=make("kinematics", InverseKinematics, model),
+        collision=make("collision", CollisionModel, model),
         motion_planning=TimedMotionPlanner(
-            make_algorithm(config, "motion_planning"), make_algorithm(config, "trajectory")
+            make("motion_planning", MotionPlanner), make("trajectory", TimeParametrization)
         ),
-        global_planning=make_algorithm(config, "global_planning"),
+        global_planning=make("global_planning", GlobalPlanner),
     )
 
 
 def make_localizer(config: RunConfig, semantic_map: SemanticMap) -> Localizer:
     """What tells the base controller where the base is; raises as ``make_algorithm``."""
-    localizer: Localizer = make_algorithm(config, "localization", semantic_map)
+    localizer: Localizer = make_algorithm(config, "localization", Localizer, semantic_map)
     return localizer
 
 
 def make_local_planner(config: RunConfig) -> PathFollower:
     """What the base controller follows paths with; raises as ``make_algorithm``."""
-    follower: PathFollower = make_algorithm(config, "local_planning")
+    follower: PathFollower = make_algorithm(config, "local_planning", PathFollower)
     return follower
 
 
-def make_algorithm(config: RunConfig, slot: str, *needs: Any) -> Any:
-    """The algorithm in ``slot``, made as ``Class(*needs, parameters=…)``.
+def make_algorithm(config: RunConfig, slot: str, base: type[Any], *needs: Any, kind: str = "", **parts: Any) -> Any:
+    """The algorithm in ``slot``, a ``base``, made as ``Class(*needs, parameters=…, **parts)``.
 
+    ``kind``: the registered kind where it is not called like the slot. ``parts``: other algorithms that it stands on.
     Its parameters are checked against the dataclass ``<Class>Parameters`` of the class's module.
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
     name, values = config.task.algorithm(slot)
-    names = [known.removeprefix(f"{slot}/") for known in ALGORITHMS if known.startswith(f"{slot}/")]
-    if name not in names:
-        message = f"unknown algorithm {name!r}; {suggestion(name, names)}"
+    algorithms = _of_kind(kind or slot, base)
+    if name not in algorithms:
+        message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
         raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
-    algorithm = ALGORITHMS.resolve(f"{slot}/{name}")
+    algorithm = algorithms[name]
     parameters_type = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
     if parameters_type is None:
         if values:
             message = f"{name} takes no parameters, got {', '.join(values)}"
             raise ConfigurationError([config.problem(("algorithms", slot), message)])
-        return algorithm(*needs)
+        return algorithm(*needs, **parts)
     try:
         parameters = algorithm_parameters(slot, values, parameters_type)
     except ConfigurationError as error:
         raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
-    return algorithm(*needs, parameters=parameters)
+    return algorithm(*needs, parameters=parameters, **parts)
+
+
+def _of_kind(kind: str, base: type[Any]) -> dict[str, type[Any]]:
+    """The registered algorithms of a kind that a slot for ``base`` may hold, by name."""
+    resolved = {
+        name.removeprefix(f"{kind}/"): ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith(f"{kind}/")
+    }
+    return {name: algorithm for name, algorithm in resolved.items() if issubclass(algorithm, base)}
 
 
 def _placed(config: RunConfig, slot: str, problem: Problem) -> Problem:

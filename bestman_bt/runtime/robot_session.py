@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,17 +20,24 @@ from bestman_bt.control.wheeled import BaseController
 from bestman_bt.engine import Node, Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
+from bestman_bt.robot_model import RobotModel, joints_above
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
-from hal.api import Arm, Camera, Gripper, JointGroup, Lidar, MobileBase, Robot
+from bestman_bt.sensing.tactile import TactileSensor
+from hal.api import Arm, Camera, Gripper, JointGroup, Lidar, MobileBase, Robot, Tactile
 
 COMPUTATION_COSTS = {
     "detection": 0.25,
+    "segmentation": 0.1,
     "pose_estimation": 0.15,
+    "handle_detection": 0.15,
+    "hand_check": 0.05,
+    "view_planning": 0.3,
+    "depth_fusion": 0.1,
     "grasp_planning": 0.2,
     "stand_planning": 0.2,
     "motion_planning": 0.15,
@@ -135,7 +142,10 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
     clock = robot.clock
     forward = ForwardKinematics(model)
     joints = JointStateSensor(robot.parts, model)
-    camera = _first(robot, Camera)
+    cameras = {part.name: part for part in robot.parts.values() if isinstance(part, Camera)}
+    on_hand = _camera_on_hand(model, cameras)
+    camera = next((part for part in cameras.values() if part is not on_hand), on_hand)
+    assert camera is not None
     base = BaseController(
         _first(robot, MobileBase),
         clock,
@@ -153,12 +163,21 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         gripper=GripperController(_first(robot, Gripper)),
         head=HeadController(_first(robot, JointGroup, Arm), forward, joints, camera.optical_frame),
         camera=RGBDSensor(camera, forward, joints, world, clock),
+        wrist_camera=RGBDSensor(on_hand, forward, joints, world, clock) if on_hand is not None else None,
+        tactile=[TactileSensor(part) for part in robot.parts.values() if isinstance(part, Tactile)],
         joints=joints,
         algorithms=make_algorithms(config, model),
         computation=InlineComputation(clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),
     )
+
+
+def _camera_on_hand(model: RobotModel, cameras: Mapping[str, Camera]) -> Camera | None:
+    """The first camera that the arm carries."""
+    arm_joints = {joint for arm in model.arms.values() for joint in arm.joint_names}
+    carried = (part for part in cameras.values() if arm_joints & joints_above(model, part.optical_frame))
+    return next(carried, None)
 
 
 def _first(robot: Robot, kind: type[Any], but: type[Any] | None = None) -> Any:

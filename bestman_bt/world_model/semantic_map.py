@@ -36,6 +36,11 @@ class MapFurniture:
     surfaces: tuple[MapSurface, ...]
     solid_at_lidar: bool
 
+    def covers(self, point: NDArray[np.float64], margin: float = 0.0) -> bool:
+        """Whether a point (2,) of the map lies on the footprint, grown by ``margin`` metres on each side."""
+        x, y = np.abs(self.pose.inverse().apply(np.asarray(point)[None])[0])
+        return bool(x <= self.footprint[0] / 2 + margin and y <= self.footprint[1] / 2 + margin)
+
     def corners(self) -> NDArray[np.float64]:
         """Corners of the footprint in the map frame, (4, 2) metres, counter-clockwise."""
         x, y = self.footprint[0] / 2, self.footprint[1] / 2
@@ -62,6 +67,12 @@ class SemanticMap:
                     return furniture, surface
         known = [f"{f.name}/{s.name}" for f in self.furniture.values() for s in f.surfaces]
         raise KeyError(f"no surface {name!r} in the map; there are {', '.join(known)}")
+
+    def standing_under(self, name: str) -> MapFurniture | None:
+        """The lower piece of furniture on which the piece called ``name`` stands; None where that is the floor."""
+        upper = self.furniture[name]
+        lower = [piece for piece in self.furniture.values() if piece.height < upper.height and piece is not upper]
+        return next((piece for piece in lower if piece.covers(upper.pose.xy)), None)
 
     def lidar_segments(self) -> NDArray[np.float64]:
         """Segments (N, 4) that a lidar should see: walls and the footprints of solid furniture."""

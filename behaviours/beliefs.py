@@ -1,0 +1,136 @@
+"""From what a view shows to what is believed: identities, things without a model, the surface itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from behaviours.context import SkillContext
+from behaviours.surfaces import measured_surface
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose
+from bestman_bt.perception.detection import DetectedScene, Detection
+from bestman_bt.perception.pose_estimation import Observation
+from bestman_bt.perception.segmentation import Cluster
+from bestman_bt.perception.tracking import THING
+from bestman_bt.sensing.rgbd import RGBDView
+from bestman_bt.world_model import ObjectBelief
+
+REMEMBERED_VIEWS = 4
+"""Views of one object that are kept, to be joined with the next one."""
+MAP_ERROR = 0.03
+"""Metres by which furniture may stand beside its place on the map."""
+THING_STD = 0.003
+"""Metres: how well the middle of a measured box is known."""
+THING_DENSITY = 400.0
+"""kg/m³: what a thing without a model is taken to weigh."""
+
+
+def believe_surface(skills: SkillContext, surface: str, view: RGBDView, scene: DetectedScene) -> tuple[str, ...]:
+    """Believe in a surface as measured, and in what stands on it; returns as ``believe_objects``."""
+    skills.world.obstacles[f"{surface}/surface"] = measured_surface(skills, surface, view, scene.plane)
+    return believe_objects(skills, view, scene, surface)
+
+
+def believe_objects(
+    skills: SkillContext, view: RGBDView, scene: DetectedScene, surface: str | None = None
+) -> tuple[str, ...]:
+    """Explain what was seen by what is believed; returns the identities: of the detections, then of the unknown."""
+    world = skills.world
+    things = [cluster for cluster in scene.unknown if not _furniture_on(skills, view, cluster, surface)]
+    clusters = [*(found.cluster for found in scene.detections), *things]
+    sightings = [_sighting(view, found, surface) for found in scene.detections]
+    sightings += [_thing(view, cluster, surface) for cluster in things]
+    tracked = skills.algorithms.tracking.update(
+        world.objects,
+        sightings,
+        view.in_map,
+        drift=world.base.position_std,
+        taken=[world.held.name] if world.held is not None else [],
+    )
+    world.objects = dict(tracked.objects)
+    world.changes += tracked.changes
+    _forget_views(skills, [change.name for change in tracked.changes])
+    for name, cluster in zip(tracked.identities, clusters, strict=True):
+        remember_view(skills, name, Observation(cluster.seen_from(view.map_from_base), view.in_map))
+    return tracked.identities
+
+
+def remember_view(skills: SkillContext, name: str, observation: Observation) -> None:
+    """Keep what was seen of an object, in the map frame, to be joined with other views of it."""
+    skills.observations[name] = [*skills.observations.get(name, []), observation][-REMEMBERED_VIEWS:]
+
+
+def only_nearest(scene: DetectedScene, belief: ObjectBelief, base_from_object: Pose) -> DetectedScene:
+    """The scene with nothing in it but what may be the believed object: of its model, nearest to its place."""
+    if belief.recognised:
+        same = [found for found in scene.detections if found.name == belief.model.name]
+        same.sort(key=lambda found: float(np.linalg.norm(found.pose.position - base_from_object.position)))
+        return replace(scene, detections=tuple(same[:1]), unknown=())
+    things = sorted(
+        scene.unknown,
+        key=lambda cluster: float(np.linalg.norm(cluster.bounding_box.pose.position - base_from_object.position)),
+    )
+    return replace(scene, detections=(), unknown=tuple(things[:1]))
+
+
+def seen_words(scene: DetectedScene) -> str:
+    """What was seen, for an error message."""
+    seen = [f"{found.name} ({found.confidence:.2f})" for found in scene.detections]
+    if scene.unknown:
+        seen.append(f"{len(scene.unknown)} unknown thing{'s' if len(scene.unknown) > 1 else ''}")
+    return "seen " + ", ".join(seen) if seen else "it is empty"
+
+
+def _furniture_on(skills: SkillContext, view: RGBDView, cluster: Cluster, surface: str | None) -> bool:
+    """Whether the map explains a cluster: furniture that stands on the furniture with the surface."""
+    if surface is None:
+        return False
+    known, below = skills.world.map, surface.partition("/")[0]
+    place = (view.map_from_base @ cluster.bounding_box.pose).position[:2]
+    for name, piece in known.furniture.items():
+        under = known.standing_under(name)
+        if under is not None and under.name == below and piece.covers(place, MAP_ERROR):
+            return True
+    return False
+
+
+def _forget_views(skills: SkillContext, names: Iterable[str]) -> None:
+    for name in names:
+        skills.observations.pop(name, None)
+
+
+def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBelief:
+    hypothesis = found.hypothesis
+    return ObjectBelief(
+        name=found.name,
+        model=hypothesis.model,
+        pose=view.map_from_base @ hypothesis.pose,
+        confidence=hypothesis.confidence,
+        position_std=hypothesis.position_std,
+        stamp=view.stamp,
+        surface=surface,
+        yaw_set=hypothesis.yaw_set.turned(view.map_from_base.yaw),
+    )
+
+
+def _thing(view: RGBDView, cluster: Cluster, surface: str | None) -> ObjectBelief:
+    """A thing that no model explains: its box is its model."""
+    placed = cluster.bounding_box
+    assert isinstance(placed.shape, Box)
+    red, green, blue = (float(value) for value in cluster.colors.mean(axis=0) / 255.0)
+    mass = THING_DENSITY * float(np.prod(placed.shape.size))
+    model = ObjectModel(THING, (red, green, blue), mass, 0.5, (PlacedShape(placed.shape, Pose()),), symmetry_order=2)
+    return ObjectBelief(
+        name=THING,
+        model=model,
+        pose=view.map_from_base @ placed.pose,
+        confidence=1.0,
+        position_std=THING_STD,
+        stamp=view.stamp,
+        surface=surface,
+        recognised=False,
+        cloud=PointCloud(view.map_from_base.apply(cluster.points), cluster.colors),
+        viewpoint=view.in_map.viewpoint,
+    )

@@ -1,0 +1,67 @@
+"""Checking what the hand holds: by its width, by touch, by sight."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.grasp import grip_problem
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.perception import View
+from bestman_bt.perception.held_object import look_between_fingers
+
+EMPTY = 0.6
+"""Share of the gap between the fingers that the camera must look through for the hand to be empty."""
+
+
+class CheckHeld(Skill):
+    """Make sure that the hand holds an object: gripper width, tactile pads and wrist camera, where there are any.
+
+    An object that has been lost is no longer believed to be in the hand.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the object that the hand should hold"),
+        "look": PortInformation(bool, required=False, default_value=True, description="also use the wrist camera"),
+    }
+    OUTPUT_PORTS: ClassVar = {
+        "width": PortInformation(float, required=False, description="metres between the fingers"),
+        "evidence": PortInformation(str, required=False, description="what was asked: width, touch, sight"),
+    }
+    DECLARATION = Declaration(pre=("holding({object})",), effects=("holding({object})",))
+
+    def execute(self) -> Steps:
+        """Ask each sensor in turn, the cheapest first."""
+        skills = self.skills
+        name: str = self.get_input("object")
+        held = skills.world.held
+        if held is None or held.name != name:
+            raise SkillFailure("not_holding", f"the hand does not hold the {name}")
+        width = skills.gripper.width()
+        self.set_output("width", width)
+        evidence = ["width"]
+        problem = grip_problem(width, held.width)
+        if not problem and skills.tactile:
+            evidence.append("touch")
+            problem = self._touch_problem()
+        if not problem and skills.wrist_camera is not None and self.get_input("look"):
+            evidence.append("sight")
+            problem = yield self.compute("hand_check", self._sight_problem, width)
+        self.set_output("evidence", ", ".join(evidence))
+        if problem:
+            skills.world.held = None
+            raise SkillFailure("object_lost", f"the {name} is no longer in the hand: {problem}")
+        self.feedback_message = f"{name} in hand, by {' and '.join(evidence)}"
+
+    def _touch_problem(self) -> str:
+        loose = [pad.name for pad in self.skills.tactile if not pad.pressed()]
+        return f"nothing presses on {', '.join(loose)}" if loose else ""
+
+    def _sight_problem(self, width: float) -> str:
+        skills = self.skills
+        assert skills.wrist_camera is not None
+        seen = skills.wrist_camera.capture()
+        with_own_body = View(seen.image, seen.base_from_camera)
+        gap = look_between_fingers(with_own_body, skills.base_from_tool(), skills.gripper_model, width)
+        return f"the camera looks through {gap.empty:.0%} of the gap" if gap.empty > EMPTY else ""

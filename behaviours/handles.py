@@ -1,0 +1,106 @@
+"""Handles: where doors and drawers can be pulled."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from py_trees.ports import PortInformation
+
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.messages import Handle, Pose
+from bestman_bt.perception.affordance import HandleScene
+from bestman_bt.world_model import HandleBelief, MapFurniture
+
+MAP_MARGIN = 0.10
+"""Metres around a piece of furniture on the map in which its handles may be: the map is off, handles stick out."""
+SAME_HANDLE = 0.05
+"""Metres within which a seen handle is one that was seen before."""
+
+
+class DetectHandle(Skill):
+    """Look for handles through the head camera, on one piece of furniture or anywhere; fail if there is none.
+
+    All that are seen are believed; the output is the one nearest to ``near``, else the surest.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "furniture": PortInformation(str, required=False, description="furniture of the map, such as fridge"),
+        "near": PortInformation(Pose, required=False, description="choose the handle nearest to this, map frame"),
+        "joint": PortInformation(str, required=False, description="only handles of a revolute or a prismatic joint"),
+        "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
+    }
+    OUTPUT_PORTS: ClassVar = {
+        "handle": PortInformation(str, required=False, description="the name under which the handle is believed"),
+        "pose": PortInformation(Pose, required=False, description="of the handle, in the map frame"),
+        "count": PortInformation(int, required=False, description="how many were seen"),
+    }
+    DECLARATION = Declaration(effects=("handle_known({furniture})",))
+
+    def execute(self) -> Steps:
+        """Capture, detect, believe, choose."""
+        skills = self.skills
+        furniture = self._furniture()
+        view = skills.camera.capture()
+        scene: HandleScene = yield self.compute(
+            "handle_detection", skills.algorithms.affordance.detect, view.in_base, skills.rng
+        )
+        seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
+        names = [self._believe(handle, view.stamp) for handle in seen]
+        chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
+        self.set_output("count", len(chosen))
+        if not chosen:
+            where = f" on the {furniture.name}" if furniture is not None else ""
+            why = scene.reason or f"{len(seen)} handles in view, none of them as asked"
+            raise SkillFailure("handle_not_found", f"no handle{where}: {why}")
+        best = min(chosen, key=lambda name: self._rank(skills.world.handles[name].handle))
+        self.set_output("handle", best)
+        self.set_output("pose", skills.world.handles[best].handle.pose)
+        self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
+
+    def _furniture(self) -> MapFurniture | None:
+        name = self.get_input("furniture")
+        known = self.skills.world.map.furniture
+        if name and name not in known:
+            raise SkillFailure("unknown_furniture", f"no furniture {name!r} in the map; there are {', '.join(known)}")
+        return known[name] if name else None
+
+    def _believe(self, handle: Handle, stamp: float) -> str:
+        """Store the handle; one that was seen before keeps its name."""
+        world = self.skills.world
+        on = min((f for f in world.map.furniture.values() if _belongs(handle, f)), key=_area, default=None)
+        stem = f"{on.name}/handle" if on is not None else "handle"
+        for name, belief in world.handles.items():
+            if np.linalg.norm(belief.handle.pose.position - handle.pose.position) < SAME_HANDLE:
+                world.handles[name] = HandleBelief(name, handle, stamp, belief.furniture)
+                return name
+        number = 1
+        while f"{stem}_{number}" in world.handles:
+            number += 1
+        name = f"{stem}_{number}"
+        world.handles[name] = HandleBelief(name, handle, stamp, on.name if on is not None else None)
+        return name
+
+    def _wanted(self, belief: HandleBelief, furniture: MapFurniture | None) -> bool:
+        joint = self.get_input("joint")
+        return (
+            belief.handle.confidence >= self.get_input("min_confidence")
+            and (furniture is None or belief.furniture == furniture.name)
+            and (not joint or belief.handle.joint == joint)
+        )
+
+    def _rank(self, handle: Handle) -> float:
+        near: Pose | None = self.get_input("near")
+        if near is None:
+            return -handle.confidence
+        return float(np.linalg.norm(handle.pose.position - near.position))
+
+
+def _belongs(handle: Handle, furniture: MapFurniture) -> bool:
+    low_enough = float(handle.pose.position[2]) < furniture.height + MAP_MARGIN
+    return low_enough and furniture.covers(handle.pose.position[:2], MAP_MARGIN)
+
+
+def _area(furniture: MapFurniture) -> float:
+    """What stands on other furniture is smaller than that."""
+    return furniture.footprint[0] * furniture.footprint[1]

@@ -1,0 +1,120 @@
+"""Examples: bestman-bt look --scene kitchen --seed 3 --save out/; bestman-bt look --at table --views 3."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from PIL import Image
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings
+from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.registry import suggestion
+from bestman_bt.runtime.looking import Look, furniture_to_look_at, look_at
+from bestman_bt.visualization.annotated_image import annotated_image
+from bestman_bt.visualization.rerun.look import RecordedLook, write_look
+
+
+def command(
+    scene: Scene = None,
+    robot: Robot = None,
+    seed: Seed = 0,
+    at: Annotated[
+        list[str] | None, typer.Option("--at", metavar="FURNITURE", help="What to look at; all furniture by default.")
+    ] = None,
+    views: Annotated[int, typer.Option(min=1, max=9, help="Views of each surface.")] = 1,
+    save: Annotated[Path, typer.Option(metavar="DIR", help="Where pictures and recordings go.")] = Path("looks"),
+    settings: Settings = None,
+    as_json: Json = False,
+) -> None:
+    """Stand the robot before furniture and show what it perceives: objects, poses, handles, grasps."""
+    scene = scene or "kitchen"
+    with json_output(as_json) as tell:
+        known = furniture_to_look_at(scene, seed, settings or ())
+        chosen = at or list(known)
+        problems = [
+            Problem("--at", None, "", f"the map has no furniture {name!r}; {suggestion(name, list(known))}")
+            for name in chosen
+            if name not in known
+        ]
+        if save.exists() and not save.is_dir():
+            problems.append(Problem("--save", None, "", f"{save} is a file; a folder is needed"))
+        if problems:
+            raise ConfigurationError(problems)
+        save.mkdir(parents=True, exist_ok=True)
+        found = []
+        for name in chosen:
+            look = look_at(known[name], scene, robot or "diff_panda", seed, views, settings or ())
+            files = _save(look, save)
+            found.append(_document(look, files))
+            if not as_json:
+                _print(look, files)
+        tell({"scene": str(scene), "seed": seed, "looks": found})
+
+
+def _save(look: Look, folder: Path) -> list[Path]:
+    """An annotated picture of each view, and one recording of all."""
+    files = []
+    for number, view in enumerate(look.views):
+        picture = annotated_image(view.image, view.in_map.frame_from_camera, look.marks)
+        files.append(folder / f"{look.furniture}_{number}.png")
+        Image.fromarray(picture).save(files[-1])
+    files.append(folder / f"{look.furniture}.rrd")
+    looks = [
+        RecordedLook("head_camera", view.image, view.in_map.frame_from_camera, view.in_map.cloud())
+        for view in look.views
+    ]
+    write_look(files[-1], looks, look.marks)
+    return files
+
+
+def _print(look: Look, files: list[Path]) -> None:
+    print(f"{look.furniture}:")
+    for found in look.marks.objects:
+        x, y, z = found.pose.position
+        yaw = f", yaw open by {found.yaw_set.width:.2f} rad" if found.yaw_set.arcs else ""
+        place = f"{x:.3f} {y:.3f} {z:.3f} ±{1e3 * found.position_std:.1f} mm"
+        print(f"  {found.name:14} {found.confidence:.2f}  at {place}{yaw}")
+    for mark in look.marks.handles:
+        x, y, z = mark.handle.pose.position
+        joint = mark.handle.joint or "unknown joint"
+        print(f"  {mark.name:14} {mark.handle.confidence:.2f}  {mark.handle.kind} at {x:.3f} {y:.3f} {z:.3f}, {joint}")
+    for failure in look.failures:
+        print(f"  {failure.why}")
+    for file in files:
+        print(f"  {file}")
+
+
+def _document(look: Look, files: list[Path]) -> dict[str, Any]:
+    return {
+        "furniture": look.furniture,
+        "objects": [
+            {
+                "name": found.name,
+                "recognised": found.recognised,
+                "position": found.pose.position.round(4).tolist(),
+                "yaw": round(found.pose.yaw, 4),
+                "confidence": round(found.confidence, 4),
+                "position_std": round(found.position_std, 5),
+                "yaw_set": [[round(middle, 4), round(half, 4)] for middle, half in found.yaw_set.arcs],
+            }
+            for found in look.marks.objects
+        ],
+        "handles": [
+            {
+                "name": mark.name,
+                "kind": mark.handle.kind,
+                "position": mark.handle.pose.position.round(4).tolist(),
+                "axis": mark.handle.axis.round(4).tolist(),
+                "radius": round(mark.handle.radius, 4),
+                "joint": mark.handle.joint,
+                "hinge_side": mark.handle.hinge_side,
+                "confidence": round(mark.handle.confidence, 4),
+            }
+            for mark in look.marks.handles
+        ],
+        "failures": [{"node": f.node, "code": f.error_code, "why": f.why} for f in look.failures],
+        "files": [str(file) for file in files],
+    }

@@ -1,0 +1,54 @@
+"""Is there something between the fingers? Asked of a camera that sees them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import Pose
+from bestman_bt.perception.view import View
+from bestman_bt.robot_model import GripperModel
+
+ROWS = 4
+"""Samples along each side of the sampled sections of the gap."""
+
+
+@dataclass(frozen=True)
+class GapSight:
+    """How the gap between the fingers looked, as shares of the samples in it.
+
+    ``filled``: something is measured in it. ``empty``: the camera looked through it. ``unseen``: the rest.
+    """
+
+    filled: float
+    empty: float
+
+    @property
+    def unseen(self) -> float:
+        """The share that was hidden or had no depth."""
+        return 1.0 - self.filled - self.empty
+
+
+def look_between_fingers(
+    view: View, frame_from_tool: Pose, gripper: GripperModel, width: float, margin: float = 0.006
+) -> GapSight:
+    """Compare measured depth with the gap between the pads, ``width`` metres wide.
+
+    ``view``: with the robot's own body left in; ``frame_from_tool``: z leaves the hand, y closes. The rays through
+    samples of the gap's middle are followed: what ends them within the gap (grown by ``margin`` metres along the ray)
+    fills it, what lies behind it shows it empty, what lies before it hides it.
+    """
+    across, along = gripper.pad_size
+    half = np.array([across / 2, max(width / 2 - margin, 0.001), along / 2])
+    steps = np.linspace(-1.0, 1.0, ROWS)
+    samples = np.array([[x, y, z] for x in steps for y in steps for z in steps]) * half
+    points = frame_from_tool.apply(samples)
+    pixels, depth = view.project(points)
+    measured = view.measured_depth(pixels)
+    # A ray may cross the whole gap, and an object reaches beyond the pads.
+    reach = margin + 2.0 * float(half.max())
+    seen = np.isfinite(measured) & np.isfinite(depth)
+    filled = seen & (np.abs(measured - depth) <= reach)
+    empty = seen & (measured > depth + reach)
+    return GapSight(float(filled.mean()), float(empty.mean()))

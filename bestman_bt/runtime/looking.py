@@ -1,0 +1,146 @@
+"""Looking at a piece of furniture: where to stand, which tree to run, and what it made the robot believe, as marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from behaviours.context import SkillContext
+from behaviours.failure import Failure
+from behaviours.grasp import grasp_candidates, handle_grasp_candidates
+from behaviours.surfaces import SLAB_GROWTH
+from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.messages import Box, Pose, Pose2D
+from bestman_bt.runtime.robot_session import open_session
+from bestman_bt.scene import SceneError, draw_world, load_scene, semantic_map
+from bestman_bt.sensing.rgbd import RGBDView
+from bestman_bt.visualization.marks import GraspMark, HandleMark, ObjectMark, SceneMarks, SurfaceMark
+from bestman_bt.world_model import MapFurniture
+
+STAND_OFFS = (0.60, 0.75, 0.90, 1.05, 1.20, 1.40)
+"""Metres between the middle of the base and the front of what it looks at; the first with room is taken."""
+ROOM = 0.38
+"""Metres that the middle of the base keeps from everything."""
+FRONT_HEIGHT = 0.8
+"""Metres above the floor at which a front is looked at, or half way up a lower one."""
+TREE = "look"
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What one stand before ``furniture`` gave: the views in the order taken, all marks in the map frame, failures."""
+
+    furniture: str
+    views: tuple[RGBDView, ...]
+    marks: SceneMarks
+    failures: tuple[Failure, ...]
+
+
+def furniture_to_look_at(scene: str | Path, seed: int, settings: Iterable[str] = ()) -> dict[str, MapFurniture]:
+    """The furniture on the robot's map of a scene, by name; raises as ``load_scene`` and ``draw_world``."""
+    config = load_run(tree=TREE, scene=scene, robot="diff_panda", seed=seed, settings=settings)
+    return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), seed)).furniture)
+
+
+def look_at(
+    furniture: MapFurniture,
+    scene: str | Path,
+    robot: str | Path = "diff_panda",
+    seed: int = 0,
+    views: int = 1,
+    settings: Iterable[str] = (),
+) -> Look:
+    """Stand a robot before the furniture and run the tree ``look``; raises as ``prepare``."""
+    config = _standing_before(furniture, scene, robot, seed, settings)
+    with open_session(config) as session:
+        under = session.skills.world.map.standing_under(furniture.name)
+        seen: list[RGBDView] = []
+        session.skills.camera.subscribe(seen.append)
+        heights = {f"{furniture.name}/{s.name}": float(s.pose.position[2]) for s in furniture.surfaces}
+        highest = max(heights.values(), default=0.0)
+        session.entries |= {
+            "furniture": furniture.name,
+            "top": [name for name, height in heights.items() if height == highest],
+            "inside": [name for name, height in heights.items() if height < highest],
+            "front": _front(furniture, under.height if under is not None else 0.0),
+            "views": views,
+        }
+        session.run(TREE)
+        return Look(furniture.name, tuple(seen), scene_marks(session.skills), tuple(session.skills.failures))
+
+
+def scene_marks(skills: SkillContext) -> SceneMarks:
+    """Everything that the robot believes of its surroundings, with the best grasp of each thing, in the map frame."""
+    world = skills.world
+    objects = []
+    for name, belief in world.objects.items():
+        seen = [observation.cluster.points for observation in skills.observations.get(name, ())]
+        points = np.concatenate(seen) if seen else np.empty((0, 3))
+        objects.append(
+            ObjectMark(
+                name,
+                belief.model,
+                belief.pose,
+                belief.confidence,
+                belief.position_std,
+                belief.yaw_set,
+                points,
+                belief.recognised,
+            )
+        )
+    return SceneMarks(
+        objects=tuple(objects),
+        handles=tuple(HandleMark(name, belief.handle) for name, belief in world.handles.items()),
+        grasps=tuple(_best_grasps(skills)),
+        surfaces=tuple(_surfaces(skills)),
+    )
+
+
+def _best_grasps(skills: SkillContext) -> Iterable[GraspMark]:
+    """The first grasp that is proposed for each believed object and handle; whether the arm reaches it is not asked."""
+    depth = skills.gripper_model.finger_depth
+    targets = {name: grasp_candidates(skills, belief) for name, belief in skills.world.objects.items()}
+    targets |= {name: handle_grasp_candidates(skills, belief) for name, belief in skills.world.handles.items()}
+    for name, candidates in targets.items():
+        for candidate in candidates[:1]:
+            pose = skills.map_from_base @ candidate.grasp
+            yield GraspMark(name, pose, candidate.width, depth, candidate.quality)
+
+
+def _surfaces(skills: SkillContext) -> Iterable[SurfaceMark]:
+    for name, obstacle in skills.world.obstacles.items():
+        surface, _, what = name.rpartition("/")
+        slab = obstacle.shapes[0]
+        if what == "surface" and isinstance(slab.shape, Box):
+            x, y, thickness = slab.shape.size
+            top = slab.pose @ Pose(np.array([0.0, 0.0, thickness / 2]))
+            yield SurfaceMark(surface, top, (x - 2 * SLAB_GROWTH, y - 2 * SLAB_GROWTH))
+
+
+def _front(furniture: MapFurniture, floor: float) -> Pose:
+    """The middle of the front, in the map frame; ``floor``: metres, the height on which the furniture stands."""
+    height = floor + min(FRONT_HEIGHT, (furniture.height - floor) / 2)
+    return furniture.pose.to_pose() @ Pose(np.array([-furniture.footprint[0] / 2, 0.0, height]))
+
+
+def _standing_before(
+    furniture: MapFurniture, scene: str | Path, robot: str | Path, seed: int, settings: Iterable[str]
+) -> RunConfig:
+    """The nearest stand straight before the furniture at which there is room; SceneError where there is none."""
+    problem: SceneError | None = None
+    for distance in STAND_OFFS:
+        stand = furniture.pose @ Pose2D(-furniture.footprint[0] / 2 - distance, 0.0, 0.0)
+        start = {"x": stand.x, "y": stand.y, "yaw": stand.theta}
+        placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
+        placed.append(f"scene.start_clearance={ROOM}")
+        config = load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
+        try:
+            draw_world(load_scene(config.task.scene, config.scene_settings), seed)
+        except SceneError as error:
+            problem = error
+            continue
+        return config
+    raise SceneError(f"no room for the robot before the {furniture.name}: {problem}")

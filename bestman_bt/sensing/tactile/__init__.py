@@ -1,0 +1,5 @@
+"""Tactile sensing."""
+
+from bestman_bt.sensing.tactile.tactile_sensor import TactileSensor
+
+__all__ = ["TactileSensor"]

@@ -1,0 +1,113 @@
+"""A look as a recording: pictures, clouds and everything that was found, in three dimensions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bestman_bt.messages import PointCloud, Pose, RGBDImage
+from bestman_bt.visualization.errors import RecordingError
+from bestman_bt.visualization.marks import SceneMarks, box_edges, grasp_lines, object_color
+from bestman_bt.visualization.rerun import entities
+from bestman_bt.visualization.rerun.markers import write_pose
+from bestman_bt.visualization.rerun.sensed import SensorRecording, write_cloud, write_image
+
+if TYPE_CHECKING:
+    import rerun as rr
+
+HANDLE_COLOR = (255, 60, 200)
+GRASP_COLOR = (240, 240, 240)
+SURFACE_COLOR = (120, 220, 220)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedLook:
+    """One picture: which camera, from where in the map, and its points in the map."""
+
+    camera: str
+    image: RGBDImage
+    map_from_camera: Pose
+    cloud: PointCloud
+
+
+def write_look(
+    path: Path, looks: Sequence[RecordedLook], marks: SceneMarks, application_id: str = "bestman_bt"
+) -> None:
+    """Write ``path`` (``.rrd``); RecordingError where that is not possible."""
+    import rerun as rr
+
+    recording = rr.RecordingStream(application_id, recording_id=path.stem)
+    try:
+        recording.save(path)
+    except (RuntimeError, OSError) as error:
+        raise RecordingError(f"the recording {path} cannot be written: {error}") from error
+    recording.log(entities.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    settings = SensorRecording()
+    for number, look in enumerate(looks):
+        recording.set_time(entities.SIM_TIME, duration=look.image.stamp)
+        camera = f"{look.camera}_{number}"
+        k = look.image.intrinsics
+        entity = entities.camera_entity(camera)
+        pose = look.map_from_camera
+        recording.log(entity, rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion)))
+        recording.log(
+            entity,
+            rr.Pinhole(
+                image_from_camera=k.matrix,
+                resolution=[k.width, k.height],
+                camera_xyz=rr.ViewCoordinates.RDF,
+                image_plane_distance=settings.frustum_length,
+            ),
+        )
+        write_image(recording, camera, look.image, settings)
+        write_cloud(recording, camera, look.cloud, settings)
+    _write_marks(recording, marks)
+    recording.flush()
+    recording.disconnect()
+
+
+def _write_marks(recording: rr.RecordingStream, marks: SceneMarks) -> None:
+    import rerun as rr
+
+    for index, found in enumerate(marks.objects):
+        name = f"{entities.SCENE}/objects/{entities.part(found.name)}"
+        lower, upper = found.model.bounds()
+        edges = box_edges(found.pose, lower, upper).astype(np.float32)
+        color = object_color(index)
+        label = f"{found.name} {found.confidence:.2f}" if found.recognised else found.name
+        recording.log(f"{name}/box", rr.LineStrips3D(edges, colors=color, radii=0.0015, labels=[label]))
+        recording.log(f"{name}/points", rr.Points3D(found.points.astype(np.float32), colors=color, radii=0.002))
+        write_pose(recording, found.name, found.pose, 0.6 * float(found.model.size.max()), label)
+    for number, grasp in enumerate(marks.grasps):
+        lines = grasp_lines(grasp).astype(np.float32)
+        entity = f"{entities.SCENE}/grasps/{entities.part(grasp.target)}_{number}"
+        recording.log(entity, rr.LineStrips3D(lines, colors=GRASP_COLOR, radii=0.002))
+    for mark in marks.handles:
+        handle = mark.handle
+        half = handle.length / 2 * handle.axis
+        middle = handle.pose.position
+        entity = f"{entities.SCENE}/handles/{entities.part(mark.name)}"
+        bar = np.array([middle - half, middle + half], dtype=np.float32)
+        recording.log(entity, rr.LineStrips3D([bar], colors=HANDLE_COLOR, radii=handle.radius, labels=[mark.name]))
+        recording.log(
+            f"{entity}/opening",
+            rr.Arrows3D(
+                origins=[middle], vectors=[0.15 * handle.opening_direction], colors=(255, 230, 80), radii=0.004
+            ),
+        )
+    for surface in marks.surfaces:
+        half_size = np.array([surface.size[0] / 2, surface.size[1] / 2, 0.002])
+        recording.log(
+            f"{entities.SCENE}/surfaces/{entities.part(surface.name)}",
+            rr.Boxes3D(
+                half_sizes=[half_size],
+                centers=[surface.pose.position],
+                quaternions=[surface.pose.quaternion],
+                colors=SURFACE_COLOR,
+                labels=[surface.name],
+            ),
+        )
