@@ -10,6 +10,7 @@ from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, alg
 from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
+from bestman_bt.manipulation.trajectory import TimeParametrization
 from bestman_bt.navigation.global_planning import GlobalPlanner
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import Localizer
