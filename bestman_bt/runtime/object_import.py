@@ -17,7 +17,7 @@ from bestman_bt.configuration import ConfigurationError, Problem, data_names, re
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose import antipodal_grasps
-from bestman_bt.perception.object_models import convex_parts, simplified, symmetry_order
+from bestman_bt.perception.object_models import convex_parts, is_closed, simplified, symmetry_order
 from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime.object_picture import object_picture
 from bestman_bt.scene.grasps_file import grasps_json
@@ -149,18 +149,17 @@ def _checked_mesh(mesh_file: Path, new: NewObject) -> tuple[Mesh, int, bool]:
         raise _fault(mesh_file, "", limits + _better_scale(longest / new.scale))
     if extents.min() < 1e-4:
         raise _fault(mesh_file, "", "it is flat: a solid object is needed")
-    watertight = bool(triangles.is_watertight and triangles.is_winding_consistent)
+    watertight = is_closed(mesh)
     if not watertight and not new.open_surface:
-        edges = np.sort(triangles.edges, axis=1)
-        _, counts = np.unique(edges, axis=0, return_counts=True)
-        loose = int((counts != 2).sum())
+        edges, counts = np.unique(np.sort(triangles.edges, axis=1), axis=0, return_counts=True)
+        loose = int((counts % 2 != 0).sum())
         message = (
-            f"its surface is not closed ({loose} of {len(counts)} edges do not join two triangles), so it has no inside"
+            f"its surface is not closed ({loose} of {len(edges)} edges belong to one triangle), so it has no inside"
             if loose
             else "its triangles do not agree on which side is outside"
         )
         raise _fault(mesh_file, "", f"{message}; --open takes it as it is and closes it for physics only")
-    if watertight and triangles.volume < 0.0:
+    if watertight and mesh.volume < 0.0:
         mesh = Mesh(mesh.vertices, mesh.faces[:, ::-1])
     lower, upper = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     return simplified(Mesh(mesh.vertices - (lower + upper) / 2, mesh.faces)), len(triangles.faces), watertight

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -54,8 +55,19 @@ def _loops(after: dict[int, list[int]]) -> Iterator[NDArray[np.int64]]:
                     way.append(corner)
 
 
+def bodies_of(mesh: Mesh) -> list[Any]:
+    """The bodies of a mesh as trimesh.Trimesh; two that touch along an edge are two."""
+    whole = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)
+    bodies: list[Any] = whole.split(only_watertight=False, repair=False)
+    return bodies
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether all its bodies are closed, and their triangles agree on which side is outside."""
+    return all(body.is_watertight and body.is_winding_consistent for body in bodies_of(mesh))
+
+
 def _checked(mesh: Mesh) -> Mesh:
-    whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    if not (whole.is_watertight and whole.is_winding_consistent):
+    if not is_closed(mesh):
         raise PerceptionError(_DISAGREE)
     return mesh

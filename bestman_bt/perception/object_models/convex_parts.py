@@ -14,7 +14,7 @@ import trimesh
 
 from bestman_bt.messages import Mesh
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.perception.object_models.closed import closed
+from bestman_bt.perception.object_models.closed import bodies_of, closed
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,10 @@ def convex_parts(mesh: Mesh, parameters: ConvexPartsParameters | None = None) ->
     mesh = closed(mesh)
     if mesh.volume < 1e-4 * float(np.ptp(mesh.vertices, axis=0).max()) ** 3:
         raise PerceptionError("the mesh encloses no volume: no convex parts can fill it")
-    whole = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)
-    bodies = whole.split(only_watertight=False, repair=False)
+    bodies = bodies_of(mesh)
     # A shell turned inwards is the inside of a hollow body: the two belong together.
     if any(body.volume <= 0.0 for body in bodies):
-        bodies = [whole]
+        bodies = [trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)]
     pieces = [piece for body in bodies for piece in _cut(body, parameters)]
     hulls = [trimesh.convex.convex_hull(np.asarray(piece.vertices)) for piece in pieces]
     return tuple(Mesh(np.asarray(hull.vertices), np.asarray(hull.faces)) for hull in hulls if hull.volume > 0.0)

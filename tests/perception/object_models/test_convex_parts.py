@@ -43,6 +43,15 @@ def test_a_convex_body_is_its_own_part_and_bodies_are_parted() -> None:
     assert sorted(part.volume for part in parts) == pytest.approx(sorted([ball.volume, box.volume]))
 
 
+def test_two_bodies_that_share_an_edge_are_two_parts() -> None:
+    low = trimesh.creation.box((0.09, 0.06, 0.04))
+    high = trimesh.creation.box((0.03, 0.06, 0.04)).apply_translation((-0.03, 0.0, 0.04))
+    both = trimesh.util.concatenate([low, high])
+    both.merge_vertices()
+    assert not both.is_watertight  # that edge belongs to four triangles
+    assert [part.volume for part in solids(mesh_of(both))] == pytest.approx([low.volume, high.volume])
+
+
 def test_a_tray_stays_open(tray_parts: tuple[Mesh, ...]) -> None:
     body = tray()
     assert body.is_watertight
