@@ -19,8 +19,8 @@ AXES = (
 )
 """Colours of x, y and z, and the turns that bring z there."""
 GRASP = (0.1, 0.55, 0.75)
-SHOWN = 5
-"""Grasps drawn: the best ones."""
+SHOWN = slice(0, 20, 4)
+"""Grasps drawn: the best ones lie on each other."""
 
 
 def object_picture(model: ObjectModel, gripper: GripperModel | None = None, side: int = 420) -> NDArray[np.uint8]:
@@ -32,7 +32,7 @@ def object_picture(model: ObjectModel, gripper: GripperModel | None = None, side
     looks = list(model.appearance)
     panels = [portrait([*looks, *_axes(size)], _viewpoint(size), side, side)]
     if gripper is not None:
-        forks = [part for grasp in model.grasps[:SHOWN] for part in _fork(grasp, gripper)]
+        forks = [part for grasp in model.grasps[SHOWN] for part in _fork(grasp, gripper)]
         panels.append(portrait([*looks, *forks], _viewpoint(1.35 * size), side, side))
     return np.concatenate(panels, axis=1)
 
