@@ -31,7 +31,7 @@ KINDS = ("drawer_chest", "cupboard", "fridge", "dishwasher", "microwave")
 NEAREST, FARTHEST = 0.7, 1.8
 WIDEST_ANGLE = math.radians(40.0)
 MIN_SEEN = 0.6
-BORDER = 8.0  # pixels along the image's border in which a handle is not in view
+BORDER = 12.0  # pixels along the image's border in which a handle is not in view
 _TRUE_DEPTH = DepthNoise(0.0, 0.0, 0.0, 0.0, 1e-6)
 
 
@@ -190,18 +190,37 @@ def _share_seen(view: View, handle: Handle) -> float:
     if handle.kind == "edge":
         # The face of the lip, a few millimetres from its border.
         surface = np.stack([along, np.zeros(25), np.full(25, handle.radius)], axis=1)
+        recess = _recess_seen(view, handle, along)
     else:
         towards = np.array([0.0, local[1], local[2]]) / math.hypot(local[1], local[2])
         across = np.cross([1.0, 0.0, 0.0], towards)
         sides = [math.sin(a) * across + math.cos(a) * towards for a in (-0.8, 0.0, 0.8)]
         along = along if handle.kind == "bar" else np.zeros(1)
         surface = np.concatenate([along[:, None] * [1.0, 0.0, 0.0] + handle.radius * side for side in sides])
+        recess = np.ones(len(surface), dtype=bool)
     pixels, depth = view.project(handle.pose.apply(surface))
     measured = view.measured_depth(pixels)
     k = view.image.intrinsics
     inside = ((pixels > BORDER) & (pixels < np.array([k.width, k.height]) - 1 - BORDER)).all(axis=1)
     # The pixel nearest to a point may show what is beside a thin bar: farther away, never nearer.
-    return float((inside & (measured > depth - 0.003) & (measured < depth + 0.08)).mean())
+    return float((recess & inside & (measured > depth - 0.003) & (measured < depth + 0.08)).mean())
+
+
+def _recess_seen(view: View, handle: Handle, along: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where along a lip the opening beyond it shows something behind the front, and not just the room's wall.
+
+    Seen from its far side, a lip at the outer border of a door looks like any door.
+    """
+    assert handle.panel is not None
+    middle = handle.pose.inverse().apply(handle.panel.position[None])[0]
+    beyond = -math.copysign(1.0, middle[1])
+    shares = np.zeros(len(along))
+    for distance in (0.016, 0.022, 0.028, 0.034, 0.040):
+        points = np.stack([along, np.full(len(along), beyond * distance), np.full(len(along), handle.radius)], axis=1)
+        pixels, depth = view.project(handle.pose.apply(points))
+        behind = view.measured_depth(pixels) - depth
+        shares += (behind > 0.012) & (behind < 0.45)
+    return shares >= 2
 
 
 def _on_handles(view: View, handles: list[Handle]) -> NDArray[np.bool_]:

@@ -31,7 +31,8 @@ from bestman_bt.perception.view import View
 class FrontHandlesParameters:
     """The parameters of each step.
 
-    ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle.
+    ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle. ``max_distance``: metres from the
+    camera; farther away, noise makes handles.
     """
 
     fronts: FrontsParameters = field(default_factory=FrontsParameters)
@@ -41,6 +42,7 @@ class FrontHandlesParameters:
     joint: JointSuggestionParameters = field(default_factory=JointSuggestionParameters)
     min_confidence: float = 0.4
     apart: float = 0.03
+    max_distance: float = 2.05
 
 
 class FrontHandles(HandleDetector):
@@ -71,7 +73,8 @@ class FrontHandles(HandleDetector):
         handles: list[Handle] = []
         for front, rectified, one in found:
             position = front.frame_from_front.apply(one.centre[None])[0]
-            if all(_distance(position, other) > p.apart for other in handles):
+            near = np.linalg.norm(position - view.viewpoint) <= p.max_distance
+            if near and all(_distance(position, other) > p.apart for other in handles):
                 handles.append(self._handle(front, rectified, one))
         handles.sort(key=lambda handle: -handle.confidence)
         reason = "" if handles else f"no handle on the {len(fronts)} upright planes in view"

@@ -26,8 +26,9 @@ class GroovesParameters:
 
     ``width``: of a groove, least and most: room for fingers, no compartment. ``pair_width``: of two that meet, where two
     doors do. ``notch_length``: most length of one that is cut into a border; others run between two panels.
-    ``strip_length``: least length of one along the outer border of a door, open on its other side; ``plate_slope``: most
-    slope of its back against the front. ``panel``: that the front at least goes on from a level, from an
+    ``strip_length``, ``strip_width``: least length and seen width of one along the outer border of a door, open on its
+    other side. ``plate_slope``: most slope of an upright groove's back against the front; ``plate_share``: least share
+    of its width on which that is seen. ``panel``: that the front at least goes on from a level, from an
     upright lip.
     ``min_length``: of any. ``straightness``: most mean deviation of its lip from a line.
     ``flanks``: least share of its lip and of its ends along which the front is seen.
@@ -42,7 +43,9 @@ class GroovesParameters:
     min_length: float = 0.105
     straightness: float = 0.004
     strip_length: float = 0.22
-    plate_slope: float = 0.3
+    strip_width: float = 0.013
+    plate_slope: float = 0.4
+    plate_share: float = 0.06
     panel: tuple[float, float] = (0.06, 0.15)
     flanks: float = 0.75
     back: tuple[float, float] = (0.025, 0.085)
@@ -124,14 +127,14 @@ def _closed(shown: NDArray[np.bool_], size: tuple[int, int]) -> NDArray[np.bool_
 
 def _components(lying: _Lying, kind: Kind, upright: bool, p: GroovesParameters) -> list[Groove]:
     mask = _openings(lying, kind, upright, p)
-    thin = max(2, round(0.4 * p.width[0] / lying.cell))
+    thin = max(2, round(0.5 * p.strip_width / lying.cell))
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((thin, thin), np.uint8))
     opened = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
     grooves: list[Groove] = []
     for label in range(1, count):
         left, top, width, height, _ = (int(value) for value in stats[label])
-        if width * lying.cell < p.min_length or height * lying.cell < p.width[0]:
+        if width * lying.cell < p.min_length or height * lying.cell < p.strip_width:
             continue
         part = labels[top : top + height, left : left + width] == label
         grooves += _judge(lying, part, (top, left), kind, upright, p)
@@ -152,8 +155,11 @@ def _judge(
     left, right = int(columns[0]), int(columns[-1]) + 1
     length, width = (right - left) * cell, (last - first) * cell
     pair = upright and kind != "strip" and p.pair_width[0] <= width <= p.pair_width[1]
-    widest = p.width[1] + (p.back[0] if kind == "strip" else 0.0)  # the side behind a strip's back may be seen, too
-    if not (pair or p.width[0] - cell <= width <= widest) or length < (1.0 if pair else 1.6) * width:
+    if kind == "strip":
+        fits = width <= 2 * p.width[1]  # with the side behind its back
+    else:
+        fits = pair or p.width[0] - cell <= width <= p.width[1]
+    if not fits or length < (1.0 if pair else 1.6) * width:
         return []
     if (kind == "notch" and length > p.notch_length) or (kind == "strip" and length < p.strip_length):
         return []
@@ -164,7 +170,8 @@ def _judge(
     with np.errstate(invalid="ignore"):
         if (inside > 0.01).mean() > p.before:
             return []
-    if upright and kind != "notch" and not _is_plate(inside, lying.cell, p):
+    plate = _plate(inside, cell, p) if upright and kind != "notch" else None
+    if upright and kind != "notch" and plate is None:
         return []
     margin = max(1, round(0.006 / cell))
     above = lying.shown[max(0, top - margin - reach) : max(0, top - margin), start:stop]
@@ -176,12 +183,15 @@ def _judge(
         solid[top:bottom, stop + margin : stop + margin + reach],
     ]
     seen_above, seen_below = _share(above), _share(below)
-    if kind == "notch" and min(_share(end) for end in ends) < p.flanks:
+    if kind == "notch" and min(_share(end) for end in ends) < 0.8 * p.flanks:
         return []
     if (kind == "slot" or pair) and min(seen_above, seen_below) < p.flanks:
         return []
-    if kind == "strip" and not _ends_in_the_open(lying, (top, bottom, start, stop), seen_above > seen_below, p):
-        return []
+    if kind == "strip" and plate is not None:
+        place = (top, bottom, start, stop)
+        narrow = not p.strip_width <= plate[1] <= p.width[1]
+        if narrow or not _ends_in_the_open(lying, place, plate[0], seen_above > seen_below):
+            return []
     reach_above, reach_below = _run(lying.shown, top, -1, start, stop), _run(lying.shown, bottom, 1, start, stop)
     if pair:
         sides = [-1.0, 1.0]
@@ -221,27 +231,38 @@ def _judge(
     return result
 
 
-def _is_plate(inside: NDArray[np.float64], cell: float, p: GroovesParameters) -> bool:
-    """Whether the back of an opening lies parallel to the front, near behind it: not the side of the furniture."""
+def _plate(inside: NDArray[np.float64], cell: float, p: GroovesParameters) -> tuple[float, float] | None:
+    """Level and width of the back of an upright opening: parallel to the front and near behind it.
+
+    None where there is only the side of the furniture, which runs backwards, or the open.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # rows without any depth
         profile = np.nanmedian(inside, axis=1)
-    known = np.isfinite(profile)
-    if known.sum() < 4 or not p.back[0] <= -float(np.median(profile[known])) <= p.back[1]:
-        return False
-    across, heights = np.flatnonzero(known) * cell, profile[known]
-    lag = len(heights) // 2
-    slopes = (heights[lag:] - heights[:-lag]) / (across[lag:] - across[:-lag])
-    return abs(float(np.median(slopes))) < p.plate_slope
+    heights = profile[np.isfinite(profile)]
+    lag = max(2, round(0.010 / cell))
+    if len(heights) <= lag:
+        return None
+    level = (heights[lag:] + heights[:-lag]) / 2
+    even = np.abs(heights[lag:] - heights[:-lag]) < p.plate_slope * lag * cell
+    even &= (level < -p.back[0]) & (level > -p.back[1])
+    if even.mean() < p.plate_share:
+        return None
+    middle = float(np.median(level[even]))
+    return middle, float((np.abs(heights - middle) < 0.008).sum()) * cell
 
 
-def _ends_in_the_open(lying: _Lying, where: tuple[int, int, int, int], panel_above: bool, p: GroovesParameters) -> bool:
-    """Whether there is nothing near behind the border on the other side of a strip."""
+def _ends_in_the_open(lying: _Lying, where: tuple[int, int, int, int], level: float, panel_above: bool) -> bool:
+    """Whether the back of a strip goes on neither behind its other border nor beyond its ends."""
     top, bottom, start, stop = where
-    reach, margin = max(2, round(0.010 / lying.cell)), max(1, round(0.030 / lying.cell))
+    reach, margin = max(2, round(0.010 / lying.cell)), max(1, round(0.008 / lying.cell))
     first = bottom + margin if panel_above else max(0, top - margin - reach)
+    beyond = lying.height[first : first + reach, start:stop]
+    if np.isfinite(beyond).any() and np.nanmedian(beyond) > level - 0.02:
+        return False
+    ends = (slice(max(0, start - margin - reach), max(0, start - margin)), slice(stop + margin, stop + margin + reach))
     with np.errstate(invalid="ignore"):
-        return _share(lying.height[first : first + reach, start:stop] < -p.back[1]) > p.flanks
+        return all(_share(np.abs(lying.height[top:bottom, end] - level) < 0.01) < 0.5 for end in ends)
 
 
 def _lip(groove: Groove, p: GroovesParameters) -> HandleOnFront:

@@ -29,14 +29,16 @@ class ProtrusionsParameters:
     where it is that many times the noise before the front. ``min_pixels``: with depth, of one bar or knob.
     ``gap``, ``bar_gap``: pixels that lie so near belong together; in bars, along them, since depth drops out there.
     ``bar_length``, ``bar_width``: of bars, least and most; ``bar_slenderness``: least length by width.
-    ``knob_size``: least and most extent of knobs; ``knob_height``: that a knob at least stands out, else fingers find
-    no room behind it. ``level_spread``: depths of one bar differ by that at most, besides the noise.
+    ``knob_size``: least and most extent of knobs with what is seen of their stems, ``knob_slenderness``: most length by
+    width of that; ``knob_radius``: most radius of the head; ``knob_height``: that a knob at least stands out, and
+    ``knob_standoff``: its middle, in radii, else fingers find no room behind it. ``level_spread``: depths of one bar differ by that at most, besides the noise.
     ``max_slope``: of a bar against the front, radians. ``min_filled``: share of a bar's length on which it is seen.
     ``finger_room``: least room between a bar and the front.
     """
 
     low: float = 0.008
     high: float = 0.085
+    layers: tuple[tuple[float, float], ...] = ((0.008, 0.040), (0.024, 0.064), (0.044, 0.085))
     significance: float = 3.0
     min_pixels: int = 8
     gap: float = 0.012
@@ -44,8 +46,11 @@ class ProtrusionsParameters:
     bar_length: tuple[float, float] = (0.05, 0.85)
     bar_width: tuple[float, float] = (0.003, 0.032)
     bar_slenderness: float = 2.5
-    knob_size: tuple[float, float] = (0.012, 0.052)
+    knob_size: tuple[float, float] = (0.010, 0.060)
+    knob_radius: float = 0.025
+    knob_slenderness: float = 2.4
     knob_height: float = 0.019
+    knob_standoff: float = 0.7
     level_spread: float = 0.012
     max_slope: float = math.radians(10.0)
     min_filled: float = 0.8
@@ -63,28 +68,39 @@ def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[
     pixels: Pixels = np.nonzero(before & crowded)
     if len(pixels[0]) < p.min_pixels:
         return []
-    # Cells of the front's plane: there a bar is level or upright, whatever the camera's angle.
-    flat = relief.on_level(pixels, 0.0)
-    cell = max(0.003, relief.pixel_size())
-    places = np.floor((flat - flat.min(axis=0)) / cell).astype(np.intp) + 2
-    mask = np.zeros(places.max(axis=0) + 3, dtype=np.uint8)
-    mask[places[:, 0], places[:, 1]] = 1
-    near, far = 2 * math.ceil(p.gap / cell / 2) + 1, 2 * math.ceil(p.bar_gap / cell / 2) + 1
+    flat, height = relief.on_level(pixels, 0.0), relief.height[pixels]
     found = []
+    for number, (low, high) in enumerate(((p.low, p.high), *p.layers)):
+        layer = (height > low) & (height < high)
+        if layer.sum() >= p.min_pixels:
+            for members in _groups(flat[layer], max(0.003, relief.pixel_size()), p):
+                one = _judge(relief, (pixels[0][layer][members], pixels[1][layer][members]), p)
+                if one is not None and (one.kind == "bar" or number == 0):
+                    found.append(one)
+    return found
+
+
+def _groups(flat: NDArray[np.float64], cell: float, p: ProtrusionsParameters) -> list[NDArray[np.intp]]:
+    """Points (N, 2), metres, that lie near each other in all directions, or along a level or an upright bar.
+
+    Their cells are those of the front's plane: there a bar is level or upright, whatever the camera's angle.
+    """
+    places = np.floor((flat - flat.min(axis=0)) / cell).astype(np.intp)
+    near, far = 2 * math.ceil(p.gap / cell / 2) + 1, 2 * math.ceil(p.bar_gap / cell / 2) + 1
+    places += far
+    mask = np.zeros(places.max(axis=0) + far + 1, dtype=np.uint8)
+    mask[places[:, 0], places[:, 1]] = 1
+    groups: dict[bytes, NDArray[np.intp]] = {}
     for size in ((near, near), (far, 3), (3, far)):
-        padded = cv2.copyMakeBorder(mask, far, far, far, far, cv2.BORDER_CONSTANT, value=0)
-        closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones(size, np.uint8))[far:-far, far:-far]
+        closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones(size, np.uint8))
         count, labels = cv2.connectedComponents(closed, connectivity=8)
         label_of = labels[places[:, 0], places[:, 1]]
         order = np.argsort(label_of, kind="stable")
         borders = np.searchsorted(label_of[order], np.arange(1, count + 1))
         for first, last in zip(borders[:-1], borders[1:], strict=True):
             if last - first >= p.min_pixels:
-                members = order[first:last]
-                one = _judge(relief, (pixels[0][members], pixels[1][members]), p)
-                if one is not None:
-                    found.append(one)
-    return found
+                groups.setdefault(order[first:last].tobytes(), order[first:last])
+    return list(groups.values())
 
 
 def _judge(relief: Relief, pixels: Pixels, p: ProtrusionsParameters) -> HandleOnFront | None:
@@ -108,7 +124,11 @@ def _judge(relief: Relief, pixels: Pixels, p: ProtrusionsParameters) -> HandleOn
     surround = Surround(relief, low, high, level, p.surround)
     if length >= p.bar_slenderness * width and length >= p.bar_length[0]:
         return _bar(relief, members, sigma, surround, p)
-    if max(length, width) <= p.knob_size[1] and min(length, width) >= p.knob_size[0] and length < 2.0 * width:
+    if (
+        max(length, width) <= p.knob_size[1]
+        and min(length, width) >= p.knob_size[0]
+        and length < p.knob_slenderness * width
+    ):
         return _knob(relief, members, sigma, surround, p)
     return None
 
@@ -186,10 +206,14 @@ def _knob(
         return None
     flat = relief.on_level(pixels, level)
     radius = 0.25 * (float(np.ptp(flat, axis=0).sum()) + relief.pixel_size())
+    if radius > p.knob_radius:
+        return None
     share = surround.knob(0.5 * (flat.min(axis=0) + flat.max(axis=0)), radius)
     if share is None:
         return None
     level -= _SEEN_KNOB * radius
+    if level < p.knob_standoff * radius:
+        return None
     flat = relief.on_level(pixels, level)
     centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
     std = math.sqrt((sigma / math.sqrt(len(heights))) ** 2 + 0.003**2)

@@ -38,7 +38,12 @@ class Surround:
         self._margin = p.edge_pixels * relief.pixel_size()
         self._ring = max(p.ring, 3.0 * relief.pixel_size())
         reach = self._margin + self._ring
-        rows, columns = relief.window(low - reach, high + reach, level)
+        # Seen aslant, the place behind the thing is beside it in the image.
+        at_level = relief.window(low - reach, high + reach, level)
+        behind = relief.window(low - reach, high + reach, 0.0)
+        rows, columns = (
+            slice(min(a.start, b.start), max(a.stop, b.stop)) for a, b in zip(at_level, behind, strict=True)
+        )
         height = relief.height[rows, columns]
         known = np.isfinite(height)
         inside = np.nonzero(known)
@@ -47,6 +52,7 @@ class Surround:
         self.flat = relief.on_level(pixels, level)
         self.foot = relief.on_level(pixels, 0.0)
         self.on_front = np.abs(around) < np.maximum(0.006, 3.0 * noise)
+        self.behind = around < -np.maximum(0.006, 3.0 * noise)
         self.farther = around < level - np.maximum(p.clearance, 3.0 * noise)
         self.hides = around > level + p.hiding
 
@@ -96,6 +102,9 @@ class Surround:
         angles = np.arctan2(around[ring, 1], around[ring, 0]) + math.pi
         quarter = (angles / (math.pi / 2)).astype(int) % 4
         on_front = self.on_front[ring]
+        # What a thing stands on rises towards it; beyond a panel's border lies something farther back.
+        if np.mean(on_front | self.behind[ring]) < 0.9:
+            return None
         shares = sorted(float(on_front[quarter == i].mean()) if (quarter == i).any() else 0.0 for i in range(4))
         return float(np.mean(shares)) if shares[1] >= self._p.sides else None
 
@@ -112,5 +121,5 @@ class Surround:
         Seen aslant, a bar near the border of its panel has something else beside it in the image.
         """
         s, t = (self.foot - middle) @ along, (self.foot - middle) @ outwards
-        strip = (np.abs(s) < length / 2) & (t > radius + 0.004) & (t < radius + 0.014)
+        strip = (np.abs(s) < length / 2) & (t > radius + 0.004) & (t < radius + 0.014) & self.farther
         return bool(strip.sum() >= 5 and self.on_front[strip].mean() >= 0.6)
