@@ -1,6 +1,7 @@
 """Grasps of a known model: from its shape where that is a box, cylinder or ball, else the antipodal ones found on it.
 
-The latter come with the model (``ObjectModel.grasps``) or are found when it is first asked for.
+The latter come with the model (``ObjectModel.grasps``) or are found when it is first asked for. They also serve a box,
+cylinder or ball whose straight grasps are all blocked by what stands around.
 """
 
 from __future__ import annotations
@@ -75,19 +76,17 @@ class ModelBased(GraspPlanner):
         if target.model is None or target.frame_from_object is None:
             raise PerceptionError("ModelBased needs a target with a model; for an unknown object use BoundingBox")
         model, pose = target.model, target.frame_from_object
-        if len(model.collision) == 1 and not isinstance(model.collision[0].shape, Mesh):
-            outline = self._outline(model, pose)
-            candidates = [
-                candidate
-                for contacts in self._contacts(model.collision[0], pose)
-                if self.parameters.hand.fits(contacts.width, gripper)
-                for candidate in self._hands(contacts, outline, gripper, support_height)
-            ]
-        else:
-            candidates = list(self._placed(self._grasps(model, gripper), pose, gripper, support_height))
-        hand = HandShape(gripper, self.parameters.shape)
+        hand, least = HandShape(gripper, self.parameters.shape), self.parameters.surroundings_clearance
         others = surroundings_of(target, support_height, hand.reach + float(np.linalg.norm(model.size)) / 2)
-        candidates = clear_candidates(candidates, hand, others, support_height, self.parameters.surroundings_clearance)
+        candidates: list[GraspCandidate] = []
+        if len(model.collision) == 1 and not isinstance(model.collision[0].shape, Mesh):
+            candidates = self._from_shape(model, pose, gripper, support_height)
+            candidates = clear_candidates(candidates, hand, others, support_height, least)
+            if not candidates and not len(others):
+                return ()
+        if not candidates:
+            candidates = self._placed(self._grasps(model, gripper), pose, gripper, support_height)
+            candidates = clear_candidates(candidates, hand, others, support_height, least)
         candidates.sort(key=lambda candidate: -candidate.quality)
         return tuple(candidates[: self.parameters.max_candidates])
 
@@ -102,9 +101,10 @@ class ModelBased(GraspPlanner):
 
     def _placed(
         self, grasps: tuple[ObjectGrasp, ...], frame_from_object: Pose, gripper: GripperModel, support_height: float
-    ) -> Iterator[GraspCandidate]:
+    ) -> list[GraspCandidate]:
         """The grasps of a model that come from above or from the side, clear of the support."""
         hand, shape = self.parameters.hand, HandShape(gripper, self.parameters.shape)
+        candidates = []
         for grasp in grasps:
             if not hand.fits(grasp.width, gripper):
                 continue
@@ -117,7 +117,21 @@ class ModelBased(GraspPlanner):
                 continue
             quality = grasp.quality * (1.0 - self.parameters.tilt_weight * tilt / (math.pi / 2))
             kind = "top" if tilt < math.pi / 4 else "side"
-            yield hand.candidate(tool.position, rotation[:, 2], rotation[:, 1], grasp.width, quality, kind, gripper)
+            position, approach, closing = tool.position, rotation[:, 2], rotation[:, 1]
+            candidates.append(hand.candidate(position, approach, closing, grasp.width, quality, kind, gripper))
+        return candidates
+
+    def _from_shape(
+        self, model: ObjectModel, frame_from_object: Pose, gripper: GripperModel, support_height: float
+    ) -> list[GraspCandidate]:
+        """Grasps of a box, a cylinder or a ball, in closed form."""
+        outline = self._outline(model, frame_from_object)
+        return [
+            candidate
+            for contacts in self._contacts(model.collision[0], frame_from_object)
+            if self.parameters.hand.fits(contacts.width, gripper)
+            for candidate in self._hands(contacts, outline, gripper, support_height)
+        ]
 
     def _outline(self, model: ObjectModel, frame_from_object: Pose) -> NDArray[np.float64]:
         """Samples of the collision shapes' surface in the frame, (n, 3): what the hand must not touch."""

@@ -1,12 +1,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from benchmarks.rendered_table import known_models, solid, tumbler
-from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Sphere
+from bestman_bt.messages import Box, Cylinder, ObjectGrasp, ObjectModel, PlacedShape, Pose, Sphere
 from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, ModelBased
 from bestman_bt.robot_model import GripperModel
@@ -101,6 +102,44 @@ def test_a_side_too_wide_for_the_gripper_is_left_out() -> None:
     assert {round(candidate.width, 3) for candidate in plan(TIN)} == {0.055}
     crate = solid("crate", Box((0.22, 0.32, 0.16)), (1, 1, 1), 2)
     assert plan(crate) == ()
+
+
+def test_things_close_by_leave_only_grasps_with_room_around_the_hand() -> None:
+    pose = standing(BOX)
+    wall = pose.apply(
+        np.array([[x, 0.05, z] for x in np.linspace(-0.1, 0.1, 41) for z in np.linspace(-0.05, 0.06, 23)])
+    )
+    target = replace(GraspTarget.of_model(BOX, pose), surroundings=wall)
+    candidates = ModelBased().plan(target, GRIPPER, SUPPORT)
+    assert candidates
+    for candidate in candidates:
+        assert candidate.clearance >= 0.004
+        half = candidate.opening / 2
+        fingers = candidate.grasp.apply(
+            np.array([[0, sign * (half + out), 0.0] for sign in (-1, 1) for out in (0, 0.02)])
+        )
+        assert pose.inverse().apply(fingers)[:, 1].max() < 0.046
+
+
+def test_where_the_straight_grasps_of_a_box_are_blocked_others_are_found() -> None:
+    pose = standing(BOX)
+    # Posts where the fingers of the straight grasps would stand; between them there is room for tilted hands.
+    posts = [[x, y, 0.07] for x, y in ((0.034, 0), (-0.034, 0), (0, 0.044), (0, -0.044), (0.034, 0.02), (0.034, -0.02))]
+    blocked = replace(GraspTarget.of_model(BOX, pose), surroundings=pose.apply(np.array(posts)))
+    straight = plan(BOX, pose)
+    candidates = ModelBased().plan(blocked, GRIPPER, SUPPORT)
+    assert candidates
+    known = {tuple(np.round(candidate.grasp.matrix, 6).ravel()) for candidate in straight}
+    assert not any(tuple(np.round(candidate.grasp.matrix, 6).ravel()) in known for candidate in candidates)
+
+
+def test_grasps_that_come_with_a_model_are_used() -> None:
+    tool = Pose.from_xyz_rpy((0.0, 0.0, 0.02), (math.pi, 0.0, 0.5))
+    below = Pose.from_xyz_rpy((0.0, 0.0, -0.02), (0.0, 0.0, 0.5))
+    model = replace(TUB, grasps=(ObjectGrasp(tool, 0.06, 0.9), ObjectGrasp(below, 0.06, 0.8)))
+    (candidate,) = plan(model)
+    np.testing.assert_allclose(candidate.grasp.matrix, (standing(TUB) @ tool).matrix, atol=1e-9)
+    assert candidate.quality == pytest.approx(0.9, abs=0.01)
 
 
 def test_a_flat_thing_has_no_grasp() -> None:
