@@ -29,13 +29,15 @@ _FIXED = {
 
 @dataclass(frozen=True)
 class IntrinsicsParameters:
-    """``lens``: which coefficients are estimated. ``min_views``, ``min_corners``: fewer are refused.
+    """``lens``: which coefficients are estimated; k3 only helps very wide lenses, others it makes less certain.
+
+    ``min_views``, ``min_corners``: fewer are refused.
 
     ``min_coverage``: share of the image, in 8 × 6 cells, that must hold a corner. ``min_tilt``: radians by which at
     least three views must lean from the image plane: without that, focal length and distance are one.
     """
 
-    lens: Literal["none", "k1_k2_p1_p2", "k1_k2_p1_p2_k3"] = "k1_k2_p1_p2_k3"
+    lens: Literal["none", "k1_k2_p1_p2", "k1_k2_p1_p2_k3"] = "k1_k2_p1_p2"
     min_views: int = 8
     min_corners: int = 8
     min_coverage: float = 0.6

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -79,3 +80,15 @@ def errors(found: Pose, true: Pose) -> tuple[float, float]:
     """Millimetres and degrees between two poses."""
     angle = 2.0 * math.asin(min(1.0, float(np.linalg.norm((found.inverse() @ true).quaternion[:3]))))
     return 1e3 * float(np.linalg.norm(found.position - true.position)), math.degrees(angle)
+
+
+def photographed(picture: np.ndarray, pixels_per_metre: float, eye_from_board: Pose) -> np.ndarray:
+    """The picture of a board as CAMERA sees it at a pose, on grey."""
+    height, width = picture.shape
+    outline = np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=float) - 0.5
+    points = np.column_stack([(outline + 0.5) / pixels_per_metre, np.zeros(4)])
+    pixels = project(points, eye_from_board, CAMERA)
+    homography = cv2.getPerspectiveTransform(outline.astype(np.float32), (4 * pixels + 1.5).astype(np.float32))
+    large = cv2.warpPerspective(picture, homography, (4 * 640, 4 * 480), borderValue=120)
+    image = cv2.resize(large, (640, 480), interpolation=cv2.INTER_AREA)
+    return cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)

@@ -14,22 +14,10 @@ from bestman_bt.perception.calibration import (
     board_pose,
     project,
 )
-from tests.perception.calibration.recorded import CAMERA, LENS, errors
+from tests.perception.calibration.recorded import CAMERA, LENS, errors, photographed
 
 CHARUCO = CharucoBoard(7, 5, 0.03, 0.022)
 CHESS = Checkerboard(7, 6, 0.03)
-
-
-def photographed(picture: np.ndarray, pixels_per_metre: float, eye_from_board: Pose) -> np.ndarray:
-    """The picture of a board as CAMERA sees it at a pose, on grey."""
-    height, width = picture.shape
-    outline = np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=float) - 0.5
-    points = np.column_stack([(outline + 0.5) / pixels_per_metre, np.zeros(4)])
-    pixels = project(points, eye_from_board, CAMERA)
-    homography = cv2.getPerspectiveTransform(outline.astype(np.float32), (4 * pixels + 1.5).astype(np.float32))
-    large = cv2.warpPerspective(picture, homography, (4 * 640, 4 * 480), borderValue=120)
-    image = cv2.resize(large, (640, 480), interpolation=cv2.INTER_AREA)
-    return cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
 
 
 def chess_picture(board: Checkerboard, square: int = 40) -> np.ndarray:

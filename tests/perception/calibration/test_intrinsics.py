@@ -33,7 +33,8 @@ def sightings(rng: np.random.Generator, count: int = 25, lean: float = 0.6, came
 
 
 def test_focal_length_centre_and_distortion_are_recovered():
-    result = calibrate_intrinsics(sightings(np.random.default_rng(1), 40), SIZE)
+    parameters = IntrinsicsParameters(lens="k1_k2_p1_p2_k3")
+    result = calibrate_intrinsics(sightings(np.random.default_rng(1), 40), SIZE, parameters)
     k = result.intrinsics
     found = np.array([k.fx, k.fy, k.cx, k.cy])
     true = np.array([LENS.fx, LENS.fy, LENS.cx, LENS.cy])

@@ -1,0 +1,166 @@
+"""Examples: bestman-bt calibrate hand-eye my_views/; bestman-bt calibrate head --simulate diff_panda --views 20."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json, Seed, Settings
+from bestman_bt.cli.run_view import CONSOLE
+from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
+from bestman_bt.perception.calibration import CalibrationError, IntrinsicsParameters
+from bestman_bt.runtime.calibration import (
+    CalibrationResult,
+    Kind,
+    Simulated,
+    compare,
+    load_dataset,
+    plot_residuals,
+    simulate,
+    solve_hand_eye,
+    solve_head,
+    solve_intrinsics,
+)
+from bestman_bt.runtime.calibration import Progress as Report
+
+
+class What(StrEnum):
+    """What can be calibrated."""
+
+    INTRINSICS = "intrinsics"
+    HAND_EYE = "hand-eye"
+    HEAD = "head"
+
+
+class Method(StrEnum):
+    """Closed forms of hand-eye calibration."""
+
+    PARK_MARTIN = "park_martin"
+    DANIILIDIS = "daniilidis"
+
+
+class Lens(StrEnum):
+    """Which coefficients of a lens are estimated."""
+
+    NONE = "none"
+    FOUR = "k1_k2_p1_p2"
+    FIVE = "k1_k2_p1_p2_k3"
+
+
+def command(
+    what: Annotated[What, typer.Argument(help="The lens of a camera, one on an arm, or one on a pan-tilt head.")],
+    dataset: Annotated[
+        Path | None, typer.Argument(metavar="[DATASET]", help="A folder with dataset.yaml and its images.")
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option("--simulate", metavar="ROBOT", help="Record the views with a simulated robot.")
+    ] = None,
+    camera: Annotated[str | None, typer.Option(help="The camera, where the simulated robot has several.")] = None,
+    views: Annotated[int | None, typer.Option(min=4, help="How many views are simulated; 20, for a lens 40.")] = None,
+    seed: Seed = 0,
+    settings: Settings = None,
+    method: Annotated[Method, typer.Option(help="The closed form that a hand-eye calibration begins with.")] = (
+        Method.PARK_MARTIN
+    ),
+    lens: Annotated[Lens, typer.Option(help="Which coefficients of the lens are estimated.")] = Lens.FOUR,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for calibration.yaml and residuals.png; else that of the views.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Calibrate a camera from views of a board; writes a file that robot files take as ``calibration``."""
+    if (dataset is None) == (robot is None):
+        message = "give a dataset, or --simulate ROBOT, and not both"
+        raise ConfigurationError([Problem("bestman-bt calibrate", None, "", message)])
+    kind: Kind = what.value
+    count = views or (40 if kind == "intrinsics" else 20)
+    with json_output(as_json) as tell:
+        try:
+            with _progress() as report:
+                simulated = None
+                if robot is not None:
+                    folder = out or Path(f"calibration-{kind}-{seed}")
+                    simulated = simulate(kind, robot, _robot_settings(settings), camera, count, seed, folder, report)
+                else:
+                    assert dataset is not None
+                    folder = dataset
+                result = _solve(kind, folder, method, lens, report)
+        except CalibrationError as error:
+            print(f"bestman-bt: no calibration: {error}", file=sys.stderr)
+            sys.exit(1)
+        document = _finish(kind, result, out or folder, simulated)
+        tell(document)
+    if not as_json:
+        _tell(document)
+    sys.exit(0)
+
+
+def _solve(kind: Kind, folder: Path, method: Method, lens: Lens, report: Report) -> CalibrationResult:
+    recorded = load_dataset(folder)
+    if kind == "intrinsics":
+        return solve_intrinsics(recorded, IntrinsicsParameters(lens=lens.value), report)
+    if kind == "hand-eye":
+        return solve_hand_eye(recorded, method.value, report)
+    return solve_head(recorded, report)
+
+
+def _finish(kind: Kind, result: CalibrationResult, folder: Path, simulated: Simulated | None) -> dict[str, Any]:
+    folder.mkdir(parents=True, exist_ok=True)
+    file, picture = folder / "calibration.yaml", folder / "residuals.png"
+    result.write(file)
+    plot_residuals(result, picture)
+    document = {**result.to_document(), "file": str(file), "picture": str(picture)}
+    if simulated is not None:
+        document["against_the_truth"] = compare(kind, simulated, file)
+    return document
+
+
+def _robot_settings(settings: list[str] | None) -> dict[str, Any]:
+    values = parse_settings(settings or ())
+    wrong = [key for key in values if not key.startswith("robot.")]
+    if wrong:
+        message = "only settings of the robot (robot.…) have a meaning here"
+        raise ConfigurationError([Problem(f"--set {key}", None, "", message) for key in wrong])
+    return {key.removeprefix("robot."): value for key, value in values.items()}
+
+
+@contextmanager
+def _progress() -> Iterator[Report]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
+    with Progress(*columns, console=CONSOLE, transient=True) as progress:
+        bars: dict[str, Any] = {}
+
+        def report(what: str, done: int, total: int) -> None:
+            if what not in bars:
+                bars[what] = progress.add_task(what, total=total)
+            progress.update(bars[what], completed=done)
+
+        yield report
+
+
+def _tell(document: dict[str, Any]) -> None:
+    used, recorded = document["views"]["used"], document["views"]["recorded"]
+    error = document["reprojection_px"]["rms"]
+    print(f"{document['camera']}: {used} of {recorded} views, corners {error:.2f} px from where they should be")
+    for part, found in document["parts"].items():
+        for field, value in found.items():
+            for name, item in value.items() if isinstance(value, dict) else [(field, value)]:
+                print(f"  {part}.{name}: {item}")
+    for note in document.get("notes", ()):
+        print(f"note: {note}")
+    truth = document.get("against_the_truth", {})
+    for name, value in truth.items():
+        if not name.endswith("_before"):
+            was = f" (file of the robot: {truth[f'{name}_before']:.3f})" if f"{name}_before" in truth else ""
+            print(f"against the truth, {name}: {value:.3f}{was}")
+    print(f"{document['file']} and {document['picture']} written; use it with")
+    print(f"  bestman-bt run … --set robot.calibration=[{document['file']}]")
+    print("or name it in the robot's file: calibration: [FILE]")

@@ -1,0 +1,202 @@
+"""Recorded views of a calibration board: a folder with images and a ``dataset.yaml`` that tells about them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bestman_bt.configuration import ConfigurationError, Document, Problem, check, read_document
+from bestman_bt.configuration.quantity import (
+    Angles3,
+    Factor,
+    JointPosition,
+    Lengths3,
+    LensDistortion,
+    Number,
+    PositiveLength,
+    WholeNumber,
+)
+from bestman_bt.messages import CameraIntrinsics, Pose
+from bestman_bt.perception.calibration import Board, BoardSighting, CalibrationError, CharucoBoard, Checkerboard
+
+FILE = "dataset.yaml"
+Progress = Callable[[str, int, int], None]
+"""Called with what is going on, how many of it are done, and of how many."""
+
+
+@dataclass(frozen=True)
+class BoardConfig:
+    """``columns`` × ``rows`` squares of edge ``square``; ChArUco boards have markers of edge ``marker``."""
+
+    kind: Literal["charuco", "checkerboard"]
+    columns: WholeNumber
+    rows: WholeNumber
+    square: PositiveLength
+    marker: PositiveLength | None = None
+    dictionary: str = "DICT_4X4_50"
+
+
+@dataclass(frozen=True)
+class PoseConfig:
+    """``xyz`` in metres, and ``rpy`` (URDF) or ``quaternion`` (xyzw)."""
+
+    xyz: Lengths3
+    rpy: Angles3 | None = None
+    quaternion: tuple[Number, Number, Number, Number] | None = None
+
+
+@dataclass(frozen=True)
+class LensConfig:
+    """Known intrinsics, pixels; they take the place of those of the robot's camera."""
+
+    focal_length: tuple[Factor, Factor]
+    principal_point: tuple[Number, Number]
+    distortion: LensDistortion = ()
+
+
+@dataclass(frozen=True)
+class ViewConfig:
+    """``image``: colour, ``depth``: 16 bits, both beside this file. ``joints``: joint → position when it was taken.
+
+    ``hand``: the pose of the hand in the base, where there is no robot model to compute it from ``joints``.
+    """
+
+    image: str
+    depth: str | None = None
+    joints: Mapping[str, JointPosition] = field(default_factory=dict)
+    hand: PoseConfig | None = None
+
+
+@dataclass(frozen=True)
+class DatasetConfig:
+    """``robot``: whose joints the views tell; without one, ``setup`` says whether the hand carries camera or board.
+
+    ``camera``: its name in the robot. ``board_on``: the robot's link that carries the board; without it the board
+    stands still, at ``board_pose`` in the robot's base where that was measured. ``depth_unit``: metres of one step of
+    depth.
+    """
+
+    board: BoardConfig
+    views: tuple[ViewConfig, ...]
+    camera: str = "camera"
+    robot: str | None = None
+    setup: Literal["eye_in_hand", "eye_to_hand"] = "eye_in_hand"
+    board_on: str | None = None
+    board_pose: PoseConfig | None = None
+    intrinsics: LensConfig | None = None
+    depth_unit: PositiveLength = 0.001
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedView:
+    """One view: the ``index`` of its entry, corners (None: no board seen), depth (H, W) metres where there is any."""
+
+    index: int
+    name: str
+    sighting: BoardSighting | None
+    depth: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """A checked dataset; ``document`` knows the lines. Images are read when they are asked for."""
+
+    folder: Path
+    config: DatasetConfig
+    document: Document
+    board: Board
+
+    def intrinsics(self, size: tuple[int, int]) -> CameraIntrinsics | None:
+        """The intrinsics that the dataset states, if it does, for images of ``size`` (width, height)."""
+        known = self.config.intrinsics
+        if known is None:
+            return None
+        return CameraIntrinsics(*size, *known.focal_length, *known.principal_point, known.distortion)
+
+    def read(self, progress: Progress) -> tuple[tuple[RecordedView, ...], tuple[int, int]]:
+        """All views with the board found in them, and the size (width, height) of the images.
+
+        Raises ConfigurationError for what is no image, or of another size than the first.
+        """
+        views: list[RecordedView] = []
+        problems: list[Problem] = []
+        size: tuple[int, int] | None = None
+        for index, view in enumerate(self.config.views):
+            progress("finding the board", index, len(self.config.views))
+            bgr = cv2.imread(str(self.folder / view.image), cv2.IMREAD_COLOR)
+            if bgr is None:
+                problems.append(self.document.problem(("views", index, "image"), f"{view.image} is no image"))
+                continue
+            here = (bgr.shape[1], bgr.shape[0])
+            size = size or here
+            if here != size:
+                message = f"{view.image} has {here[0]} × {here[1]} pixels, the first image {size[0]} × {size[1]}"
+                problems.append(self.document.problem(("views", index, "image"), message))
+                continue
+            rgb = np.ascontiguousarray(np.asarray(bgr, dtype=np.uint8)[..., ::-1])
+            depth, fault = self._depth(view, here)
+            if fault:
+                problems.append(self.document.problem(("views", index, "depth"), fault))
+            views.append(RecordedView(index, Path(view.image).stem, self.board.find(rgb), depth))
+        progress("finding the board", len(self.config.views), len(self.config.views))
+        if problems or size is None:
+            raise ConfigurationError(problems)
+        return tuple(views), size
+
+    def _depth(self, view: ViewConfig, size: tuple[int, int]) -> tuple[NDArray[np.float32] | None, str]:
+        if view.depth is None:
+            return None, ""
+        steps = cv2.imread(str(self.folder / view.depth), cv2.IMREAD_UNCHANGED)
+        if steps is None or steps.ndim != 2 or steps.dtype != np.uint16:
+            return None, f"{view.depth} is no image of 16 bits and one channel"
+        if (steps.shape[1], steps.shape[0]) != size:
+            return None, f"{view.depth} has {steps.shape[1]} × {steps.shape[0]} pixels, its colour image others"
+        return (steps * self.config.depth_unit).astype(np.float32), ""
+
+
+def load_dataset(folder: Path) -> Dataset:
+    """Read and check ``folder/dataset.yaml``; ConfigurationError lists everything that is wrong, with lines."""
+    document = read_document(folder / FILE)
+    config = check(document, DatasetConfig)
+    problems: list[Problem] = []
+    if not config.views:
+        problems.append(document.problem(("views",), "holds no views"))
+    for index, view in enumerate(config.views):
+        for what, name in (("image", view.image), ("depth", view.depth)):
+            if name is not None and not (folder / name).is_file():
+                problems.append(document.problem(("views", index, what), f"no such file: {folder / name}"))
+        if view.hand is not None and (view.hand.rpy is None) == (view.hand.quaternion is None):
+            problems.append(document.problem(("views", index, "hand"), "either 'rpy' or 'quaternion' should be given"))
+    if config.board_on is not None and config.robot is None:
+        problems.append(document.problem(("board_on",), "names a link, and 'robot' is missing"))
+    board = _board(config.board, document, problems)
+    if problems or board is None:
+        raise ConfigurationError(problems)
+    return Dataset(folder, config, document, board)
+
+
+def pose_of(config: PoseConfig) -> Pose:
+    """The pose that is written down; ``rpy`` and ``quaternion`` both missing means no rotation."""
+    if config.quaternion is not None:
+        return Pose(np.array(config.xyz), Rotation.from_quat(config.quaternion).as_quat())
+    return Pose.from_xyz_rpy(config.xyz, config.rpy or (0.0, 0.0, 0.0))
+
+
+def _board(config: BoardConfig, document: Document, problems: list[Problem]) -> Board | None:
+    try:
+        if config.kind == "checkerboard":
+            return Checkerboard(config.columns, config.rows, config.square)
+        if config.marker is None:
+            problems.append(document.problem(("board",), "'marker' is missing: the edge of a marker"))
+            return None
+        return CharucoBoard(config.columns, config.rows, config.square, config.marker, config.dictionary)
+    except CalibrationError as error:
+        problems.append(document.problem(("board",), str(error)))
+        return None

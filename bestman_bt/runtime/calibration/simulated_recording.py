@@ -1,0 +1,292 @@
+"""Records a calibration dataset with a simulated robot: it moves camera and board, looks, and saves what it saw.
+
+The robot that is simulated is not built as its file says: mounts, lens and depth are off by chance, as in a workshop.
+Its file is all that the calibration gets.
+"""
+
+# mypy: disable-error-code="type-abstract"
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.collision import (
+    AttachedObject,
+    CoalCollisionModel,
+    PlanningScene,
+    SceneObstacle,
+    hand_links,
+)
+from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics
+from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, TimedMotionPlanner
+from bestman_bt.manipulation.trajectory import SpeedScale, Toppra
+from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, RGBDImage
+from bestman_bt.perception.calibration import CalibrationError, CharucoBoard
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.runtime.calibration.dataset import FILE, Progress
+from bestman_bt.runtime.calibration.drawn_board import board_shapes, plate_box
+from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
+from bestman_bt.scene import World
+from bestman_bt.sensing.joint_state import JointStateSensor
+from hal.api import Arm, Camera, JointGroup, Motion, MotionStatus
+from hal.pybullet import PyBulletRobot
+from hal.pybullet.body_urdf import body_urdf
+from hal.pybullet.parameters import PhysicsParameters
+
+ON_BASE = Pose.from_xyz_rpy((0.62, 0.0, 0.62), (0.0, math.radians(-25.0), 0.0)) @ Pose.from_xyz_rpy(
+    (0.0, 0.0, 0.0), (math.pi, 0.0, math.pi / 2)
+)
+"""Where the middle of a board on the base is, in the base frame: before the arm, leaning towards it, x to the right.
+
+It is bolted to the base, not to the floor: while the arm swings, the base creeps by millimetres on its tyres.
+"""
+POST = PlacedShape(Box((0.04, 0.04, 0.5)), Pose.from_xyz_rpy((0.44, 0.0, 0.44), (0.0, math.radians(52.0), 0.0)))
+"""The arm of the base that carries the board."""
+IN_HAND = Pose.from_xyz_rpy((0.0, 0.0, 0.26), (0.0, 0.0, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0.0, math.pi / 2, 0.0))
+"""Where the middle of a board that is bolted to the hand is, in the hand's frame: beyond the fingers, along them."""
+SPEED = SpeedScale(0.6, 0.4)
+SETTLE = 0.4
+TRIES = 60
+
+
+@dataclass(frozen=True)
+class BoardPlacement:
+    """A board on a link, the base or the hand; ``in_hand`` says which."""
+
+    board: CharucoBoard
+    holder: str
+    holder_from_board: Pose
+    in_hand: bool
+
+
+@dataclass(frozen=True)
+class Span:
+    """How the board is placed in the camera: distances in metres, angles in radians.
+
+    ``offset``: of its middle from the image's, as a share of the image's half size.
+    """
+
+    nearest: float
+    farthest: float
+    lean: float
+    roll: float
+    offset: float
+
+
+def record(
+    file_robot: RobotModel,
+    file: str,
+    built_robot: RobotModel,
+    camera: str,
+    placement: BoardPlacement,
+    span: Span,
+    views: int,
+    seed: int,
+    folder: Path,
+    progress: Progress,
+) -> None:
+    """Write a dataset of ``views`` views into ``folder``; CalibrationError if the arm reaches too few of them.
+
+    ``file_robot``, read from ``file``, plans; ``built_robot`` moves and sees.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng([seed, 7])
+    with TemporaryDirectory() as name:
+        world = World("calibration", 0, (), (), (), Pose2D(), {})
+        drawn = _with_board(built_robot, placement, Path(name))
+        # Not folded, as it drives: a board in the hand would touch the arm.
+        upright = PhysicsParameters(initial_postures=("home", "carry"))
+        robot = PyBulletRobot(drawn, world, seed=seed, parameters=upright)
+        entries: list[dict[str, Any]] = []
+        with robot:
+            recorder = _Recorder(robot, file_robot, camera, placement, span, rng)
+            joints = JointStateSensor(robot.parts, file_robot)
+            for index, _ in zip(range(views), recorder.visit(), strict=False):
+                progress("recording views", index, views)
+                image = robot.part(camera, Camera).capture()
+                entries.append(_save(image, f"view_{index:03d}", folder))
+                entries[-1]["joints"] = {name: round(float(value), 7) for name, value in joints.positions().items()}
+    progress("recording views", views, views)
+    if len(entries) < views:
+        raise CalibrationError(f"the arm reached {len(entries)} of {views} views of the board")
+    document = {
+        "robot": str(Path(file).resolve()) if Path(file).suffix else file,
+        "camera": camera,
+        "board": _written_board(placement.board),
+        "board_on": placement.holder,
+        "views": entries,
+    }
+    text = yaml.safe_dump(document, sort_keys=False, default_flow_style=None, width=118)
+    (folder / FILE).write_text(text, encoding="utf-8")
+
+
+class _Recorder:
+    """Moves the robot from view to view."""
+
+    def __init__(
+        self,
+        robot: PyBulletRobot,
+        model: RobotModel,
+        camera: str,
+        placement: BoardPlacement,
+        span: Span,
+        rng: np.random.Generator,
+    ) -> None:
+        self._robot, self._model, self._placement, self._span, self._rng = robot, model, placement, span, rng
+        self._chain = RobotChain(model, camera)
+        self._arm_name = next(iter(model.arms))
+        self._arm = robot.part(self._arm_name, Arm)
+        self._kinematics = DampedLeastSquares(model, self._arm_name)
+        self._collision = CoalCollisionModel(model)
+        self._planner = TimedMotionPlanner(RRTConnect(), Toppra())
+        self._forward = ForwardKinematics(model)
+        self._joints = JointStateSensor(robot.parts, model)
+        self._head = robot.part(self._chain.head, JointGroup) if self._chain.head is not None else None
+
+    def visit(self) -> Iterator[None]:
+        """Come to rest at one view after the other; ends when none is reached any more."""
+        while True:
+            for _ in range(TRIES):
+                if self._go():
+                    break
+            else:
+                return
+            self._robot.clock.sleep(SETTLE)
+            yield
+
+    def _go(self) -> bool:
+        """Try one random view; whether the robot is there now."""
+        if self._head is not None:
+            limits, rng = self._head.limits, self._rng
+            wanted = np.array([rng.uniform(-0.5, 0.5), rng.uniform(0.4, 1.05)])
+            wanted = np.clip(wanted, [limit.lower for limit in limits], [limit.upper for limit in limits])
+            self._finish(self._head.move_to(wanted, 0.8))
+        target = self._tool_target()
+        world = self._collision.world(self._scene(), self._arm_name)
+        start = self._arm.positions()
+        solutions = self._kinematics.solve(target, start, self._rng, 1, world.is_free, attempts=12).solutions
+        if not solutions:
+            return False
+        limits_of_arm = self._model.arms[self._arm_name]
+        try:
+            timed = self._planner.plan(start, solutions, world, limits_of_arm, self._rng, SPEED)
+        except PlanningError:
+            return False
+        return self._finish(self._arm.follow(timed.trajectory))
+
+    def _finish(self, motion: Motion) -> bool:
+        while not motion.done:
+            self._robot.clock.sleep(0.05)
+        return motion.status is MotionStatus.SUCCEEDED
+
+    def _tool_target(self) -> Pose:
+        """base_from_tool for which the camera sees the board as drawn by chance."""
+        placement, positions = self._placement, self._joints.positions()
+        tool = self._model.arms[self._arm_name].tool_frame
+        middle = Pose(np.array([*(np.array(placement.board.size) / 2), 0.0]))
+        eye_from_board = self._drawn() @ middle.inverse()
+        if not placement.in_hand:
+            base_from_holder = self._forward.pose(placement.holder, positions)
+            base_from_eye = base_from_holder @ placement.holder_from_board @ eye_from_board.inverse()
+            return base_from_eye @ self._forward.pose(tool, positions, self._chain.optical_frame)
+        base_from_eye = self._forward.pose(self._chain.optical_frame, positions)
+        base_from_holder = base_from_eye @ eye_from_board @ placement.holder_from_board.inverse()
+        return base_from_holder @ self._forward.pose(tool, positions, placement.holder)
+
+    def _drawn(self) -> Pose:
+        """The middle of the board in the camera."""
+        span, rng, k = self._span, self._rng, self._chain.intrinsics
+        distance = rng.uniform(span.nearest, span.farthest)
+        half = np.array([k.width / 2 / k.fx, k.height / 2 / k.fy])
+        across = rng.uniform(-span.offset, span.offset, 2) * half * distance
+        lean = span.lean * math.sqrt(rng.uniform())
+        about = rng.uniform(0.0, 2.0 * math.pi)
+        # A turn by ``lean`` about an axis in the board's plane, then about the line of sight.
+        axis = np.array([math.cos(about), math.sin(about), 0.0]) * math.sin(lean / 2)
+        leaning = Pose(np.zeros(3), np.append(axis, math.cos(lean / 2)))
+        rolled = Pose.from_xyz_rpy((*across, distance), (0.0, 0.0, rng.uniform(-span.roll, span.roll)))
+        return rolled @ leaning
+
+    def _scene(self) -> PlanningScene:
+        placement = self._placement
+        floor = SceneObstacle("floor", (PlacedShape(Box((6.0, 6.0, 0.1)), Pose(np.array([0.0, 0.0, -0.05]))),))
+        scene = PlanningScene(self._joints.positions(), (floor,), padding=0.005)
+        box = plate_box(placement.board)
+        if not placement.in_hand:
+            shapes = (POST, PlacedShape(box.shape, placement.holder_from_board @ box.pose))
+            return scene.adding(SceneObstacle("board", shapes, padding=0.03))
+        arm = self._model.arms[self._arm_name]
+        tool_from_holder = self._forward.pose(placement.holder, self._joints.positions(), arm.tool_frame)
+        attached = AttachedObject(
+            "board",
+            (box,),
+            arm.tool_frame,
+            tool_from_holder @ placement.holder_from_board,
+            frozenset(hand_links(self._model, self._arm_name)),
+            padding=0.01,
+        )
+        return scene.holding(attached)
+
+
+def on_base(board: CharucoBoard, robot: RobotModel) -> BoardPlacement:
+    """A board that the base carries before its arm."""
+    return BoardPlacement(board, robot.base_frame, ON_BASE @ _from_middle(board), in_hand=False)
+
+
+def in_hand(board: CharucoBoard, robot: RobotModel) -> BoardPlacement:
+    """A board bolted to the hand."""
+    hand = next(iter(robot.grippers.values())).hand_link
+    return BoardPlacement(board, hand, IN_HAND @ _from_middle(board), in_hand=True)
+
+
+def _from_middle(board: CharucoBoard) -> Pose:
+    return Pose(np.array([*(-np.array(board.size) / 2), 0.0]))
+
+
+def _with_board(robot: RobotModel, placement: BoardPlacement, folder: Path) -> RobotModel:
+    """The robot with a board bolted to a link; it weighs next to nothing."""
+    shapes = board_shapes(placement.board)
+    if not placement.in_hand:
+        post = PlacedShape(POST.shape, placement.holder_from_board.inverse() @ POST.pose)
+        shapes = [*shapes, (post, (0.4, 0.42, 0.45, 1.0))]
+    body = ET.fromstring(body_urdf("calibration_board", 1e-3, (), shapes, folder))
+    urdf = ET.fromstring(robot.urdf)
+    link = body.find("link")
+    assert link is not None
+    inertia = link.find("inertial/inertia")
+    assert inertia is not None
+    inertia.attrib.update(dict.fromkeys(("ixx", "iyy", "izz"), "1e-6"))
+    urdf.append(link)
+    joint = ET.SubElement(urdf, "joint", name="calibration_board_joint", type="fixed")
+    pose = written(placement.holder_from_board)
+    ET.SubElement(joint, "origin", xyz=_text(pose["xyz"]), rpy=_text(pose["rpy"]))
+    ET.SubElement(joint, "parent", link=placement.holder)
+    ET.SubElement(joint, "child", link="calibration_board")
+    return replace(robot, urdf=ET.tostring(urdf, encoding="unicode"))
+
+
+def _text(values: list[float]) -> str:
+    return " ".join(repr(value) for value in values)
+
+
+def _save(image: RGBDImage, name: str, folder: Path) -> dict[str, Any]:
+    bgr: NDArray[np.uint8] = np.ascontiguousarray(image.rgb[..., ::-1])
+    cv2.imwrite(str(folder / f"{name}.png"), bgr)
+    steps = np.clip(np.rint(image.depth * 1000.0), 0, 65535).astype(np.uint16)
+    cv2.imwrite(str(folder / f"{name}_depth.png"), steps)
+    return {"image": f"{name}.png", "depth": f"{name}_depth.png"}
+
+
+def _written_board(board: CharucoBoard) -> dict[str, Any]:
+    fields = {"columns": board.columns, "rows": board.rows, "square": board.square, "marker": board.marker}
+    return {"kind": "charuco", **fields, "dictionary": board.dictionary}
