@@ -129,8 +129,8 @@ TASK = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n"
     ("algorithms", "message"),
     [
         ("{segmentatoin: {algorithm: plane_dbscan}}", "segmentatoin: unknown slot; did you mean 'segmentation'?"),
-        ("{cooking: {heat: 3}}", "cooking: unknown slot; known: collision, global_planning, grasp_pose, "),
-        ("{detection: {algorithm: nope}}", "detection: unknown slot; "),
+        ("{zebra: {heat: 3}}", "zebra: unknown slot; known: affordance, collision, detection, "),
+        ("{detections: {algorithm: nope}}", "detections: unknown slot; did you mean 'detection'"),
         ("{trajectory: {algorithm: 3}}", "trajectory: 'algorithm' is missing: the name of the algorithm"),
     ],
 )
