@@ -28,7 +28,8 @@ class ProtrusionsParameters:
     ``low``, ``high``: heights before the front at which bars and knobs are seen. ``significance``: a pixel stands out
     where it is that many times the noise before the front. ``min_pixels``: with depth, of one bar or knob.
     ``gap``, ``bar_gap``: pixels that lie so near belong together; in bars, along them, since depth drops out there.
-    ``bar_length``, ``bar_width``: of bars, least and most; ``bar_slenderness``: least length by width.
+    ``bar_length``, ``bar_width``: of bars, least and most; ``bar_slenderness``: least length by width
+    with what is seen of its posts, ``post_reach``: most width with these.
     ``knob_size``: least and most extent of knobs with what is seen of their stems, ``knob_slenderness``: most length by
     width of that; ``knob_radius``: most radius of the head; ``knob_height``: that a knob at least stands out, and
     ``knob_standoff``: its middle, in radii, else fingers find no room behind it. ``level_spread``: depths of one bar differ by that at most, besides the noise.
@@ -46,6 +47,7 @@ class ProtrusionsParameters:
     bar_length: tuple[float, float] = (0.05, 0.85)
     bar_width: tuple[float, float] = (0.003, 0.032)
     bar_slenderness: float = 2.5
+    post_reach: float = 0.075
     knob_size: tuple[float, float] = (0.010, 0.060)
     knob_radius: float = 0.025
     knob_slenderness: float = 2.4
@@ -69,14 +71,18 @@ def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[
     if len(pixels[0]) < p.min_pixels:
         return []
     flat, height = relief.on_level(pixels, 0.0), relief.height[pixels]
-    found = []
+    found: list[HandleOnFront] = []
+    free = np.ones(len(height), dtype=bool)
     for number, (low, high) in enumerate(((p.low, p.high), *p.layers)):
-        layer = (height > low) & (height < high)
-        if layer.sum() >= p.min_pixels:
-            for members in _groups(flat[layer], max(0.003, relief.pixel_size()), p):
-                one = _judge(relief, (pixels[0][layer][members], pixels[1][layer][members]), p)
-                if one is not None and (one.kind == "bar" or number == 0):
-                    found.append(one)
+        layer = np.flatnonzero(free & (height > low) & (height < high))
+        if len(layer) < p.min_pixels:
+            continue
+        for group in _groups(flat[layer], max(0.003, relief.pixel_size()), p):
+            members = layer[group]
+            one = _judge(relief, (pixels[0][members], pixels[1][members]), p)
+            if one is not None and (one.kind == "bar" or number == 0):
+                found.append(one)
+                free[members] = False
     return found
 
 
@@ -104,6 +110,9 @@ def _groups(flat: NDArray[np.float64], cell: float, p: ProtrusionsParameters) ->
 
 
 def _judge(relief: Relief, pixels: Pixels, p: ProtrusionsParameters) -> HandleOnFront | None:
+    pixel = relief.pixel_size()
+    if len(pixels[0]) * pixel**2 > p.bar_length[1] * p.post_reach:
+        return None
     heights = relief.height[pixels]
     level, sigma = float(np.median(heights)), float(np.median(relief.noise[pixels]))
     # Posts are left out.
@@ -111,26 +120,20 @@ def _judge(relief: Relief, pixels: Pixels, p: ProtrusionsParameters) -> HandleOn
     if top.sum() < p.min_pixels or top.mean() < 0.4:
         return None
     flat = relief.on_level((pixels[0][top], pixels[1][top]), level)
-    if np.ptp(flat, axis=0).max() > p.bar_length[1]:
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    if (high - low).max() > p.bar_length[1]:
         return None
     centre = flat.mean(axis=0)
-    axes = np.linalg.svd(flat - centre, full_matrices=False)[2]
-    pixel = relief.pixel_size()
+    axes = _axes(flat - centre)
     length, width = (_extent((flat - centre) @ axis) + 0.5 * pixel for axis in axes)
-    low, high = flat.min(axis=0), flat.max(axis=0)
+    like_bar = length >= p.bar_slenderness * width and length >= p.bar_length[0] and width < p.post_reach
+    like_knob = length <= p.knob_size[1] and width >= p.knob_size[0] and length < p.knob_slenderness * width
+    if not (like_bar or like_knob):
+        return None
     members = _members(relief, low, high, level, sigma, p)
     if len(members[0]) < p.min_pixels:
         return None
-    surround = Surround(relief, low, high, level, p.surround)
-    if length >= p.bar_slenderness * width and length >= p.bar_length[0]:
-        return _bar(relief, members, sigma, surround, p)
-    if (
-        max(length, width) <= p.knob_size[1]
-        and min(length, width) >= p.knob_size[0]
-        and length < p.knob_slenderness * width
-    ):
-        return _knob(relief, members, sigma, surround, p)
-    return None
+    return (_bar if like_bar else _knob)(relief, members, sigma, p)
 
 
 def _members(
@@ -154,12 +157,10 @@ def _members(
     return pixels[0][within], pixels[1][within]
 
 
-def _bar(
-    relief: Relief, pixels: Pixels, sigma: float, surround: Surround, p: ProtrusionsParameters
-) -> HandleOnFront | None:
+def _bar(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters) -> HandleOnFront | None:
     heights = relief.height[pixels]
     seen_level = level = float(heights.mean())
-    for _ in range(3):
+    for _ in range(2):
         flat = relief.on_level(pixels, level)
         centre, along, keep = _line(flat)
         s, t = (flat - centre) @ along, (flat - centre) @ np.array([-along[1], along[0]])
@@ -180,6 +181,7 @@ def _bar(
     if abs(math.atan(slope)) > p.max_slope + 2 * slope_std:
         return None
     middle = centre + 0.5 * (low + high) * along
+    surround = Surround(relief, flat[keep].min(axis=0), flat[keep].max(axis=0), level, p.surround)
     bins = max(3, int(length / max(0.012, 2.5 * relief.pixel_size())))
     where = np.concatenate([s[keep], surround.hidden(middle, along, radius) + 0.5 * (low + high)])
     where = where[(where >= low) & (where <= high)]
@@ -197,9 +199,7 @@ def _bar(
     return HandleOnFront("bar", np.array([*middle, level]), angle, radius, length, confidence, std)
 
 
-def _knob(
-    relief: Relief, pixels: Pixels, sigma: float, surround: Surround, p: ProtrusionsParameters
-) -> HandleOnFront | None:
+def _knob(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters) -> HandleOnFront | None:
     heights = relief.height[pixels]
     level = float(np.median(heights))
     if level < p.knob_height:
@@ -208,7 +208,8 @@ def _knob(
     radius = 0.25 * (float(np.ptp(flat, axis=0).sum()) + relief.pixel_size())
     if radius > p.knob_radius:
         return None
-    share = surround.knob(0.5 * (flat.min(axis=0) + flat.max(axis=0)), radius)
+    low, high = flat.min(axis=0), flat.max(axis=0)
+    share = Surround(relief, low, high, level, p.surround).knob(0.5 * (low + high), radius)
     if share is None:
         return None
     level -= _SEEN_KNOB * radius
@@ -226,10 +227,16 @@ def _line(flat: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.fl
     keep = np.ones(len(flat), dtype=bool)
     for _ in range(3):
         centre = flat[keep].mean(axis=0)
-        along = np.linalg.svd(flat[keep] - centre, full_matrices=False)[2][0]
+        along = _axes(flat[keep] - centre)[0]
         off = np.abs((flat - centre) @ np.array([-along[1], along[0]]))
         keep = off < 3.0 * max(0.001, float(np.median(off[keep])) * 1.48)
     return centre, along if along[int(np.argmax(np.abs(along)))] > 0 else -along, keep
+
+
+def _axes(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The principal axes of (N, 2) offsets, the longest first, as rows."""
+    axes: NDArray[np.float64] = np.linalg.eigh(offsets.T @ offsets)[1].T[::-1]
+    return axes
 
 
 def _extent(values: NDArray[np.float64]) -> float:
