@@ -35,20 +35,19 @@ class AntipodalCloudParameters:
     of the cones in which a pair must lie, wide, since normals are noisy. ``max_slope``: of a closing axis.
     ``yaws``, ``beside``: level closing axes tried through the middle and as far to both sides of it.
     ``tilts``: of the approach about the closing axis, from as far above as can be; ``tilt_weight``: share of the
-    quality that a tilt of 45° costs. ``unseen_weight``: share that contacts cost which no camera saw.
+    quality that a tilt of 45° costs.
     ``patch_depth``: noise of the cloud and give of the pads. ``object_clearance``, ``surroundings_clearance``: of the
     open hand. ``apart``, ``apart_angle``: two grasps nearer than both count as one.
     """
 
-    contacts: int = 260
-    pairs: int = 70
+    contacts: int = 320
+    pairs: int = 120
     friction: float = 0.6
     max_slope: float = math.radians(35.0)
-    yaws: int = 12
+    yaws: int = 18
     beside: float = 0.015
     tilts: tuple[float, ...] = (0.0, math.radians(20.0), math.radians(-20.0), math.radians(40.0), math.radians(-40.0))
-    tilt_weight: float = 0.25
-    unseen_weight: float = 0.25
+    tilt_weight: float = 0.10
     patch_depth: float = 0.003
     object_clearance: float = 0.003
     surroundings_clearance: float = 0.005
@@ -57,9 +56,9 @@ class AntipodalCloudParameters:
     max_candidates: int = 80
     cloud: CompletedCloudParameters = field(default_factory=CompletedCloudParameters)
     quality: ContactQualityParameters = field(
-        default_factory=lambda: ContactQualityParameters(friction=0.6, bulge=0.008)
+        default_factory=lambda: ContactQualityParameters(friction=0.9, bulge=0.008)
     )
-    hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
+    hand: HandPlacementParameters = field(default_factory=lambda: HandPlacementParameters(support_clearance=0.004))
     shape: HandShapeParameters = field(default_factory=HandShapeParameters)
 
 
@@ -89,7 +88,6 @@ class AntipodalCloud(GraspPlanner):
             gripper.pad_size,
             gripper.finger_depth,
             p.patch_depth,
-            cloud.seen,
         )
         hands = hands.shifted(contacts.centre[:, 1], 1)
         quality = self._quality(hands, contacts, cloud, gripper)
@@ -156,7 +154,7 @@ class AntipodalCloud(GraspPlanner):
         axes = lines[first, second] / lengths[first, second][:, None]
         axes *= np.where((axes[:, 0] > 0) | ((axes[:, 0] == 0) & (axes[:, 1] > 0)), 1.0, -1.0)[:, None]
         from_middle = np.linalg.norm(middles - cloud.centre_of_mass, axis=1)
-        score = np.minimum(leaving[first, second], arriving[first, second]) - from_middle / p.quality.mass_arm * 0.5
+        score = np.minimum(leaving[first, second], arriving[first, second]) - 8.0 * from_middle
         order = np.argsort(-score, kind="stable")
         # One pair of each kind: middles in the same 8 mm, directions within about 12 degrees.
         kinds = np.round(np.column_stack([middles / 0.008, axes / 0.2])).astype(np.int64)[order]
@@ -175,8 +173,7 @@ class AntipodalCloud(GraspPlanner):
         widest = p.hand.widest(gripper)
         quality = contact_quality(hands, contacts, cloud.centre_of_mass, gripper, widest, p.quality)
         tilt = np.arccos(np.clip(-hands.rotations[:, 2, 2], -1.0, 1.0))
-        quality *= 1.0 - p.tilt_weight * tilt / (math.pi / 4)
-        return quality * (1.0 - p.unseen_weight * (1.0 - contacts.seen))
+        return quality * (1.0 - p.tilt_weight * tilt / (math.pi / 4))
 
     def _candidate(
         self, tool: Pose, width: float, quality: float, clearance: float, gripper: GripperModel

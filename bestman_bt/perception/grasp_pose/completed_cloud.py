@@ -36,14 +36,13 @@ class CompletedCloudParameters:
 
 @dataclass(frozen=True, eq=False)
 class CompletedCloud:
-    """``points``, ``normals``: (N, 3) outward; ``seen``: (N,) 1 where measured, 0 where assumed.
+    """``points``, ``normals``: (N, 3) outward, the measured ones first, then the assumed ones.
 
     ``centre_of_mass``: (3,) of a body of equal density under what was seen.
     """
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
-    seen: NDArray[np.float64]
     centre_of_mass: NDArray[np.float64]
 
 
@@ -66,8 +65,7 @@ def completed_cloud(
     points, normals = _smoothed(points, thinned, parameters)
     centre, walls, wall_normals = _walls(points, support_height, parameters)
     normals *= _signs(points, normals, viewpoints, centre)[:, None]
-    seen = np.concatenate([np.ones(len(points)), np.zeros(len(walls))])
-    return CompletedCloud(np.concatenate([points, walls]), np.concatenate([normals, wall_normals]), seen, centre)
+    return CompletedCloud(np.concatenate([points, walls]), np.concatenate([normals, wall_normals]), centre)
 
 
 def _thinned(points: NDArray[np.float64], voxel: float) -> NDArray[np.float64]:

@@ -18,7 +18,6 @@ class PadContacts:
     and mean normal of the patch, at the worse side. ``extent``: (K, 2) how far the smaller patch spreads across and
     along the pads, metres (standard deviation). ``offset``: metres between the patches, along the pads' faces.
     ``bulge``: metres by which the object is wider further up between the fingers than at the pads.
-    ``seen``: share of the samples in the patches that were measured, at the worse side.
     """
 
     width: NDArray[np.float64]
@@ -27,7 +26,6 @@ class PadContacts:
     extent: NDArray[np.float64]
     offset: NDArray[np.float64]
     bulge: NDArray[np.float64]
-    seen: NDArray[np.float64]
 
 
 def close_pads(
@@ -38,16 +36,13 @@ def close_pads(
     pad_size: tuple[float, float],
     finger_depth: float,
     patch_depth: float,
-    seen: NDArray[np.float64] | None = None,
 ) -> PadContacts:
     """Close flat pads on the surface samples ``points``, ``normals`` (N, 3).
 
     ``patch_depth``: metres behind the first point of contact within which a sample still counts as touching:
-    what the pad gives way, and the noise of the samples. ``seen``: (N,) 1 for measured samples, 0 for assumed ones;
-    None: all were measured.
+    what the pad gives way, and the noise of the samples.
     """
     count = len(hands)
-    seen = np.ones(len(points)) if seen is None else seen
     result = PadContacts(
         width=np.zeros(count),
         centre=np.zeros((count, 3)),
@@ -55,7 +50,6 @@ def close_pads(
         extent=np.zeros((count, 2)),
         offset=np.zeros(count),
         bulge=np.zeros(count),
-        seen=np.zeros(count),
     )
     for part in hands.passes(len(points)):
         chunk = hands.selected(part)
@@ -67,10 +61,10 @@ def close_pads(
         at_pads = z >= -pad_size[1] / 2
         facing = np.einsum("ij,ijk->ik", normals[sample], chunk.rotations[hand])
         sides = [
-            _side(sign, len(chunk), hand, np.stack([x, y, z], axis=1), facing, at_pads, seen[sample], patch_depth)
+            _side(sign, len(chunk), hand, np.stack([x, y, z], axis=1), facing, at_pads, patch_depth)
             for sign in (1.0, -1.0)
         ]
-        (reach, middle, spread, cosine, bulge, share), (other, other_middle, other_spread, *others) = sides
+        (reach, middle, spread, cosine, bulge), (other, other_middle, other_spread, *others) = sides
         met = np.isfinite(reach) & np.isfinite(other)
         index = np.arange(count)[part][met]
         result.width[index] = reach[met] + other[met]
@@ -80,7 +74,6 @@ def close_pads(
         result.extent[index] = np.minimum(spread, other_spread)[met]
         result.offset[index] = np.linalg.norm(middle - other_middle, axis=1)[met]
         result.bulge[index] = np.maximum(np.maximum(bulge, others[1])[met], 0.0)
-        result.seen[index] = np.minimum(share, others[2])[met]
     return result
 
 
@@ -91,13 +84,12 @@ def _side(
     local: NDArray[np.float64],
     facing: NDArray[np.float64],
     at_pads: NDArray[np.bool_],
-    seen: NDArray[np.float64],
     patch_depth: float,
 ) -> tuple[NDArray[np.float64], ...]:
     """One pad of each of ``count`` hands on the samples between its fingers, given with the hand that they belong to.
 
     How far out it stops (-inf: it meets nothing), middle and spread of its patch (across, along), cosine of the mean
-    normal, how much farther the object reaches above, and the share of the patch that was seen.
+    normal, and how much farther the object reaches above.
     """
     out = sign * local[:, 1]
     reach, above = np.full(count, -np.inf), np.full(count, -np.inf)
@@ -117,4 +109,4 @@ def _side(
     cosine = sign * normal[:, 1] / np.maximum(np.linalg.norm(normal, axis=1), 1e-9)
     with np.errstate(invalid="ignore"):
         bulge = above - reach
-    return reach, middle, spread, cosine, bulge, mean(seen[patch, None])[:, 0]
+    return reach, middle, spread, cosine, bulge
