@@ -20,7 +20,7 @@ from benchmarks.rendered_table import RenderedTable, TrueObject, render_table
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.messages.pose import wrap_angle
 from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.detection import DetectedScene, Detection, Detector, ModelRegistration
+from bestman_bt.perception.detection import ColorShape, DetectedScene, Detection, Detector
 from bestman_bt.perception.pose_estimation import AMBIGUOUS_YAW, MultiView, Observation, PoseHypothesis
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, turned_surface
@@ -59,7 +59,7 @@ def measure(seed: int, objects: int = 80, detector: Detector | None = None) -> d
     """One object each in the frames ``seed``, ``seed`` + 1, …."""
     models = shipped_models()
     asymmetric = [model for model in models if model.symmetry_order == 1]
-    bench = _Bench(detector or ModelRegistration(), models)
+    bench = _Bench(detector or ColorShape(), models)
     looks = []
     for frame in range(seed, seed + objects):
         model = asymmetric[frame % len(asymmetric)]

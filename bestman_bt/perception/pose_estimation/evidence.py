@@ -18,24 +18,30 @@ from bestman_bt.perception.view import View
 class Evidence:
     """Metres and shares as in PoseHypothesis; ``rmse`` counts the points on the model only.
 
-    ``noise``: the depth noise expected at that distance, metres.
+    ``outside``: share of the model's camera-side surface that lies beyond the image's border. ``noise``: the depth
+    noise expected at that distance, metres.
     """
 
     rmse: float
     explained: float
     visible_fraction: float
     floating: float
+    outside: float
     noise: float
 
 
 @dataclass(frozen=True)
 class ConfidenceModel:
-    """Logistic regression on the evidence, fitted on rendered scenes (see docs/perception.md)."""
+    """Logistic regression on the evidence, fitted on rendered scenes (see docs/perception.md).
+
+    ``outside`` is set by hand: of what the border cuts off nothing is known.
+    """
 
     bias: float = 5.5
     unexplained: float = -160.0
     floating: float = -50.0
     hidden: float = -3.0
+    outside: float = -5.0
     rmse_ratio: float = -3.0
     color: float = -30.0
 
@@ -47,6 +53,7 @@ class ConfidenceModel:
             + self.unexplained * (1.0 - evidence.explained)
             + self.floating * evidence.floating
             + self.hidden * (1.0 - evidence.visible_fraction)
+            + self.outside * evidence.outside
             + self.rmse_ratio * ratio
             + self.color * color
         )
@@ -73,6 +80,8 @@ def judge(
     pixels, depth = view.project(points)
     seen = _unobstructed(pixels, depth)
     pixels, depth = pixels[seen], depth[seen]
+    size = np.array([view.image.intrinsics.width, view.image.intrinsics.height])
+    inside = ((pixels > -0.5) & (pixels < size - 0.5)).all(axis=1)
     measured = view.measured_depth(pixels)
     known = np.isfinite(measured)
     tolerance = max(0.008, 4 * noise)
@@ -83,6 +92,7 @@ def judge(
         explained=float(on_model.mean()),
         visible_fraction=float((np.abs(difference) <= tolerance).sum() / count),
         floating=float((difference > tolerance).sum() / count),
+        outside=1.0 - float(inside.sum() / max(1, len(inside))),
         noise=noise,
     )
 

@@ -26,6 +26,7 @@ from bestman_bt.perception.pose_estimation.registration import (
     refined_fit,
     yaw_difference,
 )
+from bestman_bt.perception.pose_estimation.stray_points import StrayParameters, with_strays
 from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, turned_surface
 from bestman_bt.perception.pose_estimation.yaw_profile import (
     YawProfileParameters,
@@ -35,6 +36,9 @@ from bestman_bt.perception.pose_estimation.yaw_profile import (
 from bestman_bt.perception.segmentation.base import Cluster
 from bestman_bt.perception.view import View
 
+PLANE_HEIGHT_STD, PLANE_TILT_STD = 0.0003, 0.001
+"""Metres and radians: three times what rendered images show, whose noise is independent from pixel to pixel."""
+
 
 @dataclass(frozen=True)
 class MultiStartParameters(RegistrationParameters):
@@ -42,7 +46,7 @@ class MultiStartParameters(RegistrationParameters):
 
     ``size_tolerance``: a model is not tried where its height or reach is off by more, or its colour distance is beyond
     ``color_limit``. ``tipped``: also try objects that lie on their side. ``yaw_margin``: how much lower the logit of
-    confidence may be at a yaw that stays open, for models with a symmetry; those without have ``yaw``.
+    confidence may be at a yaw that stays open, for models with a symmetry; those without have ``yaw`` and ``strays``.
     """
 
     size_tolerance: float = 0.022
@@ -51,6 +55,7 @@ class MultiStartParameters(RegistrationParameters):
     yaw_margin: float = 3.0
     confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
     yaw: YawProfileParameters = field(default_factory=YawProfileParameters)
+    strays: StrayParameters = field(default_factory=StrayParameters)
 
 
 class MultiStart(PoseEstimator):
@@ -78,7 +83,7 @@ class MultiStart(PoseEstimator):
                 continue
             turns = model.symmetry_order if index == 0 else 2
             if turns == 1:
-                candidate = self._fit_at_all_yaws(surface, seen, color)
+                candidate = self._fit_at_all_yaws(model, surface, seen, color)
             else:
                 candidate = self._fit_some_starts(surface, seen, turns, color)
             if best is None or candidate.logit > best.logit:
@@ -118,21 +123,24 @@ class MultiStart(PoseEstimator):
             if logit - other_logit < p.yaw_margin
             and yaw_difference(float(best.pose[2] - fit.pose[2]), turns) > p.yaw_separation
         ]
-        arcs = tuple((float(fit.pose[2]), 3.0 * math.sqrt(fit.covariance[2, 2])) for fit in (best, *others))
+        arcs = tuple((float(fit.pose[2]), 3.0 * fit.yaw_std) for fit in (best, *others))
         return _Candidate(logit, surface, best, evidence, YawSet(arcs))
 
-    def _fit_at_all_yaws(self, surface: ModelSurface, seen: SeenCluster, color: float) -> _Candidate:
+    def _fit_at_all_yaws(
+        self, model: ObjectModel, surface: ModelSurface, seen: SeenCluster, color: float
+    ) -> _Candidate:
         p = self.parameters
         turned = self.surfaces.turned(surface)
+        points = with_strays(seen.points, seen.plane_view, model, p.strays)
         start = coarse_poses(surface, seen.points, seen.eye, 1, 1, p)[0]
-        profile = yaw_profile(turned, seen.points, seen.plane_view, start, seen.noise, p.yaw)
+        profile = yaw_profile(turned, points, seen.plane_view, start, seen.noise, p.yaw)
         starts = profile.starts(p.yaw.margin, p.refined)
-        fits = [refined_fit(surface, seen.points, seen.eye, start, 1, p) for start in starts]
+        fits = [refined_fit(surface, points, seen.eye, start, 1, p) for start in starts]
         poses = np.array([fit.pose for fit in fits])
-        likelihood = profile_likelihood(turned, seen.points, seen.plane_view, poses, seen.noise, p.yaw)
+        likelihood = profile_likelihood(turned, points, seen.plane_view, poses, seen.noise, p.yaw)
         best = fits[int(likelihood.argmax())]
         evidence = seen.judge(surface, best)
-        yaws = profile.open_yaws(p.yaw.margin, float(best.pose[2]))
+        yaws = profile.open_yaws(p.yaw.margin, float(best.pose[2]), best.yaw_std)
         return _Candidate(p.confidence.logit(evidence, color), surface, best, evidence, yaws)
 
 
@@ -176,9 +184,9 @@ class SeenCluster:
         return missing >= -tolerance and high_enough and math.hypot(*box.size[:2]) <= surface.reach + tolerance
 
     def judge(self, surface: ModelSurface, fit: Fit) -> Evidence:
-        """Compare the fit with points and image."""
+        """Compare the fit, whose first residuals are the cluster's, with points and image."""
         frame_from_object = fit.frame_from_object(self.cluster.plane.frame_from_plane, surface)
-        return judge(surface, frame_from_object, fit.residuals, self.cluster, self.view, self.noise)
+        return judge(surface, frame_from_object, fit.residuals[: len(self.points)], self.cluster, self.view, self.noise)
 
 
 class SurfaceStore:
@@ -212,12 +220,12 @@ class SurfaceStore:
 def covariance_in_frame(planar: NDArray[np.float64], frame_from_plane: Pose) -> NDArray[np.float64]:
     """(6, 6), as in PoseHypothesis, from that of x, y, yaw (3, 3) on a plane.
 
-    The plane is known to about 0.7 mm in height and 0.2° in tilt, measured on rendered images.
+    The plane's height and tilt are known better than ``PLANE_HEIGHT_STD`` and ``PLANE_TILT_STD``.
     """
     covariance = np.zeros((6, 6))
     free = np.ix_((0, 1, 5), (0, 1, 5))
     covariance[free] = planar
-    covariance[2, 2], covariance[3, 3], covariance[4, 4] = 0.0007**2, 0.0035**2, 0.0035**2
+    covariance[2, 2], covariance[3, 3], covariance[4, 4] = PLANE_HEIGHT_STD**2, PLANE_TILT_STD**2, PLANE_TILT_STD**2
     turn = np.zeros((6, 6))
     turn[:3, :3] = turn[3:, 3:] = frame_from_plane.rotation
     return turn @ covariance @ turn.T

@@ -26,6 +26,7 @@ from bestman_bt.perception.pose_estimation.multi_start import (
     covariance_in_frame,
 )
 from bestman_bt.perception.pose_estimation.registration import Fit, coarse_poses, fit_at, refined_fit
+from bestman_bt.perception.pose_estimation.stray_points import with_strays
 from bestman_bt.perception.pose_estimation.yaw_profile import YawProfile, profile_likelihood, yaw_profile
 from bestman_bt.perception.segmentation.base import Cluster, SupportPlane
 from bestman_bt.perception.view import View
@@ -83,14 +84,17 @@ class MultiView:
         if color > p.color_limit or not all(item.may_be(surface, p.size_tolerance) for item in seen):
             return None
         turns = model.symmetry_order
-        profile = self._profile(surface, seen) if turns == 1 else None
+        all_points = [
+            with_strays(item.points, item.plane_view, model, p.strays) if turns == 1 else item.points for item in seen
+        ]
+        profile = self._profile(surface, seen, all_points) if turns == 1 else None
         starts = self._starts(surface, seen, turns, profile)
-        candidates = [self._fused(surface, seen, start, turns) for start in starts]
+        candidates = [self._fused(surface, seen, all_points, start, turns) for start in starts]
         if profile is None:
             logits = [p.confidence.logit(evidence, color) for _, evidence in candidates]
             best = int(np.argmax(logits))
         else:
-            best = int(np.argmax([self._likelihood(surface, seen, fit) for fit, _ in candidates]))
+            best = int(np.argmax([self._likelihood(surface, seen, all_points, fit) for fit, _ in candidates]))
         fit, evidence = candidates[best]
         frame_from_plane = seen[0].cluster.plane.frame_from_plane
         pose = fit.frame_from_object(frame_from_plane, surface)
@@ -107,12 +111,17 @@ class MultiView:
             color_distance=color,
         )
 
-    def _profile(self, surface: ModelSurface, seen: Sequence[SeenCluster]) -> YawProfile:
+    def _profile(
+        self, surface: ModelSurface, seen: Sequence[SeenCluster], all_points: Sequence[NDArray[np.float64]]
+    ) -> YawProfile:
         """Product of the views' likelihoods, on the yaws of the first; positions: the means."""
         p = self.parameters.single
         turned = self.single.surfaces.turned(surface)
         start = coarse_poses(surface, seen[0].points, seen[0].eye, 1, 1, p)[0]
-        profiles = [yaw_profile(turned, s.points, s.plane_view, start, s.noise, p.yaw) for s in seen]
+        profiles = [
+            yaw_profile(turned, points, item.plane_view, start, item.noise, p.yaw)
+            for item, points in zip(seen, all_points, strict=True)
+        ]
         return YawProfile(
             profiles[0].yaws,
             np.mean([profile.positions for profile in profiles], axis=0),
@@ -128,14 +137,19 @@ class MultiView:
         return [start for item in seen for start in coarse_poses(surface, item.points, item.eye, turns, p.refined, p)]
 
     def _fused(
-        self, surface: ModelSurface, seen: Sequence[SeenCluster], start: NDArray[np.float64], turns: int
+        self,
+        surface: ModelSurface,
+        seen: Sequence[SeenCluster],
+        all_points: Sequence[NDArray[np.float64]],
+        start: NDArray[np.float64],
+        turns: int,
     ) -> tuple[Fit, Evidence]:
         """The fits of all views in one, and the evidence for it, weighed by the views' points."""
         p = self.parameters
         information, weighted = np.zeros((3, 3)), np.zeros(3)
         widening = np.diag([p.camera_position_std**2, p.camera_position_std**2, p.camera_yaw_std**2])
-        for item in seen:
-            fit = refined_fit(surface, item.points, item.eye, start, turns, p.single)
+        for item, points in zip(seen, all_points, strict=True):
+            fit = refined_fit(surface, points, item.eye, start, turns, p.single)
             own = np.linalg.inv(fit.covariance + widening)
             information += own
             weighted += own @ (fit.pose - start)
@@ -149,12 +163,14 @@ class MultiView:
         fused = Fit(pose, np.concatenate([fit.residuals for fit in fits]), covariance)
         return fused, pooled(evidence, weights / weights.sum())
 
-    def _likelihood(self, surface: ModelSurface, seen: Sequence[SeenCluster], fit: Fit) -> float:
+    def _likelihood(
+        self, surface: ModelSurface, seen: Sequence[SeenCluster], all_points: Sequence[NDArray[np.float64]], fit: Fit
+    ) -> float:
         p = self.parameters.single
         turned = self.single.surfaces.turned(surface)
         values = [
-            profile_likelihood(turned, item.points, item.plane_view, fit.pose[None], item.noise, p.yaw)[0]
-            for item in seen
+            profile_likelihood(turned, points, item.plane_view, fit.pose[None], item.noise, p.yaw)[0]
+            for item, points in zip(seen, all_points, strict=True)
         ]
         return float(sum(values))
 
@@ -162,8 +178,8 @@ class MultiView:
         if turns == 0:
             return YawSet()
         if profile is None:
-            return YawSet(((float(fit.pose[2]), 3.0 * math.sqrt(fit.covariance[2, 2])),))
-        return profile.open_yaws(self.parameters.single.yaw.margin, float(fit.pose[2]))
+            return YawSet(((float(fit.pose[2]), 3.0 * fit.yaw_std),))
+        return profile.open_yaws(self.parameters.single.yaw.margin, float(fit.pose[2]), fit.yaw_std)
 
 
 def _seen_on(plane: SupportPlane, observation: Observation, parameters: MultiStartParameters) -> SeenCluster:
@@ -180,7 +196,7 @@ def pooled(evidence: Sequence[Evidence], weights: NDArray[np.float64]) -> Eviden
     """The mean of several views' evidence; ``weights``: their shares."""
     mean = {
         name: float(np.dot(weights, [getattr(item, name) for item in evidence]))
-        for name in ("explained", "visible_fraction", "floating", "noise")
+        for name in ("explained", "visible_fraction", "floating", "outside", "noise")
     }
     rmse = math.sqrt(float(np.dot(weights, [item.rmse**2 for item in evidence])))
     return Evidence(rmse=rmse, **mean)

@@ -35,7 +35,8 @@ class RegistrationParameters:
     these count less (Cauchy). ``refined``: starts that are refined per model; ``yaw_separation``: how far apart their
     yaws are at least. ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel.
     ``error_factor``, ``position_floor``, ``yaw_floor``: standard deviations are the residuals' times the factor
-    (neighbouring residuals are not independent: measured on rendered images) plus the floor.
+    (neighbouring residuals are not independent: measured on rendered images) and at least the floor. The yaw of models
+    without symmetry hangs on few points: ``asymmetric_yaw_floor``.
     """
 
     spacing: float = 0.003
@@ -54,6 +55,7 @@ class RegistrationParameters:
     error_factor: float = 2.0
     position_floor: float = 0.0003
     yaw_floor: float = 0.003
+    asymmetric_yaw_floor: float = 0.017
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,11 @@ class Fit:
         """Where the object stands."""
         x, y, yaw = self.pose
         return frame_from_plane @ Pose.from_xyz_rpy((x, y, 0.0), (0.0, 0.0, yaw)) @ surface.rest_from_object
+
+    @property
+    def yaw_std(self) -> float:
+        """Radians."""
+        return math.sqrt(float(self.covariance[2, 2]))
 
 
 def depth_noise(points: NDArray[np.float64], eye: NDArray[np.float64], p: RegistrationParameters) -> float:
@@ -195,7 +202,8 @@ def _judged_fit(
     residuals = np.where(beside, distances, along)
     sigma = max(float(np.sqrt(np.mean(np.minimum(residuals**2, 0.01**2)))), 1e-4)
     covariance = np.linalg.inv(information[0]) * (p.error_factor * sigma) ** 2
-    covariance += np.diag([p.position_floor**2, p.position_floor**2, p.yaw_floor**2])
+    yaw_floor = p.asymmetric_yaw_floor if turns == 1 else p.yaw_floor
+    covariance += np.diag([p.position_floor**2, p.position_floor**2, yaw_floor**2])
     if not turns:
         covariance[2], covariance[:, 2] = 0.0, 0.0
         covariance[2, 2] = math.pi**2

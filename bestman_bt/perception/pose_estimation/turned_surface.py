@@ -90,9 +90,9 @@ def surface_distances(
     moved, nearest = _match(surface, points, poses, eye)
     offsets = moved - surface.points[nearest]
     along = (offsets * surface.normals[nearest]).sum(axis=2)
-    squares = (offsets**2).sum(axis=2)
-    beside = squares - along**2 > (2 * spacing) ** 2
-    distances: NDArray[np.float64] = np.where(beside, np.sqrt(squares), np.abs(along))
+    sideways = np.sqrt(np.maximum(0.0, (offsets**2).sum(axis=2) - along**2))
+    # Between samples the surface goes on; beyond the last one it ends.
+    distances: NDArray[np.float64] = np.hypot(along, np.maximum(0.0, sideways - 2 * spacing))
     return distances
 
 

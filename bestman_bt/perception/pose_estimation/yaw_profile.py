@@ -35,7 +35,7 @@ class YawProfileParameters:
     ``margin``: a yaw stays open where its log-likelihood is at most this much below the best.
     """
 
-    points: int = 300
+    points: int = 500
     slide_points: int = 150
     iterations: int = 6
     scale: float = 0.004
@@ -45,7 +45,7 @@ class YawProfileParameters:
     cap: float = 4.0
     floating_weight: float = 0.5
     position_error: float = 0.002
-    margin: float = 18.0
+    margin: float = 12.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,23 +71,29 @@ class YawProfile:
         best_first = sorted(np.flatnonzero(local).tolist(), key=lambda k: -value[k])
         return [np.array([*self.positions[k], self.yaws[k]]) for k in best_first[:limit]]
 
-    def open_yaws(self, margin: float, best: float) -> YawSet:
-        """Arcs of the yaws within ``margin`` of the best; the one that holds or is nearest to ``best`` comes first."""
+    def open_yaws(self, margin: float, best: float, best_std: float) -> YawSet:
+        """Arcs of the yaws within ``margin`` of the best; the first holds the refined yaw ``best`` with its error."""
         count = len(self.yaws)
         taken = self.log_likelihood >= self.log_likelihood.max() - margin
         if taken.all():
             return YawSet(((best, math.pi),))
         # A run begins where a taken yaw follows one that is not.
-        starts = np.flatnonzero(taken & ~np.roll(taken, 1))
         arcs = []
-        for start in starts:
+        for start in np.flatnonzero(taken & ~np.roll(taken, 1)):
             length = 1
             while taken[(start + length) % count]:
                 length += 1
             half = length * self.step / 2
             arcs.append((wrap_angle(float(self.yaws[start]) + half - self.step / 2), half))
         arcs.sort(key=lambda arc: max(0.0, abs(wrap_angle(best - arc[0])) - arc[1]))
-        return YawSet(tuple(arcs))
+        return YawSet((_widened(arcs[0], best, self.step / 2 + best_std), *arcs[1:]))
+
+
+def _widened(arc: tuple[float, float], angle: float, half: float) -> tuple[float, float]:
+    """The arc, made to hold ``angle`` ± ``half``."""
+    offset = wrap_angle(angle - arc[0])
+    lower, upper = min(-arc[1], offset - half), max(arc[1], offset + half)
+    return wrap_angle(arc[0] + (lower + upper) / 2), min(math.pi, (upper - lower) / 2)
 
 
 def yaw_profile(

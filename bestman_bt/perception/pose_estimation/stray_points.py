@@ -1,0 +1,70 @@
+"""Thin parts of an object that its segmentation left out: the handle of a mug, of which a camera sees shreds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from bestman_bt.messages import ObjectModel
+from bestman_bt.perception.segmentation.voxels import voxel_means
+from bestman_bt.perception.view import View
+
+_DARK = 0.02
+"""Added to each channel: the chromaticity of black is noise."""
+
+
+@dataclass(frozen=True)
+class StrayParameters:
+    """Lengths in metres.
+
+    ``reach``: how far from the cluster's box strays are sought; ``link``: how far one is from the next, or from the
+    cluster, at most. ``color``: distance of chromaticities to the nearest colour of the model, at most. ``voxel``: one
+    point each. ``min_height``: above the plane.
+    """
+
+    reach: float = 0.07
+    link: float = 0.015
+    color: float = 0.10
+    voxel: float = 0.004
+    min_height: float = 0.010
+
+
+def with_strays(
+    points: NDArray[np.float64], plane_view: View, model: ObjectModel, parameters: StrayParameters
+) -> NDArray[np.float64]:
+    """``points`` (N, 3) of a cluster, and measured points near it that have the model's colours and are linked to it.
+
+    All in the plane's frame.
+    """
+    p = parameters
+    grow = np.array([p.reach, p.reach, p.link])
+    lower, upper = points.min(axis=0) - grow, points.max(axis=0) + grow
+    lower[2] = p.min_height
+    corners = np.array([[x, y, z] for x in (lower[0], upper[0]) for y in (lower[1], upper[1]) for z in (0.0, upper[2])])
+    cloud = plane_view.cloud(corners)
+    cloud = cloud.selected(((cloud.points > lower) & (cloud.points < upper)).all(axis=1))
+    assert cloud.colors is not None
+    cloud = cloud.selected(_color_distances(cloud.colors, model) < p.color)
+    known = cKDTree(points)
+    if len(cloud):
+        cloud = voxel_means(cloud.selected(known.query(cloud.points)[0] > p.voxel), p.voxel)
+    if len(cloud) == 0:
+        return points
+    pairs = cKDTree(cloud.points).query_pairs(p.link, output_type="ndarray")
+    count = len(cloud)
+    _, group = connected_components(coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count)), directed=False)
+    linked = np.isin(group, group[known.query(cloud.points)[0] <= p.link])
+    return np.concatenate([points, cloud.points[linked]])
+
+
+def _color_distances(colors: NDArray[np.uint8], model: ObjectModel) -> NDArray[np.float64]:
+    palette = np.array([model.color, *model.visual_colors]) + _DARK
+    seen = colors.astype(np.float64) / 255.0 + _DARK
+    difference = (seen / seen.sum(axis=1, keepdims=True))[:, None] - palette / palette.sum(axis=1, keepdims=True)
+    distances: NDArray[np.float64] = np.linalg.norm(difference, axis=2).min(axis=1)
+    return distances
