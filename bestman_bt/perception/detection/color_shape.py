@@ -34,7 +34,7 @@ class ColorShapeParameters(NamingParameters):
     """
 
     max_color: float = 0.15
-    max_shape: float = 2.0
+    max_shape: float = 3.0
     color_weight: float = 15.0
     first: int = 2
     margin: float = 0.6

@@ -39,7 +39,9 @@ def test_each_object_is_a_cluster_of_its_own(table: Tables, seed: int) -> None:
 
 
 @pytest.mark.parametrize(("gap", "side"), [(0.0, 0.0), (0.0, math.pi / 2), (0.005, 0.0), (0.005, math.pi / 2)])
-def test_things_that_touch_or_stand_millimetres_apart_come_apart_where_dbscan_joins_them(gap: float, side: float) -> None:
+def test_things_that_touch_or_stand_millimetres_apart_come_apart_where_dbscan_joins_them(
+    gap: float, side: float
+) -> None:
     far = (0.05 + 0.033 + gap) * np.array([math.cos(side), math.sin(side)])
     scene = on_table((TIN, -0.1, 0.0, math.pi / 2 + side), (CAN, -0.1 + far[0], far[1], 0.0))
     assert judge(segment(scene).clusters, scene.objects) == (2, 0, 0)
