@@ -20,7 +20,7 @@ from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.visualization.marks import GraspMark, HandleMark, ObjectMark, SceneMarks, SurfaceMark
 from bestman_bt.world_model import MapFurniture
 
-STAND_OFFS = (0.60, 0.75, 0.90, 1.05, 1.20, 1.40)
+STAND_OFFS = (0.90, 1.05, 0.75, 1.20, 0.60, 1.40)
 """Metres between the middle of the base and the front of what it looks at; the first with room is taken."""
 ROOM = 0.38
 """Metres that the middle of the base keeps from everything."""
