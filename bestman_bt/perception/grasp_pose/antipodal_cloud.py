@@ -32,17 +32,21 @@ class AntipodalCloudParameters:
     """Metres and radians.
 
     ``contacts``: points tried as a contact; ``pairs``: closing axes kept of those that they make. ``friction``: tangent
-    of the cones in which a pair must lie, wide, since normals are noisy. ``max_slope``: of a closing axis.
+    of the cones in which a pair must lie, wide, since normals are noisy; ``contact_friction``: the same for what the
+    pads then meet, which quality judges. ``bulge``: by how much the object may be wider between the fingers above the
+    pads. ``max_slope``: of a closing axis.
     ``yaws``, ``beside``: level closing axes tried through the middle and as far to both sides of it.
     ``tilts``: of the approach about the closing axis, from as far above as can be; ``tilt_weight``: share of the
     quality that a tilt of 45° costs.
-    ``patch_depth``: noise of the cloud and give of the pads. ``object_clearance``, ``surroundings_clearance``: of the
-    open hand. ``apart``, ``apart_angle``: two grasps nearer than both count as one.
+    ``patch_depth``: noise of the cloud and give of the pads. ``object_clearance``, ``surroundings_clearance``,
+    ``support_clearance``: of the open hand. ``apart``, ``apart_angle``: two grasps nearer than both count as one.
     """
 
     contacts: int = 320
     pairs: int = 120
     friction: float = 0.6
+    contact_friction: float = 0.9
+    bulge: float = 0.008
     max_slope: float = math.radians(35.0)
     yaws: int = 18
     beside: float = 0.015
@@ -51,14 +55,13 @@ class AntipodalCloudParameters:
     patch_depth: float = 0.003
     object_clearance: float = 0.003
     surroundings_clearance: float = 0.005
+    support_clearance: float = 0.004
     apart: float = 0.010
     apart_angle: float = math.radians(15.0)
     max_candidates: int = 80
     cloud: CompletedCloudParameters = field(default_factory=CompletedCloudParameters)
-    quality: ContactQualityParameters = field(
-        default_factory=lambda: ContactQualityParameters(friction=0.9, bulge=0.008)
-    )
-    hand: HandPlacementParameters = field(default_factory=lambda: HandPlacementParameters(support_clearance=0.004))
+    quality: ContactQualityParameters = field(default_factory=ContactQualityParameters)
+    hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
     shape: HandShapeParameters = field(default_factory=HandShapeParameters)
 
 
@@ -97,7 +100,7 @@ class AntipodalCloud(GraspPlanner):
         tried = hands.selected(order)
         lowest = shape.lowest(tried, openings[order]) - support_height
         free = ~shape.touches(tried, openings[order], cloud.points, p.object_clearance)
-        free &= lowest >= p.hand.support_clearance - 1e-6
+        free &= lowest >= p.support_clearance - 1e-6
         others = surroundings_of(target, support_height, shape.reach + float(np.ptp(cloud.points, axis=0).max()))
         around = shape.clearances(tried, openings[order], others)
         free &= around > p.surroundings_clearance
@@ -124,7 +127,7 @@ class AntipodalCloud(GraspPlanner):
             below_palm = (np.abs(x) < palm[0]) & (np.abs(y) < palm[1])
             room[part] = np.where(below_palm, z, np.inf).min(axis=1) + p.hand.reach(gripper)
         descent = np.maximum(-hands.rotations[:, 2, 2], 0.2)
-        above = shape.lowest(hands, wide_open) - support_height - p.hand.support_clearance
+        above = shape.lowest(hands, wide_open) - support_height - p.support_clearance
         deepest = np.minimum(room, above / descent)
         usable = np.isfinite(deepest)
         hands, deepest = hands.selected(usable), deepest[usable]
@@ -171,7 +174,16 @@ class AntipodalCloud(GraspPlanner):
     ) -> NDArray[np.float64]:
         p = self.parameters
         widest = p.hand.widest(gripper)
-        quality = contact_quality(hands, contacts, cloud.centre_of_mass, gripper, widest, p.quality)
+        quality = contact_quality(
+            hands,
+            contacts,
+            cloud.centre_of_mass,
+            gripper,
+            p.quality,
+            widest=widest,
+            friction=p.contact_friction,
+            bulge=p.bulge,
+        )
         tilt = np.arccos(np.clip(-hands.rotations[:, 2, 2], -1.0, 1.0))
         return quality * (1.0 - p.tilt_weight * tilt / (math.pi / 4))
 

@@ -29,8 +29,8 @@ class AntipodalModelParameters:
     """Metres, radians.
 
     ``samples``: about how many points the surface gets; ``contacts``: how many of them are tried as a first contact;
-    ``pairs``: how many of the pairs that they make are looked at.
-    ``turn``: between hands about one closing axis. ``patch_depth``: how far the pads give way.
+    ``pairs``: how many of the pairs that they make are looked at. ``friction``: of the cones, tangent of the half angle. ``bulge``: by how much the object may be wider between the
+    fingers above the pads. ``turn``: between hands about one closing axis. ``patch_depth``: how far the pads give way.
     ``surface_clearance``: between open hand and object; the palm keeps what ``hand`` says besides.
     ``apart``, ``apart_angle``: two grasps nearer than both count as one.
     """
@@ -38,6 +38,8 @@ class AntipodalModelParameters:
     samples: int = 2200
     contacts: int = 350
     pairs: int = 300
+    friction: float = 0.5
+    bulge: float = 0.004
     turn: float = math.radians(30.0)
     patch_depth: float = 0.0012
     surface_clearance: float = 0.002
@@ -76,7 +78,16 @@ def antipodal_grasps(
         parameters.patch_depth,
     )
     widest = parameters.hand.widest(gripper)
-    quality = contact_quality(hands, contacts, surface.centre_of_mass, gripper, widest, parameters.quality)
+    quality = contact_quality(
+        hands,
+        contacts,
+        surface.centre_of_mass,
+        gripper,
+        parameters.quality,
+        widest=widest,
+        friction=parameters.friction,
+        bulge=parameters.bulge,
+    )
     # The pads decide where the middle is: the hand closes there, and both fingers have the same room.
     hands = hands.shifted(contacts.centre[:, 1], 1)
     tried = np.argsort(-quality, kind="stable")
@@ -111,7 +122,7 @@ def _pairs(
         found.append((points[usable], inward[usable], line, *surface.opposite(points[usable], line, last)))
     starts, starting, lines, ends, leaving = (np.concatenate(parts) for parts in zip(*found, strict=True))
     widths = np.linalg.norm(ends - starts, axis=1)
-    cone = math.cos(math.atan(parameters.quality.friction))
+    cone = math.cos(math.atan(parameters.friction))
     with np.errstate(invalid="ignore"):
         antipodal = (np.einsum("ij,ij->i", lines, starting) >= cone) & (np.einsum("ij,ij->i", lines, leaving) >= cone)
         antipodal &= (widths > gripper.min_width) & (widths <= parameters.hand.widest(gripper))

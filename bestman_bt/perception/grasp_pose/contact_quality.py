@@ -20,15 +20,13 @@ from bestman_bt.robot_model import GripperModel
 
 @dataclass(frozen=True)
 class ContactQualityParameters:
-    """Weights of the log-odds, and limits beyond which a grasp is none.
+    """Weights of the log-odds.
 
     ``angle``: per radian between closing direction and the patch's normal, at the worse side. ``across``, ``along``: of
     the smaller patch's spread over the pad's, 0 to 1. ``offset``: per width of a pad between the two patches. ``tip``:
     of the contact beyond the middle of the pads, as a share of half a pad. ``wide``: of the width beyond three quarters
     of the opening, as a share of what is left. ``arm``: per metre between the closing axis and the centre of mass;
     height counts by ``hanging_share``, since weight that hangs below the fingers turns nothing.
-    ``friction``: tangent of the largest angle. ``bulge``: metres by which the object may be wider between the fingers
-    above the pads.
     """
 
     bias: float = 3.7
@@ -40,8 +38,6 @@ class ContactQualityParameters:
     wide: float = -0.8
     arm: float = -15.0
     hanging_share: float = 0.3
-    friction: float = 0.5
-    bulge: float = 0.004
 
 
 def contact_quality(
@@ -49,12 +45,17 @@ def contact_quality(
     contacts: PadContacts,
     centre_of_mass: NDArray[np.float64],
     gripper: GripperModel,
-    widest: float,
     parameters: ContactQualityParameters,
+    *,
+    widest: float,
+    friction: float,
+    bulge: float,
 ) -> NDArray[np.float64]:
-    """0 to 1 for each of K hands (K,); 0: it does not hold, or the object is wider than ``widest`` metres.
+    """0 to 1 for each of K hands (K,).
 
-    ``centre_of_mass``: (3,) in the frame of the hands, whose z points up.
+    ``centre_of_mass``: (3,) in the frame of the hands, whose z points up. It is 0 where the object is wider than
+    ``widest`` metres, the angle between closing direction and normal beyond the cone of ``friction`` (its tangent), or
+    the object wider by ``bulge`` metres between the fingers above the pads.
     """
     p = parameters
     angle = np.arccos(np.clip(contacts.alignment, -1.0, 1.0))
@@ -73,5 +74,5 @@ def contact_quality(
         + p.arm * np.linalg.norm(arm * [1.0, 1.0, p.hanging_share], axis=1)
     )
     fits = (contacts.width > gripper.min_width) & (contacts.width <= widest)
-    fits &= (contacts.bulge < p.bulge) & (angle < math.atan(p.friction))
+    fits &= (contacts.bulge < bulge) & (angle < math.atan(friction))
     return np.where(fits, 1.0 / (1.0 + np.exp(-log_odds)), 0.0)
