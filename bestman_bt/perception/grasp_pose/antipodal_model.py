@@ -29,8 +29,10 @@ class AntipodalModelParameters:
     """Metres, radians.
 
     ``samples``: about how many points the surface gets; ``contacts``: how many of them are tried as a first contact;
-    ``pairs``: how many of the pairs that they make are looked at. ``friction``: of the cones, tangent of the half angle. ``bulge``: by how much the object may be wider between the
-    fingers above the pads. ``turn``: between hands about one closing axis. ``patch_depth``: how far the pads give way.
+    ``pairs``: how many of the pairs that they make are looked at.
+    ``friction``: of the cones, tangent of the half angle. ``turn``: between hands about one closing axis.
+    ``bulge``: by how much the object may be wider between the fingers above the pads. ``patch_depth``: how far the pads
+    give way.
     ``surface_clearance``: between open hand and object; the palm keeps what ``hand`` says besides.
     ``apart``, ``apart_angle``: two grasps nearer than both count as one.
     """
