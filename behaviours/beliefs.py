@@ -10,7 +10,7 @@ import numpy as np
 from behaviours.context import SkillContext
 from behaviours.surfaces import measured_surface
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose
-from bestman_bt.perception.detection import DetectedScene, Detection
+from bestman_bt.perception.detection import DetectedScene, Detection, LabelledCluster
 from bestman_bt.perception.pose_estimation import Observation
 from bestman_bt.perception.segmentation import Cluster
 from bestman_bt.perception.tracking import THING
@@ -116,14 +116,15 @@ def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBe
 
 
 def _thing(view: RGBDView, cluster: Cluster, surface: str | None) -> ObjectBelief:
-    """A thing that no model explains: its box is its model."""
+    """A thing that no model explains, named where a detector has a name for it: its box is its model."""
+    name = cluster.label if isinstance(cluster, LabelledCluster) else THING
     placed = cluster.bounding_box
     assert isinstance(placed.shape, Box)
     red, green, blue = (float(value) for value in cluster.colors.mean(axis=0) / 255.0)
     mass = THING_DENSITY * float(np.prod(placed.shape.size))
-    model = ObjectModel(THING, (red, green, blue), mass, 0.5, (PlacedShape(placed.shape, Pose()),), symmetry_order=2)
+    model = ObjectModel(name, (red, green, blue), mass, 0.5, (PlacedShape(placed.shape, Pose()),), symmetry_order=2)
     return ObjectBelief(
-        name=THING,
+        name=name,
         model=model,
         pose=view.map_from_base @ placed.pose,
         confidence=1.0,

@@ -34,9 +34,6 @@ class DetectObject(Skill):
         skills = self.skills
         name: str = self.get_input("object")
         surface: str = self.get_input("surface")
-        if name not in skills.world.models and name not in skills.world.objects:
-            known = ", ".join(sorted(skills.world.models)) or "none"
-            raise SkillFailure("unknown_object", f"no model of {name!r}; known objects: {known}")
         view = skills.camera.capture()
         region = surface_region(skills, surface, view)
         models = list(skills.world.models.values())
@@ -44,6 +41,10 @@ class DetectObject(Skill):
         scene: DetectedScene = yield self.compute("detection", detect, view.in_base, region, models, skills.rng)
         believe_surface(skills, surface, view, scene)
         belief = skills.world.objects.get(name)
+        if belief is None and name not in skills.world.models:
+            # It may be a word that an open-vocabulary detector understands, so it is looked for all the same.
+            known = ", ".join(sorted(skills.world.models)) or "none"
+            raise SkillFailure("unknown_object", f"no model of {name!r} and nothing so called seen; models: {known}")
         if belief is None or belief.stamp < view.stamp or belief.confidence < self.get_input("min_confidence"):
             raise SkillFailure("object_not_found", f"no {name} on the {surface}: {seen_words(scene)}")
         self.set_output("pose", belief.pose)

@@ -140,7 +140,7 @@ def test_names_and_options_that_are_wrong_are_refused(refused, arguments: list[s
         ("goal.name=plase", "goal.name: the scene has no goal 'plase'; did you mean 'place'?"),
         ("predicate=plced", "predicate: unknown predicate 'plced'; did you mean 'placed'?"),
         ("goal=null", "goal: is missing: the predicate 'placed' needs a goal"),
-        ("algorithms.cooking.algorithm=x", "unknown key 'algorithms.cooking'; known: affordance, collision"),
+        ("algorithms.zebra.algorithm=x", "unknown key 'algorithms.zebra'; known: affordance, collision"),
         (
             "algorithms.motion_planning.algorithm=rrt_conect",
             "unknown algorithm 'rrt_conect'; did you mean 'rrt_connect'?",

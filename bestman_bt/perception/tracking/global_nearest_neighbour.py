@@ -99,7 +99,9 @@ class GlobalNearestNeighbour(Tracker):
         return {int(i): names[j] for i, j in zip(rows, columns, strict=True) if costs[i, j] < impossible}
 
     def _alike(self, belief: ObjectBelief, sighting: ObjectBelief) -> bool:
-        """Boxes of one thing differ where it was seen from another side."""
+        """Boxes of one thing differ where it was seen from another side; what has another label is another thing."""
+        if belief.model.name != sighting.model.name:
+            return False
         sizes = [np.sort(thing.model.size) for thing in (belief, sighting)]
         return bool(np.abs(sizes[0] - sizes[1]).max() < self.parameters.thing_distance)
 
@@ -146,9 +148,9 @@ def _with_symmetry(belief: ObjectBelief) -> list[tuple[float, float]]:
 
 
 def _new_name(sighting: ObjectBelief, known: set[str]) -> str:
-    if sighting.recognised and sighting.name not in known:
+    if sighting.name != THING and sighting.name not in known:
         return sighting.name
-    stem, number = (sighting.name, 2) if sighting.recognised else (THING, 1)
-    while f"{stem}_{number}" in known:
+    number = 1 if sighting.name == THING else 2
+    while f"{sighting.name}_{number}" in known:
         number += 1
-    return f"{stem}_{number}"
+    return f"{sighting.name}_{number}"
