@@ -131,11 +131,11 @@ class Tally:
             "position_chi_square_within_5.99": share_below(self.normalised, 5.99),
             "yaw_deg": quantiles(self.yaw),
             "yaw_chi_square_within_3.84": share_below(self.yaw_normalised, 3.84),
-            "add_s_median_mm": round(float(np.median(self.add_s)), 3),
-            "add_s_p90_mm": round(float(np.percentile(self.add_s, 90)), 3),
+            "add_s_median_mm": percentile(self.add_s, 50),
+            "add_s_p90_mm": percentile(self.add_s, 90),
             "add_s_mm": quantiles(self.add_s),
-            "ms_per_frame": round(float(np.median(self.milliseconds)), 1),
-            "ms_per_frame_p90": round(float(np.percentile(self.milliseconds, 90)), 1),
+            "ms_per_frame": percentile(self.milliseconds, 50),
+            "ms_per_frame_p90": percentile(self.milliseconds, 90),
         }
 
 
@@ -162,6 +162,11 @@ def quantiles(values: Sequence[float]) -> dict[str, object]:
         "p90": round(float(np.percentile(array, 90)), 3),
         "max": round(float(array.max()), 3),
     }
+
+
+def percentile(values: Sequence[float], percent: float) -> float:
+    """Of all values; NaN of none."""
+    return round(float(np.percentile(values, percent)), 3) if values else math.nan
 
 
 def share_below(values: Sequence[float], limit: float) -> float:

@@ -43,7 +43,7 @@ class ExpectedYawParameters:
     azimuths: int = 10
     filling: float = 0.7
     spacing: float = 0.003
-    samples: int = 800
+    samples: int = 2000
     telling_samples: int = 250
     yaw_samples: int = 12
     min_step: float = math.radians(5.0)
@@ -141,14 +141,14 @@ class ExpectedYaw(ViewPlanner):
         points, normals = turned.surface.points[chosen], turned.surface.normals[chosen]
         seen = np.zeros((len(candidates), len(yaws), len(chosen)), dtype=bool)
         eyes = np.array([candidate.position for candidate in candidates])
-        cell = self.parameters.spacing * 2.0
+        # A little wider than the samples are apart: else one would look through between them.
+        cell = 1.5 * self.parameters.spacing * math.sqrt(len(turned.surface.points) / len(chosen))
         for index, (yaw, shift) in enumerate(zip(yaws, turned.shift(yaws), strict=True)):
             frame_from_turned = frame_from_rest @ Pose.from_xyz_rpy((*shift, 0.0), (0.0, 0.0, yaw))
             placed = frame_from_turned.apply(points)
             seen[:, index] = unobstructed(points, normals, frame_from_turned.inverse().apply(eyes), cell)
             seen[:, index] &= ~hidden_by_shapes(placed, eyes, obstacles)
-            for number, candidate in enumerate(candidates):
-                seen[number, index] &= _in_image(placed, candidate, intrinsics)
+            seen[:, index] &= _in_images(placed, candidates, intrinsics)
         return seen
 
     def _expected_width(
@@ -188,8 +188,12 @@ def looking_at(centre: NDArray[np.float64], azimuth: float, elevation: float, di
     return Pose.from_matrix(matrix)
 
 
-def _in_image(points: NDArray[np.float64], frame_from_camera: Pose, k: CameraIntrinsics) -> NDArray[np.bool_]:
-    x, y, z = frame_from_camera.inverse().apply(points).T
+def _in_images(points: NDArray[np.float64], candidates: Sequence[Pose], k: CameraIntrinsics) -> NDArray[np.bool_]:
+    """Which points (S, 3) each camera has in its image: (C, S)."""
+    rotations = np.stack([candidate.rotation for candidate in candidates])
+    eyes = np.stack([candidate.position for candidate in candidates])
+    offsets = (rotations.swapaxes(1, 2) @ eyes[:, :, None])[..., 0]
+    x, y, z = (rotations[:, :, axis] @ points.T - offsets[:, axis, None] for axis in range(3))
     ahead = z > 1e-3
     depth = np.where(ahead, z, 1.0)
     u, v = k.cx + k.fx * x / depth, k.cy + k.fy * y / depth

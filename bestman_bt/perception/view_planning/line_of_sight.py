@@ -25,19 +25,20 @@ def unobstructed(
     ``points``, ``normals``: (S, 3), metres. ``cell``: width of the cells of the depth buffer at the body's distance,
     metres: a little more than the samples are apart. ``thickness``: how much nearer another sample must be.
     """
-    towards = eyes[:, None] - points
-    distances = np.linalg.norm(towards, axis=2)
-    facing = (towards * normals).sum(axis=2) > FACING * distances
+    # Products of matrices throughout: (C, 3) by (3, S).
+    squares = (eyes**2).sum(axis=1)[:, None] - 2.0 * eyes @ points.T + (points**2).sum(axis=1)
+    towards_eye = eyes @ normals.T - (points * normals).sum(axis=1)
+    facing = towards_eye > FACING * np.sqrt(np.maximum(0.0, squares))
     middle = points.mean(axis=0)
     ahead = middle - eyes
     ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
     side = np.cross(ahead, np.where(np.abs(ahead[:, 2:]) < 0.9, [[0.0, 0.0, 1.0]], [[1.0, 0.0, 0.0]]))
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     up = np.cross(side, ahead)
-    depth = -(towards * ahead[:, None]).sum(axis=2)
+    depth = _along(ahead, points, eyes)
     scale = np.linalg.norm(middle - eyes, axis=1)[:, None] / np.maximum(depth, 1e-3) / cell
-    u = np.floor(-(towards * side[:, None]).sum(axis=2) * scale).astype(np.intp)
-    v = np.floor(-(towards * up[:, None]).sum(axis=2) * scale).astype(np.intp)
+    u = np.floor(_along(side, points, eyes) * scale).astype(np.intp)
+    v = np.floor(_along(up, points, eyes) * scale).astype(np.intp)
     u -= u.min()
     v -= v.min()
     width, height = int(u.max()) + 1, int(v.max()) + 1
@@ -46,6 +47,14 @@ def unobstructed(
     np.minimum.at(nearest, cells.ravel(), depth.ravel())
     visible: NDArray[np.bool_] = facing & (depth < nearest[cells] + thickness) & (depth > 1e-3)
     return visible
+
+
+def _along(
+    directions: NDArray[np.float64], points: NDArray[np.float64], eyes: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(C, S): how far each point lies from each eye along its direction (C, 3)."""
+    along: NDArray[np.float64] = directions @ points.T - (directions * eyes).sum(axis=1, keepdims=True)
+    return along
 
 
 def hidden_by_shapes(

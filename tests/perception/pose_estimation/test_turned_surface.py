@@ -49,7 +49,7 @@ def test_of_a_thin_wall_the_camera_s_side_is_matched() -> None:
     surface = model_surface(read_object("cup"), Pose(), 0.003)
     eye = np.array([-1.0, 0.0, 0.5])
     outside = np.array([[-0.033, 0.0, 0.05]])
-    behind = outside + [0.003, 0.0, 0.0]
+    behind = outside + np.array([0.003, 0.0, 0.0])
     pose = np.zeros((1, 3))
     assert surface_distances(surface, outside, pose, eye)[0, 0] < 0.0005
     # On the inner side of the wall that the camera sees from outside: 3 mm off, although that side is near.
