@@ -19,7 +19,7 @@ from bestman_bt.messages import Mesh, ObjectModel, Pose
 from bestman_bt.perception import View
 from bestman_bt.perception.grasp_pose import GraspCandidate
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
 from bestman_bt.scene import World
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
@@ -239,14 +239,11 @@ class GraspRig:
         self._finish(self._arm.move_to(self._positions(target), speed))
 
     def _positions(self, map_from_tool: Pose) -> NDArray[np.float64]:
-        """The joints' positions, (6,), for a pose of the tool; the turns nearest to where they are."""
-        roll, pitch, yaw = (map_from_tool @ WRIST_FROM_TOOL.inverse()).roll_pitch_yaw
-        ways = [np.array([yaw, pitch, roll])]
-        ways += [ways[0] + np.array([turn, 0.0, 0.0]) for turn in (-2 * math.pi, 2 * math.pi)]
-        now = self._arm.positions()[3:]
-        lower, upper = (np.array([getattr(limit, end) for limit in self._arm.limits[3:]]) for end in ("lower", "upper"))
-        within = [way for way in ways if np.all((way >= lower) & (way <= upper))] or ways[:1]
-        return np.concatenate([map_from_tool.position, min(within, key=lambda way: float(np.abs(way - now).max()))])
+        """The joints' positions, (6,), for a pose of the tool; CommandRefusedError where it is out of reach."""
+        positions = wrist_positions(map_from_tool, self.model.arms["arm"], self._arm.positions())
+        if positions is None:
+            raise CommandRefusedError(f"the gantry does not reach {map_from_tool}")
+        return positions
 
     def _finish(self, motion: Motion) -> None:
         while motion.status is MotionStatus.RUNNING:
@@ -254,6 +251,19 @@ class GraspRig:
 
     def _wait(self, seconds: float) -> None:
         self._robot.clock.sleep(seconds)
+
+
+def wrist_positions(
+    map_from_tool: Pose, arm: ArmModel, near: NDArray[np.float64] | None = None
+) -> NDArray[np.float64] | None:
+    """The gantry's joint positions, (6,), for a pose of the tool: those nearest to ``near``; None out of its limits."""
+    roll, pitch, yaw = (map_from_tool @ WRIST_FROM_TOOL.inverse()).roll_pitch_yaw
+    ways = [np.array([*map_from_tool.position, yaw + turn, pitch, roll]) for turn in (0.0, -2 * math.pi, 2 * math.pi)]
+    within = [way for way in ways if np.all((way >= arm.lower) & (way <= arm.upper))]
+    if not within:
+        return None
+    start = np.zeros(6) if near is None else near
+    return min(within, key=lambda way: float(np.abs(way - start)[3:].max()))
 
 
 def rig_model(head: Pose) -> RobotModel:

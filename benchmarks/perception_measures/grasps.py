@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.grasp_reach import HandReach
 from benchmarks.grasp_rig import GraspRig
 from benchmarks.grasp_scenes import GraspScene, draw_scene, standing
 from benchmarks.perception_measures.grasp_episodes import TARGET, GraspEpisode, PlannedGrasp, run_episode
@@ -21,7 +22,7 @@ from bestman_bt.configuration.data import data_names
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.detection import DetectedScene, Detection, Detector, ModelRegistration
-from bestman_bt.perception.grasp_pose import GraspPlanner, GraspTarget, ModelBased
+from bestman_bt.perception.grasp_pose import GraspPlanner, GraspTarget, ModelBased, rank_grasps
 from bestman_bt.scene import read_object
 
 GAP = (0.03, 0.08)
@@ -69,10 +70,14 @@ def plan_grasp(rig: GraspRig, scene: GraspScene, wanted: str) -> PlannedGrasp:
     )
     x, y, _ = detection.pose.position
     candidates = _planner().plan(target, rig.gripper, found.plane.height_at(x, y))
-    if not candidates:
-        return PlannedGrasp(view, None, "no grasp was found", notes)
-    notes["grasp"] = f"{candidates[0].approach}, quality {candidates[0].quality:.2f}, of {len(candidates)}"
-    return PlannedGrasp(view, candidates[0], notes=notes)
+    things = [cluster.obstacle() for cluster in found.obstacles_beside(wanted)]
+    ranked = rank_grasps(candidates, HandReach(rig, found.plane.slab(0.02, 0.2), things))
+    if not ranked:
+        why = "none of the grasps can be reached" if candidates else "no grasp was found"
+        return PlannedGrasp(view, None, why, notes)
+    best = ranked[0].candidate
+    notes["grasp"] = f"{best.approach}, quality {best.quality:.2f}, of {len(ranked)} and {len(candidates)}"
+    return PlannedGrasp(view, best, notes=notes)
 
 
 @cache

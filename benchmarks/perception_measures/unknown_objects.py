@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from benchmarks.grasp_reach import HandReach
 from benchmarks.grasp_rig import GraspRig
 from benchmarks.grasp_scenes import GraspScene, draw_scene, resting
 from benchmarks.perception_measures.grasp_episodes import TARGET, GraspEpisode, PlannedGrasp, run_episode
@@ -24,7 +25,7 @@ from benchmarks.perception_measures.two_views import SecondViewParameters, fused
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.messages import Mesh, ObjectModel, Pose
 from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner
+from bestman_bt.perception.grasp_pose import AntipodalCloud, GraspPlanner, rank_grasps
 from bestman_bt.perception.segmentation import PlaneDbscan, Segmentation, SegmentedScene
 from bestman_bt.scene import read_object
 from hal.api import CommandRefusedError
@@ -99,11 +100,16 @@ def plan_grasp(rig: GraspRig, scene: GraspScene) -> PlannedGrasp:
     target = fused_target(cluster, (view, seen), second, parameters)
     x, y, _ = target.box.pose.position
     candidates = _planner().plan(target, rig.gripper, seen.planes[0].height_at(x, y))
+    things = [other.obstacle() for other in seen.clusters if other is not cluster]
+    ranked = rank_grasps(candidates, HandReach(rig, seen.planes[0].slab(0.02, 0.2), things))
     notes["views"] = 1 if second is None else 2
-    if not candidates:
-        return PlannedGrasp(view, None, "no grasp was found", notes)
-    best = candidates[0]
-    notes["grasp"] = f"{best.approach}, quality {best.quality:.2f}, width {best.width:.3f}, of {len(candidates)}"
+    if not ranked:
+        why = "none of the grasps can be reached" if candidates else "no grasp was found"
+        return PlannedGrasp(view, None, why, notes)
+    best = ranked[0].candidate
+    notes["grasp"] = (
+        f"{best.approach}, quality {best.quality:.2f}, width {best.width:.3f}, of {len(ranked)} and {len(candidates)}"
+    )
     return PlannedGrasp(view, best, notes=notes)
 
 

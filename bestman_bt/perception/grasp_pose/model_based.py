@@ -232,4 +232,6 @@ class ModelBased(GraspPlanner):
         rise = (height - float(contacts.centre[2])) / max(top - support_height, 1e-6)
         margin = 1.0 - contacts.width / gripper.max_width
         quality = 0.8 * contacts.quality * (0.7 + 0.15 * margin) - 0.3 * rise - 5.0 * behind
-        yield hand.candidate(position, approach, closing, contacts.width, quality, "side", gripper)
+        # A camera on the hand is below it one way round and above it the other.
+        for way in (closing, -closing):
+            yield hand.candidate(position, approach, way, contacts.width, quality, "side", gripper)
