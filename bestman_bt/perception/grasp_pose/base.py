@@ -42,8 +42,8 @@ class GraspTarget:
 
     @classmethod
     def of_cluster(cls, cluster: Cluster) -> GraspTarget:
-        """An unknown object: its measured bounding box."""
-        return cls(cluster.bounding_box)
+        """An unknown object: its measured bounding box and points."""
+        return cls(cluster.bounding_box, cloud=PointCloud(cluster.points, cluster.colors))
 
 
 @dataclass(frozen=True, eq=False)
