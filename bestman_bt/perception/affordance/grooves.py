@@ -42,7 +42,7 @@ class GroovesParameters:
     notch_length: float = 0.36
     min_length: float = 0.105
     straightness: float = 0.004
-    strip_length: float = 0.22
+    strip_length: float = 0.42
     strip_width: float = 0.013
     plate_slope: float = 0.4
     plate_share: float = 0.06

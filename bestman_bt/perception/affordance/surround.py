@@ -25,7 +25,7 @@ class SurroundParameters:
     sides: float = 0.75
     ends: float = 0.5
     clearance: float = 0.010
-    hiding: float = 0.03
+    hiding: float = 0.06
 
 
 class Surround:
@@ -66,7 +66,7 @@ class Surround:
         beside = np.abs(s) < length / 2
         shares = []
         for sign in (-1.0, 1.0):
-            side = beside & (sign * t > inner) & (sign * t < outer)
+            side = beside & (sign * t > inner) & (sign * t < outer) & ~self.hides
             if side.sum() < 5 or self.farther[side].mean() < self._p.sides:
                 return None
             share = float(self.on_front[side].mean())
@@ -93,20 +93,21 @@ class Surround:
         return where
 
     def knob(self, centre: NDArray[np.float64], radius: float) -> float | None:
-        """As for bars; a knob may be so near to a border that one quarter shows what lies beyond."""
+        """As for bars; one quarter may show another knob, or what lies beyond a border."""
         around = self.flat - centre
         distance = np.linalg.norm(around, axis=1)
-        ring = (distance > radius + self._margin) & (distance < radius + self._margin + self._ring)
-        if ring.sum() < 12 or self.farther[ring].mean() < self._p.sides:
+        inner, outer = radius + self._margin, radius + self._margin + self._ring
+        ring = (distance > inner) & (distance < outer) & ~self.hides
+        if ring.sum() < 12:
             return None
-        angles = np.arctan2(around[ring, 1], around[ring, 0]) + math.pi
-        quarter = (angles / (math.pi / 2)).astype(int) % 4
-        on_front = self.on_front[ring]
-        # What a thing stands on rises towards it; beyond a panel's border lies something farther back.
-        if np.mean(on_front | self.behind[ring]) < 0.9:
+        angles = np.arctan2(around[ring, 1], around[ring, 0])
+        quarter = np.floor((angles + 1.25 * math.pi) / (math.pi / 2)).astype(int) % 4
+        on_front, below = self.on_front[ring], quarter == 1
+        # What a thing stands on rises towards it.
+        if not below.any() or np.mean((on_front | self.behind[ring])[below]) < 0.9:
             return None
         shares = sorted(float(on_front[quarter == i].mean()) if (quarter == i).any() else 0.0 for i in range(4))
-        return float(np.mean(shares)) if shares[1] >= self._p.sides else None
+        return float(np.mean(shares[1:])) if shares[1] >= self._p.sides else None
 
     def _foot_on_front(
         self,
@@ -116,10 +117,10 @@ class Surround:
         length: float,
         radius: float,
     ) -> bool:
-        """Whether the front goes on beside the place straight behind the bar: else it is a board's edge.
+        """Whether the front is seen straight behind the bar, or next to there: else it is a board's edge.
 
         Seen aslant, a bar near the border of its panel has something else beside it in the image.
         """
         s, t = (self.foot - middle) @ along, (self.foot - middle) @ outwards
-        strip = (np.abs(s) < length / 2) & (t > radius + 0.004) & (t < radius + 0.014) & self.farther
+        strip = (np.abs(s) < length / 2) & (t > -0.5 * radius) & (t < radius + 0.014) & self.farther
         return bool(strip.sum() >= 5 and self.on_front[strip].mean() >= 0.6)
