@@ -51,6 +51,7 @@ class Lens(StrEnum):
     """Which coefficients of a lens are estimated."""
 
     NONE = "none"
+    TWO = "k1_k2"
     FOUR = "k1_k2_p1_p2"
     FIVE = "k1_k2_p1_p2_k3"
 

@@ -22,6 +22,7 @@ from bestman_bt.perception.calibration.errors import CalibrationError, Degenerat
 COVERAGE_CELLS = (8, 6)
 _FIXED = {
     "none": cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST,
+    "k1_k2": cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST,
     "k1_k2_p1_p2": cv2.CALIB_FIX_K3,
     "k1_k2_p1_p2_k3": 0,
 }
@@ -37,7 +38,7 @@ class IntrinsicsParameters:
     least three views must lean from the image plane: without that, focal length and distance are one.
     """
 
-    lens: Literal["none", "k1_k2_p1_p2", "k1_k2_p1_p2_k3"] = "k1_k2_p1_p2"
+    lens: Literal["none", "k1_k2", "k1_k2_p1_p2", "k1_k2_p1_p2_k3"] = "k1_k2_p1_p2"
     min_views: int = 8
     min_corners: int = 8
     min_coverage: float = 0.6

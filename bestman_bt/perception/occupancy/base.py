@@ -56,7 +56,7 @@ class OccupancyMapper(ABC):
     def add(self, view: View) -> None:
         """Take in one view, given in the frame of the region.
 
-        Pixels without depth say nothing. Raises PerceptionError before ``begin`` or on an image that is not rectified.
+        Pixels without depth say nothing. Raises PerceptionError before ``begin``.
         """
 
     @abstractmethod

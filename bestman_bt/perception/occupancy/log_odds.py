@@ -57,8 +57,6 @@ class LogOdds(OccupancyMapper):
     def add(self, view: View) -> None:
         """Take in one view, given in the frame of the region."""
         region = self._begun()
-        if view.image.intrinsics.distortion:
-            raise PerceptionError(f"occupancy needs a rectified image, not one with {view.image.intrinsics}")
         image = view.image
         trusted = np.isfinite(image.depth) & (image.depth > 0.0) & (image.depth <= self._parameters.max_range)
         depth = np.where(trusted, image.depth, np.float32(0.0))

@@ -20,7 +20,7 @@ from bestman_bt.runtime.calibration.simulated_recording import Span, in_hand, on
 
 Kind = Literal["intrinsics", "hand-eye", "head"]
 SMALL_BOARD = CharucoBoard(7, 5, 0.04, 0.03)
-LARGE_BOARD = CharucoBoard(5, 4, 0.055, 0.044)
+LARGE_BOARD = CharucoBoard(7, 5, 0.05, 0.0375)
 POSITION_ERROR, ROTATION_ERROR = 0.006, math.radians(1.5)
 """Standard deviations, per axis, of how parts are mounted: metres, radians."""
 
@@ -79,11 +79,18 @@ def compare(kind: Kind, simulated: Simulated, calibration: Path) -> dict[str, fl
 
 
 def _first_camera(kind: Kind, model: RobotModel) -> str:
-    for name in model.cameras:
-        chain = RobotChain(model, name)
-        if kind == "intrinsics" or (chain.head is not None if kind == "head" else chain.arm is not None):
-            return name
-    what = {"intrinsics": "", "head": " on a pan-tilt", "hand-eye": " on an arm"}[kind]
+    chains = {name: RobotChain(model, name) for name in model.cameras}
+    if kind != "head":
+        on_arm = next((name for name, chain in chains.items() if chain.arm is not None), None)
+        if on_arm is not None or kind == "hand-eye":
+            return _there(on_arm, kind, model)
+    return _there(next((name for name, chain in chains.items() if chain.head is not None), None), kind, model)
+
+
+def _there(camera: str | None, kind: Kind, model: RobotModel) -> str:
+    if camera is not None:
+        return camera
+    what = {"intrinsics": " that moves", "head": " on a pan-tilt", "hand-eye": " on an arm"}[kind]
     raise ConfigurationError([Problem("--simulate", None, "", f"robot {model.name!r} has no camera{what}")])
 
 
@@ -92,13 +99,9 @@ def _span(kind: Kind, carried: bool) -> Span:
         return Span(0.25, 0.6, math.radians(50.0), math.radians(90.0), 0.85)
     if carried:
         return Span(0.28, 0.62, math.radians(40.0), math.radians(70.0), 0.35)
-    return Span(
-        0.6,
-        1.0,
-        math.radians(50.0 if kind == "intrinsics" else 35.0),
-        math.radians(40.0),
-        0.85 if kind == "intrinsics" else 0.5,
-    )
+    if kind == "intrinsics":
+        return Span(0.55, 0.9, math.radians(45.0), math.radians(60.0), 0.8)
+    return Span(0.55, 0.9, math.radians(35.0), math.radians(40.0), 0.5)
 
 
 def _as_built(kind: Kind, chain: RobotChain, rng: np.random.Generator) -> dict[str, Any]:

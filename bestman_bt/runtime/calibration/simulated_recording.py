@@ -52,7 +52,7 @@ It is bolted to the base, not to the floor: while the arm swings, the base creep
 """
 POST = PlacedShape(Box((0.04, 0.04, 0.5)), Pose.from_xyz_rpy((0.44, 0.0, 0.44), (0.0, math.radians(52.0), 0.0)))
 """The arm of the base that carries the board."""
-IN_HAND = Pose.from_xyz_rpy((0.0, 0.0, 0.26), (0.0, 0.0, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0.0, math.pi / 2, 0.0))
+IN_HAND = Pose.from_xyz_rpy((0.0, 0.0, 0.3), (0.0, 0.0, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0.0, math.pi / 2, 0.0))
 """Where the middle of a board that is bolted to the hand is, in the hand's frame: beyond the fingers, along them."""
 SPEED = SpeedScale(0.6, 0.4)
 SETTLE = 0.4

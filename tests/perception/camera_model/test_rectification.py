@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from bestman_bt.messages import CameraIntrinsics, RGBDImage
-from bestman_bt.perception import PerceptionError
+from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
+from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.camera_model import DepthCorrection, Rectification, rectification
 
 LENS = CameraIntrinsics(320, 240, 210.0, 214.0, 161.0, 118.0, (-0.3, 0.1, 0.001, -0.002, 0.0))
@@ -63,6 +63,8 @@ def test_an_image_of_another_camera_is_refused(points):
 def test_points_of_a_bent_image_are_refused(points):
     with pytest.raises(ValueError, match="rectify it first"):
         drawn_through_the_lens(points).points()
+    with pytest.raises(PerceptionError, match="rectify it first"):
+        View(drawn_through_the_lens(points), Pose())
 
 
 def test_three_coefficients_are_no_lens():

@@ -19,7 +19,7 @@ from bestman_bt.messages import (
     distance_to_shape,
 )
 from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.occupancy import LogOdds, LogOddsParameters, VoxelRegion, freed
+from bestman_bt.perception.occupancy import LogOdds, VoxelRegion, freed
 from tests.perception.seen_boxes import looking_at, view_of
 
 TABLE = PlacedShape(Box((0.8, 1.2, 0.04)), Pose(np.array([0.0, 0.0, 0.73])))
@@ -133,12 +133,6 @@ def test_wrong_input_is_told():
         VoxelRegion(Pose(), (1.0, 0.0, 1.0))
     with pytest.raises(PerceptionError, match="voxels, at most"):
         VoxelRegion(Pose(), (10.0, 10.0, 10.0), 0.002)
-    view = views(FRONT)[0]
-    lens = replace(view.image.intrinsics, distortion=(0.1, 0.0, 0.0, 0.0))
-    mapper = LogOdds(LogOddsParameters(min_hits=1))
-    mapper.begin(REGION)
-    with pytest.raises(PerceptionError, match="rectified"):
-        mapper.add(View(replace(view.image, intrinsics=lens), FRONT))
 
 
 def test_a_full_view_costs_less_than_a_tenth_of_a_second_of_computing():
