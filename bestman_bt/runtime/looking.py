@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +25,8 @@ STAND_OFFS = (0.90, 1.05, 0.75, 1.20, 0.60, 1.40)
 """Metres between the middle of the base and the front of what it looks at; the first with room is taken."""
 ROOM = 0.38
 """Metres that the middle of the base keeps from everything."""
-FRONT_HEIGHT = 0.8
-"""Metres above the floor at which a front is looked at, or half way up a lower one."""
+FRONT_STEP = 1.25
+"""Metres of a front's height that one look shows: a higher front is looked at several times."""
 TREE = "look"
 
 
@@ -54,7 +55,7 @@ def look_at(
     settings: Iterable[str] = (),
 ) -> Look:
     """Stand a robot before the furniture and run the tree ``look``; raises as ``prepare``."""
-    config = _standing_before(furniture, scene, robot, seed, settings)
+    config = standing_before(furniture, scene, robot, seed, settings)
     with open_session(config) as session:
         under = session.skills.world.map.standing_under(furniture.name)
         seen: list[RGBDView] = []
@@ -65,11 +66,34 @@ def look_at(
             "furniture": furniture.name,
             "top": [name for name, height in heights.items() if height == highest],
             "inside": [name for name, height in heights.items() if height < highest],
-            "front": _front(furniture, under.height if under is not None else 0.0),
+            "fronts": _fronts(furniture, under.height if under is not None else 0.0),
             "views": views,
         }
         session.run(TREE)
         return Look(furniture.name, tuple(seen), scene_marks(session.skills), tuple(session.skills.failures))
+
+
+def standing_before(
+    furniture: MapFurniture, scene: str | Path, robot: str | Path, seed: int, settings: Iterable[str]
+) -> RunConfig:
+    """A run whose robot starts straight before the furniture, at the best distance at which there is room.
+
+    Raises SceneError where there is none, else as ``load_run`` and ``load_scene``.
+    """
+    problem: SceneError | None = None
+    for distance in STAND_OFFS:
+        stand = furniture.pose @ Pose2D(-furniture.footprint[0] / 2 - distance, 0.0, 0.0)
+        start = {"x": stand.x, "y": stand.y, "yaw": stand.theta}
+        placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
+        placed.append(f"scene.start_clearance={ROOM}")
+        config = load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
+        try:
+            draw_world(load_scene(config.task.scene, config.scene_settings), seed)
+        except SceneError as error:
+            problem = error
+            continue
+        return config
+    raise SceneError(f"no room for the robot before the {furniture.name}: {problem}")
 
 
 def scene_marks(skills: SkillContext) -> SceneMarks:
@@ -120,27 +144,9 @@ def _surfaces(skills: SkillContext) -> Iterable[SurfaceMark]:
             yield SurfaceMark(surface, top, (x - 2 * SLAB_GROWTH, y - 2 * SLAB_GROWTH))
 
 
-def _front(furniture: MapFurniture, floor: float) -> Pose:
-    """The middle of the front, in the map frame; ``floor``: metres, the height on which the furniture stands."""
-    height = floor + min(FRONT_HEIGHT, (furniture.height - floor) / 2)
-    return furniture.pose.to_pose() @ Pose(np.array([-furniture.footprint[0] / 2, 0.0, height]))
-
-
-def _standing_before(
-    furniture: MapFurniture, scene: str | Path, robot: str | Path, seed: int, settings: Iterable[str]
-) -> RunConfig:
-    """The nearest stand straight before the furniture at which there is room; SceneError where there is none."""
-    problem: SceneError | None = None
-    for distance in STAND_OFFS:
-        stand = furniture.pose @ Pose2D(-furniture.footprint[0] / 2 - distance, 0.0, 0.0)
-        start = {"x": stand.x, "y": stand.y, "yaw": stand.theta}
-        placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
-        placed.append(f"scene.start_clearance={ROOM}")
-        config = load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
-        try:
-            draw_world(load_scene(config.task.scene, config.scene_settings), seed)
-        except SceneError as error:
-            problem = error
-            continue
-        return config
-    raise SceneError(f"no room for the robot before the {furniture.name}: {problem}")
+def _fronts(furniture: MapFurniture, floor: float) -> list[str]:
+    """Points on the front from bottom to top, ``x;y;z`` in the map frame; ``floor``: metres, on what it stands."""
+    rise = furniture.height - floor
+    count = math.ceil(rise / FRONT_STEP)
+    middles = [(-furniture.footprint[0] / 2, 0.0, floor + rise * (i + 0.5) / count) for i in range(count)]
+    return [";".join(f"{x:.3f}" for x in point) for point in furniture.pose.to_pose().apply(np.array(middles))]
