@@ -91,6 +91,16 @@ def test_depths_that_are_not_numbers_count_as_none(robot, camera, kinematics, jo
         RGBDSensor(empty, kinematics, joints, belief).capture()
 
 
+def test_an_image_of_another_size_than_its_intrinsics_is_none(robot, camera, kinematics, joints, world, monkeypatch):
+    image = camera.capture()
+    monkeypatch.setattr(
+        camera, "capture", lambda: RGBDImage(image.rgb[:-1], image.depth, image.intrinsics, image.stamp)
+    )
+    with pytest.raises(CameraError, match=r"no image: RGBDImage rgb should have shape \(480, 640, 3\)") as error:
+        RGBDSensor(camera, kinematics, joints, WorldModel(semantic_map(world)), robot.clock).capture()
+    assert error.value.code is CameraErrorCode.NO_IMAGE
+
+
 def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, model, kinematics, joints, world):
     straight = model.cameras["head_camera"]
     exact = replace(straight, noise_base=0.0, noise_quadratic=0.0, dropout=0.0, edge_dropout=0.0, depth_step=0.0)
