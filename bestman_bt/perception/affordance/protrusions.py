@@ -31,7 +31,7 @@ class ProtrusionsParameters:
     ``bar_length``, ``bar_width``: of bars, least and most; ``bar_slenderness``: least length by width
     with what is seen of its posts, ``post_reach``: most width with these.
     ``knob_size``: least and most extent of knobs with what is seen of their stems, ``knob_slenderness``: most length by
-    width of that; ``knob_radius``: most radius of the head; ``knob_height``: that a knob at least stands out, and
+    width of that; ``knob_radius``: of the head; ``knob_height``: that a knob at least stands out, and
     ``knob_standoff``: its middle, in radii, else fingers find no room behind it. ``level_spread``: depths of one bar differ by that at most, besides the noise.
     ``max_slope``: of a bar against the front, radians. ``min_filled``: share of a bar's length on which it is seen.
     ``finger_room``: least room between a bar and the front.
@@ -44,18 +44,18 @@ class ProtrusionsParameters:
     min_pixels: int = 8
     gap: float = 0.012
     bar_gap: float = 0.045
-    bar_length: tuple[float, float] = (0.05, 0.85)
+    bar_length: tuple[float, float] = (0.06, 0.85)
     bar_width: tuple[float, float] = (0.003, 0.032)
     bar_slenderness: float = 2.5
     post_reach: float = 0.075
     knob_size: tuple[float, float] = (0.010, 0.060)
-    knob_radius: float = 0.025
+    knob_radius: tuple[float, float] = (0.0085, 0.025)
     knob_slenderness: float = 2.4
     knob_height: float = 0.019
     knob_standoff: float = 0.7
     level_spread: float = 0.012
     max_slope: float = math.radians(10.0)
-    min_filled: float = 0.8
+    min_filled: float = 0.85
     finger_room: float = 0.008
     surround: SurroundParameters = field(default_factory=SurroundParameters)
 
@@ -206,7 +206,7 @@ def _knob(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters
         return None
     flat = relief.on_level(pixels, level)
     radius = 0.25 * (float(np.ptp(flat, axis=0).sum()) + relief.pixel_size())
-    if radius > p.knob_radius:
+    if not p.knob_radius[0] <= radius <= p.knob_radius[1]:
         return None
     low, high = flat.min(axis=0), flat.max(axis=0)
     share = Surround(relief, low, high, level, p.surround).knob(0.5 * (low + high), radius)
