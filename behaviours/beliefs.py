@@ -38,7 +38,7 @@ def believe_objects(
 ) -> tuple[str, ...]:
     """Explain what was seen by what is believed; returns the identities: of the detections, then of the unknown."""
     world = skills.world
-    things = [cluster for cluster in scene.unknown if not _furniture_on(skills, view, cluster, surface)]
+    things = [cluster for cluster in scene.unknown if not _part_of_furniture(skills, view, cluster, surface)]
     clusters = [*(found.cluster for found in scene.detections), *things]
     sightings = [_sighting(view, found, surface) for found in scene.detections]
     sightings += [_thing(view, cluster, surface) for cluster in things]
@@ -83,16 +83,17 @@ def seen_words(scene: DetectedScene) -> str:
     return "seen " + ", ".join(seen) if seen else "it is empty"
 
 
-def _furniture_on(skills: SkillContext, view: RGBDView, cluster: Cluster, surface: str | None) -> bool:
-    """Whether the map explains a cluster: furniture that stands on the furniture with the surface."""
-    if surface is None:
-        return False
-    known, below = skills.world.map, surface.partition("/")[0]
-    place = (view.map_from_base @ cluster.bounding_box.pose).position[:2]
+def _part_of_furniture(skills: SkillContext, view: RGBDView, cluster: Cluster, surface: str | None) -> bool:
+    """Whether the map explains a cluster: it lies within furniture other than that which it was searched on."""
+    known = skills.world.map
+    searched = surface.partition("/")[0] if surface is not None else None
+    place = (view.map_from_base @ cluster.bounding_box.pose).position
     for name, piece in known.furniture.items():
-        under = known.standing_under(name)
-        if under is not None and under.name == below and piece.covers(place, MAP_ERROR):
-            return True
+        if name != searched and piece.covers(place[:2], MAP_ERROR):
+            under = known.standing_under(name)
+            floor = under.height if under is not None else 0.0
+            if floor - MAP_ERROR < place[2] < piece.height + MAP_ERROR:
+                return True
     return False
 
 

@@ -15,7 +15,7 @@ from bestman_bt.world_model import HandleBelief, MapFurniture
 MAP_MARGIN = 0.10
 """Metres around a piece of furniture on the map in which its handles may be: the map is off, handles stick out."""
 SAME_HANDLE = 0.05
-"""Metres within which a seen handle is one that was seen before."""
+"""Metres beside its axis within which a seen handle is one that was seen before."""
 
 
 class DetectHandle(Skill):
@@ -71,7 +71,7 @@ class DetectHandle(Skill):
         on = min((f for f in world.map.furniture.values() if _belongs(handle, f)), key=_area, default=None)
         stem = f"{on.name}/handle" if on is not None else "handle"
         for name, belief in world.handles.items():
-            if np.linalg.norm(belief.handle.pose.position - handle.pose.position) < SAME_HANDLE:
+            if _same(belief.handle, handle):
                 world.handles[name] = HandleBelief(name, handle, stamp, belief.furniture)
                 return name
         number = 1
@@ -94,6 +94,14 @@ class DetectHandle(Skill):
         if near is None:
             return -handle.confidence
         return float(np.linalg.norm(handle.pose.position - near.position))
+
+
+def _same(known: Handle, seen: Handle) -> bool:
+    """Whether two handles overlap: of a long one, a view may show only a part."""
+    apart = seen.pose.position - known.pose.position
+    along = float(apart @ known.axis)
+    beside = float(np.linalg.norm(apart - along * known.axis))
+    return beside < SAME_HANDLE and abs(along) < max(SAME_HANDLE, (known.length + seen.length) / 2)
 
 
 def _belongs(handle: Handle, furniture: MapFurniture) -> bool:

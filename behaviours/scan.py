@@ -59,16 +59,16 @@ class ScanScene(Skill):
         noticed = len(skills.world.changes)
         views: list[RGBDView] = []
         seen: list[str] = []
-        problem: Exception | None = None
+        problems: list[Exception] = []
         for point in self._points(count):
             yield skills.head.look_at(point)
-            views.append(skills.camera.capture())
             try:
+                views.append(skills.camera.capture())
                 seen += yield from self._detect(views[-1])
             except ALGORITHM_ERRORS as error:
-                problem = error
-        if problem is not None and not seen:
-            raise problem
+                problems.append(error)
+        if len(problems) == count:
+            raise problems[0]
         skills.world.occupancy = yield self.compute(
             "depth_fusion", skills.algorithms.occupancy.fuse, [view.in_map for view in views], self._mapped()
         )

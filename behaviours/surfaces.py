@@ -7,6 +7,7 @@ import numpy as np
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.perception.segmentation import Region, SupportPlane, surface_regions
 from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.world_model import MapFurniture, MapSurface, Obstacle
@@ -42,7 +43,10 @@ def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
     room = min((float(rise) for rise in above if rise > 0.0), default=None)
     if room is None:
         return Region(base_from_surface, (surface.size[0] + 2 * MARGIN, surface.size[1] + 2 * MARGIN))
-    planes = skills.algorithms.surfaces.find(view.in_base, skills.rng)
+    try:
+        planes = skills.algorithms.surfaces.find(view.in_base, skills.rng)
+    except NoSurfaceError:
+        planes = ()
     regions = surface_regions(planes, height=room - BOARD, margin=-RIM)
     for plane, region in zip(planes, regions, strict=True):
         local = base_from_surface.inverse().apply(plane.frame_from_plane.position)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,10 @@ class Recording:
         """Start recording."""
         self._recorder.open()
         self._tree.subscribe(self._on_changes)
-        self._session.skills.camera.subscribe(self._on_view)
+        skills = self._session.skills
+        for sensor in (skills.camera, skills.wrist_camera):
+            if sensor is not None:
+                sensor.subscribe(partial(self._on_view, sensor.name))
         goal = self._session.entries.get("goal")
         self._snapshot()
         if goal is not None:
@@ -78,8 +82,8 @@ class Recording:
     def _on_changes(self, changes: StateChanges) -> None:
         self._recorder.transitions(describe_changes(self._tree, changes))
 
-    def _on_view(self, view: RGBDView) -> None:
-        self._recorder.image(self._session.skills.camera.name, view.image)
+    def _on_view(self, camera: str, view: RGBDView) -> None:
+        self._recorder.image(camera, view.image)
 
 
 def recorded_bodies(world: World) -> list[RecordedBody]:

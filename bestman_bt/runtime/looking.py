@@ -74,7 +74,11 @@ def look_at(
 
 
 def standing_before(
-    furniture: MapFurniture, scene: str | Path, robot: str | Path, seed: int, settings: Iterable[str]
+    furniture: MapFurniture,
+    scene: str | Path,
+    robot: str | Path = "diff_panda",
+    seed: int = 0,
+    settings: Iterable[str] = (),
 ) -> RunConfig:
     """A run whose robot starts straight before the furniture, at the best distance at which there is room.
 

@@ -1,0 +1,79 @@
+"""Sessions whose world can be looked at as it really is, and what happens there while the robot does not look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.engine import SUCCESS
+from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.runtime import Session, open_session
+from hal.pybullet import GroundTruth, PyBulletRobot
+from tests.behaviours.at_the_table import AT_THE_TABLE, failures_of, tick, tree_of
+
+THINGS = """
+extends: kitchen
+description: A table on which only the named things stand.
+objects:
+  cup: absent
+  can: absent
+  box: absent
+  counter_can: absent
+  counter_box: absent
+"""
+
+
+@contextmanager
+def known_world(config: RunConfig) -> Iterator[tuple[Session, GroundTruth]]:
+    """A session together with the truth."""
+    truths: list[GroundTruth] = []
+
+    def look_behind(robot: object) -> None:
+        assert isinstance(robot, PyBulletRobot)
+        truths.append(GroundTruth(robot))
+
+    with open_session(config, look_behind) as session:
+        yield session, truths[0]
+
+
+def table_with(folder: Path, seed: int = 1, **things: tuple[str, float, float, float]) -> RunConfig:
+    """A robot at the table; ``things``: model, x, y (metres, from the middle: x away from the robot), yaw (degrees)."""
+    placed = [
+        f"  {name}: {{model: {model}, surface: table/top, at: [{x}, {y}, {yaw} deg], region: null, presence: 1}}"
+        for name, (model, x, y, yaw) in things.items()
+    ]
+    kept = [line for line in THINGS.strip().splitlines() if line.split(":")[0].strip() not in things]
+    scene = folder / "things.yaml"
+    scene.write_text("\n".join([*kept, *placed, "goals: {place: {model: can}}\n"]))
+    return load_run(tree="look", scene=scene, robot="diff_panda", seed=seed, settings=AT_THE_TABLE)
+
+
+def succeeds(session: Session, body: str, ticks: int = 2000) -> bool:
+    """Whether a tree succeeds."""
+    return tick(session.load(tree_of(body)), ticks) == SUCCESS
+
+
+def why_not(session: Session, body: str) -> tuple[str, str]:
+    """Run a tree that must fail; code and words of its last failure."""
+    assert not succeeds(session, body)
+    return failures_of(session)[0]
+
+
+def put(session: Session, name: str, shift: ArrayLike) -> None:
+    """Someone takes a thing and puts it elsewhere, (x, y, z) metres away."""
+    simulation = session.robot.simulation  # type: ignore[attr-defined]
+    body, client = simulation.built.objects[name], simulation.client
+    position, quaternion = client.getBasePositionAndOrientation(body)
+    client.resetBasePositionAndOrientation(body, np.add(position, shift).tolist(), quaternion)
+    session.robot.clock.sleep(0.3)
+
+
+def audited(session: Session) -> Audit:
+    """What the simulation has to object to so far."""
+    assert isinstance(session.robot, PyBulletRobot)
+    return audit(session.robot.honesty_record())
