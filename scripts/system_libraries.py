@@ -12,12 +12,8 @@ import subprocess
 import sys
 
 DEBIAN_PACKAGES = {
-    "libEGL.so.1": "libegl1",
-    "libGL.so.1": "libgl1",
-    "libX11.so.6": "libx11-6",
     "libgomp.so.1": "libgomp1",
     "libstdc++.so.6": "libstdc++6",
-    "libudev.so.1": "libudev1",
     "libz.so.1": "zlib1g",
 }
 
