@@ -15,6 +15,7 @@ from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillConditio
 from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, rank_grasps
+from bestman_bt.perception.occupancy import freed
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.world_model import HandleBelief, HeldObject, ObjectBelief
 
@@ -143,6 +144,9 @@ class Grasp(Skill):
         self._check_held(grasp.candidate.width)
         belief = skills.world.objects.pop(name)
         skills.world.held = HeldObject(name, belief.model, tool_from_object, skills.gripper.width())
+        if skills.world.occupancy is not None:
+            taken = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
+            skills.world.occupancy = freed(skills.world.occupancy, taken)
         self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
 
     def _check_held(self, width: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -137,8 +137,7 @@ def _entries(setup: Setup) -> dict[str, Any]:
 
 
 def _skills(setup: Setup, robot: Robot) -> SkillContext:
-    config, model, world = setup.config, setup.robot_model, replace(setup.world_model)
-    world.objects, world.obstacles = {}, {}
+    config, model, world = setup.config, setup.robot_model, setup.world_model.as_at_the_start()
     clock = robot.clock
     forward = ForwardKinematics(model)
     joints = JointStateSensor(robot.parts, model)

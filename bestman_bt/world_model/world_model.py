@@ -107,3 +107,7 @@ class WorldModel:
     changes: list[ObjectChange] = field(default_factory=list)
     held: HeldObject | None = None
     occupancy: VoxelGrid | None = None
+
+    def as_at_the_start(self) -> WorldModel:
+        """What is known before anything has been seen: the map, the models, and roughly where the base stands."""
+        return WorldModel(map=self.map, models=dict(self.models), base=self.base)
