@@ -81,7 +81,7 @@ def judge(
     seen = _unobstructed(pixels, depth)
     pixels, depth = pixels[seen], depth[seen]
     size = np.array([view.image.intrinsics.width, view.image.intrinsics.height])
-    inside = ((pixels > -0.5) & (pixels < size - 0.5)).all(axis=1)
+    inside = np.asarray(((pixels > -0.5) & (pixels < size - 0.5)).all(axis=1))
     measured = view.measured_depth(pixels)
     known = np.isfinite(measured)
     tolerance = max(0.008, 4 * noise)

@@ -13,10 +13,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from bestman_bt.messages import Box, ObjectModel, Pose, YawSet
 from bestman_bt.perception.pose_estimation.base import PoseEstimator, PoseHypothesis
 from bestman_bt.perception.pose_estimation.evidence import ConfidenceModel, Evidence, color_distance, judge
+from bestman_bt.perception.pose_estimation.model_colors import model_palette
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface, model_surface
 from bestman_bt.perception.pose_estimation.registration import (
     Fit,
@@ -97,7 +99,7 @@ class MultiStart(PoseEstimator):
         return PoseHypothesis(
             model=model,
             pose=pose,
-            confidence=1.0 / (1.0 + math.exp(-best.logit)),
+            confidence=float(expit(best.logit)),
             covariance=covariance_in_frame(best.fit.covariance, seen.cluster.plane.frame_from_plane),
             yaw_set=best.yaws.turned(turn) if model.symmetry_order else YawSet(),
             rmse=best.evidence.rmse,
@@ -131,13 +133,14 @@ class MultiStart(PoseEstimator):
     ) -> _Candidate:
         p = self.parameters
         turned = self.surfaces.turned(surface)
-        points = with_strays(seen.points, seen.plane_view, model, p.strays)
+        palette = model_palette(model)
+        points = with_strays(seen.points, seen.plane_view, palette, p.strays)
         start = coarse_poses(surface, seen.points, seen.eye, 1, 1, p)[0]
-        profile = yaw_profile(turned, points, seen.plane_view, start, seen.noise, p.yaw)
+        profile = yaw_profile(turned, points, seen.plane_view, start, palette, seen.noise, p.yaw)
         starts = profile.starts(p.yaw.margin, p.refined)
         fits = [refined_fit(surface, points, seen.eye, start, 1, p) for start in starts]
         poses = np.array([fit.pose for fit in fits])
-        likelihood = profile_likelihood(turned, points, seen.plane_view, poses, seen.noise, p.yaw)
+        likelihood = profile_likelihood(turned, points, seen.plane_view, poses, palette, seen.noise, p.yaw)
         best = fits[int(likelihood.argmax())]
         evidence = seen.judge(surface, best)
         yaws = profile.open_yaws(p.yaw.margin, float(best.pose[2]), best.yaw_std)

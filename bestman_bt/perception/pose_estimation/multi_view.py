@@ -13,11 +13,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from bestman_bt.messages import ObjectModel, Pose, YawSet
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.pose_estimation.evidence import Evidence, color_distance
+from bestman_bt.perception.pose_estimation.model_colors import model_palette
 from bestman_bt.perception.pose_estimation.model_surface import ModelSurface
 from bestman_bt.perception.pose_estimation.multi_start import (
     MultiStart,
@@ -84,24 +86,25 @@ class MultiView:
         if color > p.color_limit or not all(item.may_be(surface, p.size_tolerance) for item in seen):
             return None
         turns = model.symmetry_order
+        palette = model_palette(model)
         all_points = [
-            with_strays(item.points, item.plane_view, model, p.strays) if turns == 1 else item.points for item in seen
+            with_strays(item.points, item.plane_view, palette, p.strays) if turns == 1 else item.points for item in seen
         ]
-        profile = self._profile(surface, seen, all_points) if turns == 1 else None
+        profile = self._profile(surface, seen, all_points, palette) if turns == 1 else None
         starts = self._starts(surface, seen, turns, profile)
         candidates = [self._fused(surface, seen, all_points, start, turns) for start in starts]
         if profile is None:
             logits = [p.confidence.logit(evidence, color) for _, evidence in candidates]
             best = int(np.argmax(logits))
         else:
-            best = int(np.argmax([self._likelihood(surface, seen, all_points, fit) for fit, _ in candidates]))
+            best = int(np.argmax([self._likelihood(surface, seen, all_points, palette, fit) for fit, _ in candidates]))
         fit, evidence = candidates[best]
         frame_from_plane = seen[0].cluster.plane.frame_from_plane
         pose = fit.frame_from_object(frame_from_plane, surface)
         return PoseHypothesis(
             model=model,
             pose=pose,
-            confidence=1.0 / (1.0 + math.exp(-p.confidence.logit(evidence, color))),
+            confidence=float(expit(p.confidence.logit(evidence, color))),
             covariance=covariance_in_frame(fit.covariance, frame_from_plane),
             yaw_set=self._open_yaws(fit, profile, turns).turned(pose.yaw - float(fit.pose[2])),
             rmse=evidence.rmse,
@@ -112,14 +115,18 @@ class MultiView:
         )
 
     def _profile(
-        self, surface: ModelSurface, seen: Sequence[SeenCluster], all_points: Sequence[NDArray[np.float64]]
+        self,
+        surface: ModelSurface,
+        seen: Sequence[SeenCluster],
+        all_points: Sequence[NDArray[np.float64]],
+        palette: NDArray[np.float64],
     ) -> YawProfile:
         """Product of the views' likelihoods, on the yaws of the first; positions: the means."""
         p = self.parameters.single
         turned = self.single.surfaces.turned(surface)
         start = coarse_poses(surface, seen[0].points, seen[0].eye, 1, 1, p)[0]
         profiles = [
-            yaw_profile(turned, points, item.plane_view, start, item.noise, p.yaw)
+            yaw_profile(turned, points, item.plane_view, start, palette, item.noise, p.yaw)
             for item, points in zip(seen, all_points, strict=True)
         ]
         return YawProfile(
@@ -164,12 +171,17 @@ class MultiView:
         return fused, pooled(evidence, weights / weights.sum())
 
     def _likelihood(
-        self, surface: ModelSurface, seen: Sequence[SeenCluster], all_points: Sequence[NDArray[np.float64]], fit: Fit
+        self,
+        surface: ModelSurface,
+        seen: Sequence[SeenCluster],
+        all_points: Sequence[NDArray[np.float64]],
+        palette: NDArray[np.float64],
+        fit: Fit,
     ) -> float:
         p = self.parameters.single
         turned = self.single.surfaces.turned(surface)
         values = [
-            profile_likelihood(turned, points, item.plane_view, fit.pose[None], item.noise, p.yaw)[0]
+            profile_likelihood(turned, points, item.plane_view, fit.pose[None], palette, item.noise, p.yaw)[0]
             for item, points in zip(seen, all_points, strict=True)
         ]
         return float(sum(values))

@@ -10,12 +10,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from bestman_bt.messages import ObjectModel
+from bestman_bt.perception.pose_estimation.model_colors import color_distances
 from bestman_bt.perception.segmentation.voxels import voxel_means
 from bestman_bt.perception.view import View
-
-_DARK = 0.02
-"""Added to each channel: the chromaticity of black is noise."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +32,11 @@ class StrayParameters:
 
 
 def with_strays(
-    points: NDArray[np.float64], plane_view: View, model: ObjectModel, parameters: StrayParameters
+    points: NDArray[np.float64], plane_view: View, palette: NDArray[np.float64], parameters: StrayParameters
 ) -> NDArray[np.float64]:
     """``points`` (N, 3) of a cluster, and measured points near it that have the model's colours and are linked to it.
 
-    All in the plane's frame.
+    All in the plane's frame. ``palette``: (K, 3), the model's colours.
     """
     p = parameters
     grow = np.array([p.reach, p.reach, p.link])
@@ -49,7 +46,7 @@ def with_strays(
     cloud = plane_view.cloud(corners)
     cloud = cloud.selected(((cloud.points > lower) & (cloud.points < upper)).all(axis=1))
     assert cloud.colors is not None
-    cloud = cloud.selected(_color_distances(cloud.colors, model) < p.color)
+    cloud = cloud.selected(color_distances(cloud.colors, palette) < p.color)
     known = cKDTree(points)
     if len(cloud):
         cloud = voxel_means(cloud.selected(known.query(cloud.points)[0] > p.voxel), p.voxel)
@@ -60,11 +57,3 @@ def with_strays(
     _, group = connected_components(coo_matrix((np.ones(len(pairs)), pairs.T), shape=(count, count)), directed=False)
     linked = np.isin(group, group[known.query(cloud.points)[0] <= p.link])
     return np.concatenate([points, cloud.points[linked]])
-
-
-def _color_distances(colors: NDArray[np.uint8], model: ObjectModel) -> NDArray[np.float64]:
-    palette = np.array([model.color, *model.visual_colors]) + _DARK
-    seen = colors.astype(np.float64) / 255.0 + _DARK
-    difference = (seen / seen.sum(axis=1, keepdims=True))[:, None] - palette / palette.sum(axis=1, keepdims=True)
-    distances: NDArray[np.float64] = np.linalg.norm(difference, axis=2).min(axis=1)
-    return distances

@@ -12,12 +12,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import YawSet
 from bestman_bt.messages.pose import wrap_angle
+from bestman_bt.perception.pose_estimation.free_space import seen_space
 from bestman_bt.perception.pose_estimation.point_to_plane import evenly
 from bestman_bt.perception.pose_estimation.turned_surface import TurnedSurface, slide, surface_distances
 from bestman_bt.perception.view import View
@@ -32,6 +32,7 @@ class YawProfileParameters:
     ``model_error``: added to the depth noise. ``cap``: the cost of one point or sample at most; ``floating_weight``:
     of 9 mm² of floating surface, against a point.
     ``position_error``: a sample floats only where no measured depth within this distance beside it is as near.
+    ``color``: distance of chromaticities up to which a pixel may show the model.
     ``margin``: a yaw stays open where its log-likelihood is at most this much below the best.
     """
 
@@ -45,6 +46,7 @@ class YawProfileParameters:
     cap: float = 4.0
     floating_weight: float = 0.5
     position_error: float = 0.002
+    color: float = 0.10
     margin: float = 12.0
 
 
@@ -101,13 +103,14 @@ def yaw_profile(
     points: NDArray[np.float64],
     plane_view: View,
     start: NDArray[np.float64],
+    palette: NDArray[np.float64],
     noise: float,
     parameters: YawProfileParameters,
 ) -> YawProfile:
     """Profile over the turns of ``turned``.
 
     ``points``: (N, 3) of the cluster, ``plane_view``: the view they come from, both in the plane's frame. ``start``:
-    (3,), x, y, yaw of one good fit. ``noise``: of depth, metres.
+    (3,), x, y, yaw of one good fit. ``palette``: (K, 3), colours of the model. ``noise``: of depth, metres.
     """
     p = parameters
     yaws = start[2] + turned.angles
@@ -118,7 +121,7 @@ def yaw_profile(
     poses = slide(
         turned.surface, some[evenly(len(some), p.slide_points)], poses, p.iterations, p.scale, plane_view.viewpoint
     )
-    log_likelihood = profile_likelihood(turned, some, plane_view, poses, noise, p)
+    log_likelihood = profile_likelihood(turned, some, plane_view, poses, palette, noise, p)
     return YawProfile(yaws, poses[:, :2], log_likelihood)
 
 
@@ -127,6 +130,7 @@ def profile_likelihood(
     points: NDArray[np.float64],
     plane_view: View,
     poses: NDArray[np.float64],
+    palette: NDArray[np.float64],
     noise: float,
     parameters: YawProfileParameters,
 ) -> NDArray[np.float64]:
@@ -135,13 +139,18 @@ def profile_likelihood(
     variance = noise**2 + p.model_error**2
     unexplained = surface_distances(turned.surface, points, poses, plane_view.viewpoint)
     cost = np.minimum(unexplained**2 / (2 * variance), p.cap).sum(axis=1)
-    floating = _floating_cost(turned, plane_view, poses, variance, p)
+    floating = _floating_cost(turned, plane_view, poses, palette, variance, p)
     log_likelihood: NDArray[np.float64] = -cost - p.floating_weight * floating
     return log_likelihood
 
 
 def _floating_cost(
-    turned: TurnedSurface, plane_view: View, poses: NDArray[np.float64], variance: float, p: YawProfileParameters
+    turned: TurnedSurface,
+    plane_view: View,
+    poses: NDArray[np.float64],
+    palette: NDArray[np.float64],
+    variance: float,
+    p: YawProfileParameters,
 ) -> NDArray[np.float64]:
     telling = np.flatnonzero((turned.telling > p.telling) & (turned.surface.points[:, 2] > 0.01))
     cost = np.zeros(len(poses))
@@ -161,31 +170,8 @@ def _floating_cost(
     facing = (towards * turn(normals)).sum(axis=2) > 0.15 * np.linalg.norm(towards, axis=2)
     pose_of, _ = np.nonzero(facing)
     pixels, depth = plane_view.project(placed[facing])
-    nearest = _nearest_depth(plane_view, pixels, float(np.nanmedian(depth)) if len(depth) else 1.0, p.position_error)
-    known = np.isfinite(nearest)
-    excess = np.maximum(0.0, nearest[known] - depth[known])
-    np.add.at(cost, pose_of[known], np.minimum(excess**2 / (2 * variance), p.cap))
+    near = float(np.nanmedian(depth)) if len(depth) else 1.0
+    radius = max(1, round(p.position_error * plane_view.image.intrinsics.fx / max(near, 1e-3)))
+    excess = seen_space(plane_view, pixels, radius, palette, p.color).excess(pixels, depth)
+    np.add.at(cost, pose_of, np.minimum(excess**2 / (2 * variance), p.cap))
     return cost * (len(telling) / len(asked))
-
-
-def _nearest_depth(view: View, pixels: NDArray[np.float64], depth: float, position_error: float) -> NDArray[np.float64]:
-    """The smallest depth measured around each pixel; NaN where nothing was measured."""
-    k = view.image.intrinsics
-    radius = max(1, round(position_error * k.fx / max(depth, 1e-3)))
-    finite = np.isfinite(pixels).all(axis=1)
-    if not finite.any():
-        return np.full(len(pixels), np.nan)
-    corner = np.clip(np.floor(pixels[finite].min(axis=0)).astype(int) - radius - 1, 0, (k.width, k.height))
-    end = np.clip(np.ceil(pixels[finite].max(axis=0)).astype(int) + radius + 2, 0, (k.width, k.height))
-    if (end <= corner).any():
-        return np.full(len(pixels), np.nan)
-    window = view.image.depth[corner[1] : end[1], corner[0] : end[0]].astype(np.float64)
-    # What was not measured may be as near as it likes: edges of things often are not.
-    window = np.where(np.isfinite(window), window, 0.0)
-    around = np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)
-    window = np.asarray(cv2.erode(window, around, borderValue=np.inf))
-    u, v = (np.rint(np.where(finite, pixels[:, axis], -1e6)).astype(np.intp) - corner[axis] for axis in (0, 1))
-    inside = (u >= 0) & (u < window.shape[1]) & (v >= 0) & (v < window.shape[0])
-    nearest = np.full(len(pixels), np.nan)
-    nearest[inside] = window[v[inside], u[inside]]
-    return np.where(np.isfinite(nearest) & (nearest > 0), nearest, np.nan)

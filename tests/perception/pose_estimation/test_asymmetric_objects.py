@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from benchmarks.rendered_table import TrueObject, mast_camera, solid
 from bestman_bt.messages import Box
 from bestman_bt.messages.pose import wrap_angle
-from bestman_bt.perception.pose_estimation import MultiStart, PoseHypothesis
+from bestman_bt.perception.pose_estimation import MultiStart, MultiStartParameters, PoseHypothesis
 
 from .seen_objects import cluster_of, photographed, shipped, standing
 
@@ -86,3 +87,14 @@ def test_confidence_falls_where_the_border_of_the_image_cuts_an_object() -> None
     of_cut = ESTIMATOR.estimate(cluster, [item.model], cut)[0]
     assert of_cut.confidence < of_whole.confidence - 0.01
     assert np.linalg.norm(of_cut.pose.position - item.pose.position) < 0.005
+
+
+def test_a_model_that_explains_nothing_gets_no_confidence_and_does_not_fail() -> None:
+    item = standing(shipped("can"), -0.1, 0.0, 0.0)
+    view = photographed([item])
+    cluster = cluster_of(view, item)
+    far = replace(cluster, points=cluster.points + np.array([0.25, 0.2, 0.0]))
+    for found in MultiStart(MultiStartParameters(color_limit=9.0, size_tolerance=1.0)).estimate(
+        far, [shipped(name) for name in ("mug", "duck", "bowl", "sugar_box")], view
+    ):
+        assert found.confidence < 0.01
