@@ -47,7 +47,7 @@ def test_a_standing_base_keeps_its_place_while_the_arm_swings(robot_model, empty
             hand.finish(hand.arm.move_to(robot.model.posture("home", hand.arm.joint_names), 0.5))
             hand.finish(hand.arm.move_to(carry, 0.5))
         moved = start.inverse() @ hand.truth.base_pose()
-        assert np.linalg.norm(moved.position[:2]) < 0.001
+        assert np.linalg.norm(moved.position[:2]) < 0.002
         assert abs(moved.yaw) < np.radians(0.15)
 
 
