@@ -47,7 +47,7 @@ class YawProfileParameters:
     floating_weight: float = 0.5
     position_error: float = 0.002
     color: float = 0.10
-    margin: float = 12.0
+    margin: float = 16.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +77,8 @@ class YawProfile:
         """Arcs of the yaws within ``margin`` of the best; the first holds the refined yaw ``best`` with its error."""
         count = len(self.yaws)
         taken = self.log_likelihood >= self.log_likelihood.max() - margin
+        # A gap of one yaw is noise.
+        taken |= np.roll(taken, 1) & np.roll(taken, -1)
         if taken.all():
             return YawSet(((best, math.pi),))
         # A run begins where a taken yaw follows one that is not.

@@ -42,6 +42,11 @@ def test_starts_are_the_peaks_within_the_margin_best_first() -> None:
     assert len(YawProfile(np.radians(degrees), np.zeros((72, 2)), likelihood).starts(2.0, 3)) == 1
 
 
+def test_a_gap_of_one_yaw_between_open_ones_is_open() -> None:
+    assert len(profile(taken=[40, 45, 55, 60]).open_yaws(10.0, math.radians(45.0), 0.01).arcs) == 1
+    assert len(profile(taken=[40, 45, 60, 65]).open_yaws(10.0, math.radians(45.0), 0.01).arcs) == 2
+
+
 def test_the_first_arc_holds_the_refined_yaw_with_its_error() -> None:
     yaws = profile(taken=[100]).open_yaws(10.0, math.radians(103.0), math.radians(1.0))
     assert yaws.contains(math.radians(106.4))
