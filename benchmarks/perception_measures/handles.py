@@ -1,9 +1,10 @@
 """Handles on generated furniture, and on things without any: how many are found, how well, and what is invented.
 
 A true handle counts where it is in view, at least 60 % unhidden, 0.7 to 1.8 m away and at most 40° to the side of its
-front's normal. It is found where a reported handle of its kind lies within 40 mm. A reported handle that lies on no true
-one (counted or not) is a false positive; one that lies on a hidden or cut-off handle is neither. Where two are reported
-for one true handle, the second is a false positive. Every fourth frame shows no handles. Intervals: 95 %.
+front's normal. It is found where a reported handle of its kind lies within 40 mm. A reported handle that lies on no
+true one is a false positive; one that lies on a hidden or cut-off handle, or off the middle of one, is neither. Where
+two are reported for one true handle, the second is a false positive. Every fourth frame shows no handles. Intervals:
+95 %.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ from bestman_bt.perception.view import View
 class FrontHandlesParameters:
     """The parameters of each step.
 
-    ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle. ``max_distance``: metres from the
-    camera; farther away, noise makes handles.
+    ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle.
+    ``max_distance``: metres from the camera; farther away, noise makes handles.
     """
 
     fronts: FrontsParameters = field(default_factory=FrontsParameters)

@@ -87,10 +87,12 @@ def find_fronts(view: View, parameters: FrontsParameters) -> list[Front]:
     points = planes.points @ rotation.T + eye
     area = _window_areas(planes, intrinsics.fx)
     usable = _upright(planes, normals, p)
-    fronts = []
-    while usable.sum() >= 6 and len(fronts) < p.max_fronts:
+    fronts: list[Front] = []
+    for _ in range(3 * p.max_fronts):
+        if usable.sum() < 6 or len(fronts) >= p.max_fronts:
+            break
         members = _best_plane(points, normals, area, usable, p)
-        if members is None:
+        if not members.any():
             break
         usable &= ~members
         for part in _connected(members, planes, p, intrinsics.fx):
@@ -123,8 +125,8 @@ def _best_plane(
     area: NDArray[np.float64],
     usable: NDArray[np.bool_],
     p: FrontsParameters,
-) -> NDArray[np.bool_] | None:
-    """The windows of the plane that has most votes, as a mask of the grid; None where none has enough."""
+) -> NDArray[np.bool_]:
+    """The windows of the plane that has most votes, as a mask of the grid."""
     yaws = np.arctan2(normals[..., 1], normals[..., 0])[usable]
     weights = area[usable]
     bins = round(2 * math.pi / p.yaw_bin)
@@ -141,11 +143,9 @@ def _best_plane(
     offsets = (points - centre) @ normal
     among = offsets[usable][alike]
     first = among.min() - 2 * p.offset_bin
-    votes = np.bincount(((among - first) / p.offset_bin).astype(int), weights[alike])
-    smooth = np.convolve(votes, np.ones(3), mode="same")
-    if smooth.max() < p.min_area:
-        return None
-    offset = first + (int(np.argmax(smooth)) + 0.5) * p.offset_bin
+    counted = np.bincount(((among - first) / p.offset_bin).astype(int), weights[alike])
+    peak = int(np.argmax(np.convolve(counted, np.ones(3), mode="same")))
+    offset = first + (peak + 0.5) * p.offset_bin
     turns = (np.arctan2(normals[..., 1], normals[..., 0]) - yaw + math.pi) % (2 * math.pi) - math.pi
     wide = usable & (np.abs(turns) < 2 * p.yaw_window)
     heights = offsets - offset
@@ -153,14 +153,15 @@ def _best_plane(
         inlier = wide & (np.abs(heights) < p.offset_window)
         if inlier.sum() < 6:
             break
-        # The plane may lean: the tree's "up" and the cabinet's differ by the errors of the camera's pose.
+        # The plane may lean: the camera's pose is not free of errors.
         local = points - centre
         across = local @ np.array([-normal[1], normal[0], 0.0])
         matrix = np.stack([across[inlier], local[..., 2][inlier], np.ones(int(inlier.sum()))], axis=1)
         weight = np.sqrt(area[inlier])
         solution = np.linalg.lstsq(matrix * weight[:, None], offsets[inlier] * weight, rcond=1e-9)[0]
         heights = offsets - (solution[0] * across + solution[1] * local[..., 2] + solution[2])
-    return wide & (np.abs(heights) < p.offset_window)
+    members: NDArray[np.bool_] = wide & (np.abs(heights) < p.offset_window)
+    return members
 
 
 def _connected(
@@ -211,9 +212,12 @@ def _region(
     reach = max(1, round(p.max_gap / 2 * focal / depth / planes.stride))
     grown = max(1, round(p.window / 2 / planes.stride))
     padded = np.pad(part.astype(np.uint8), reach + grown)
-    padded = cv2.dilate(padded, np.ones((2 * grown + 1, 2 * grown + 1), np.uint8))
-    closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    dilated = cv2.dilate(padded, np.ones((2 * grown + 1, 2 * grown + 1), np.uint8))
+    closed = cv2.morphologyEx(dilated, cv2.MORPH_CLOSE, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
     inner = closed[reach + grown : -(reach + grown), reach + grown : -(reach + grown)]
-    pixels = cv2.resize(inner, (inner.shape[1] * planes.stride, inner.shape[0] * planes.stride), interpolation=0)
-    region: NDArray[np.bool_] = pixels[: shape[0], : shape[1]] > 0
+    rows, columns = (
+        np.minimum(np.arange(extent) // planes.stride, count - 1)
+        for extent, count in zip(shape, inner.shape, strict=True)
+    )
+    region: NDArray[np.bool_] = inner[np.ix_(rows, columns)] > 0
     return region

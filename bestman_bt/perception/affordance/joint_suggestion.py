@@ -20,7 +20,8 @@ class JointSuggestionParameters:
     """``centred``: a handle is amid a panel where it is off by less than this share of the half width.
 
     ``drawer_height``: metres, of the highest drawers. ``folding_place``: share of the half height beyond which the
-    handle of a folding panel is; ``folding_slenderness``: most height by width of one. ``leaf``: metres, half the thickness of doors: their hinges lie that far behind the front.
+    handle of a folding panel is; ``folding_slenderness``: most height by width of one. ``leaf``: metres, half the
+    thickness of doors: their hinges lie that far behind the front.
     """
 
     centred: float = 0.2

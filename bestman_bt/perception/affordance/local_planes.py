@@ -52,7 +52,7 @@ def local_planes(
 
     def total(values: NDArray[np.float64]) -> NDArray[np.float64]:
         sums = cv2.boxFilter(values, cv2.CV_64F, (window, window), normalize=False, borderType=cv2.BORDER_CONSTANT)
-        return sums[np.ix_(rows, columns)]
+        return np.asarray(sums, dtype=np.float64)[np.ix_(rows, columns)]
 
     n = np.maximum(total(mask), 1.0)
     mean_x, mean_y = total(mask * x) / n, total(mask * y) / n

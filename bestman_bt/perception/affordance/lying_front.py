@@ -1,4 +1,4 @@
-"""A rectified front, turned so that the grooves that are sought run along its rows, and what is seen around openings."""
+"""A rectified front, turned so that the grooves that are sought run along its rows; what is seen around openings."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class LyingFront:
         """Turn ``front`` where the grooves are upright."""
         shown = cv2.medianBlur(front.on_front.astype(np.uint8), 3) > 0
         if upright:
-            turned = (np.ascontiguousarray(field.T) for field in (shown, front.open, front.height))
-            return cls(front, True, *turned)
+            height = np.ascontiguousarray(front.height.T)
+            return cls(front, True, np.ascontiguousarray(shown.T), np.ascontiguousarray(front.open.T), height)
         return cls(front, False, shown, front.open, front.height)
 
     @property

@@ -95,17 +95,18 @@ def _evidence(
     hidden = cv2.dilate((hidden | front.outside).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     result = {}
     for axis, name in ((1, "upright"), (0, "lying")):
-        change = np.zeros(front.shape, dtype=np.float32)
-        step = np.abs(np.diff(front.rgb, axis=axis)).sum(axis=2)
+        # A border between two cells is noted at the right or lower one, whatever shows it.
+        differs = np.abs(np.diff(front.rgb, axis=axis)).sum(axis=2) > p.contrast
+        differs |= np.diff(front.open, axis=axis)
+        shown = front.open.copy()
         if axis == 1:
-            change[:, 1:] = step
+            shown[:, 1:] |= differs
         else:
-            change[1:] = step
-        shown = (change > p.contrast) | front.open
+            shown[1:] |= differs
         kernel = np.ones((5, 1) if axis == 1 else (1, 5), np.uint8)
-        shown = cv2.dilate(shown.astype(np.uint8), kernel) > 0
+        filled = cv2.dilate(shown.astype(np.uint8), kernel) > 0
         kernel = np.ones((1, 3) if axis == 1 else (3, 1), np.uint8)
-        result[name] = (cv2.dilate((shown & ~hidden).astype(np.uint8), kernel) > 0, ~hidden)
+        result[name] = (cv2.dilate((filled & ~hidden).astype(np.uint8), kernel) > 0, ~hidden)
     return result
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -25,16 +26,19 @@ Pixels = tuple[NDArray[np.intp], NDArray[np.intp]]
 class ProtrusionsParameters:
     """Lengths in metres.
 
-    ``low``, ``high``: heights before the front at which bars and knobs are seen. ``significance``: a pixel stands out
-    where it is that many times the noise before the front. ``min_pixels``: with depth, of one bar or knob.
-    ``gap``, ``bar_gap``: pixels that lie so near belong together; in bars, along them, since depth drops out there.
-    ``bar_length``, ``bar_width``: of bars, least and most; ``bar_slenderness``: least length by width
-    with what is seen of its posts, ``post_reach``: most width with these.
-    ``knob_size``: least and most extent of knobs with what is seen of their stems, ``knob_slenderness``: most length by
-    width of that; ``knob_radius``: of the head; ``knob_height``: that a knob at least stands out, and
-    ``knob_standoff``: its middle, in radii, else fingers find no room behind it. ``level_spread``: depths of one bar differ by that at most, besides the noise.
-    ``max_slope``: of a bar against the front, radians. ``min_filled``: share of a bar's length on which it is seen.
-    ``finger_room``: least room between a bar and the front.
+    ``low``, ``high``: heights before the front at which bars and knobs are seen. ``layers``: of heights that are
+    searched for bars one by one, so that what stands close before a handle does not swallow it. ``significance``: a
+    pixel stands out where it is that many times the noise before the front. ``min_pixels``: with depth, of a handle.
+    ``gap``, ``bar_gap``: pixels that lie so near belong together; along a bar farther, since depth drops out there.
+
+    ``bar_length``, ``bar_width``: of bars, least and most. ``bar_slenderness``: least length by width, with what is
+    seen of the posts; ``post_reach``: most width with these. ``level_spread``: depths of one bar differ by that at
+    most, besides the noise. ``max_slope``: of a bar against the front, radians. ``min_filled``: share of a bar's length on
+    which it is seen. ``finger_room``: least room between a bar and the front.
+
+    ``knob_size``: least and most extent of knobs with what is seen of their stems; ``knob_slenderness``: most length by
+    width of that; ``knob_radius``: of the head. ``knob_height``: that a knob at least stands out, and
+    ``knob_standoff``: its middle, in radii, else fingers find no room behind it.
     """
 
     low: float = 0.008
@@ -67,7 +71,8 @@ def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[
         limit = np.maximum(p.low, p.significance * relief.noise)
         before = relief.near & (relief.height > limit) & (relief.height < p.high)
     crowded = cv2.boxFilter(before.astype(np.uint8), cv2.CV_32F, (5, 5), normalize=False) >= 2
-    pixels: Pixels = np.nonzero(before & crowded)
+    rows, columns = np.nonzero(before & crowded)
+    pixels: Pixels = (rows, columns)
     if len(pixels[0]) < p.min_pixels:
         return []
     flat, height = relief.on_level(pixels, 0.0), relief.height[pixels]
@@ -103,7 +108,7 @@ def _groups(flat: NDArray[np.float64], cell: float, p: ProtrusionsParameters) ->
         label_of = labels[places[:, 0], places[:, 1]]
         order = np.argsort(label_of, kind="stable")
         borders = np.searchsorted(label_of[order], np.arange(1, count + 1))
-        for first, last in zip(borders[:-1], borders[1:], strict=True):
+        for first, last in pairwise(borders):
             if last - first >= p.min_pixels:
                 groups.setdefault(order[first:last].tobytes(), order[first:last])
     return list(groups.values())

@@ -88,7 +88,7 @@ def rectify(
     weight = cv2.blur(known.astype(np.float32), (3, 3), borderType=cv2.BORDER_CONSTANT)
     total = cv2.blur(height, (3, 3), borderType=cv2.BORDER_CONSTANT)
 
-    def warped(image: NDArray[np.float32], fill: float) -> NDArray[np.float32]:
+    def warped(image: cv2.typing.MatLike, fill: float) -> NDArray[np.float32]:
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         result: NDArray[np.float32] = np.asarray(
             cv2.warpPerspective(image, into_relief, (columns, rows), flags=flags, borderValue=(fill,) * 3)

@@ -37,7 +37,8 @@ class Relief:
         (N, 2) metres, x and y: free of the depth's noise, which sways along the ray.
         """
         rays = self.rays[pixels]
-        return self.eye[:2] + rays[:, :2] * ((level - self.eye[2]) / rays[:, 2])[:, None]
+        met: NDArray[np.float64] = self.eye[:2] + rays[:, :2] * ((level - self.eye[2]) / rays[:, 2])[:, None]
+        return met
 
     def window(self, low: NDArray[np.float64], high: NDArray[np.float64], level: float) -> tuple[slice, slice]:
         """The rectangle of pixels (rows, columns of this rectangle) that shows x, y from ``low`` to ``high`` there."""
@@ -54,12 +55,7 @@ class Relief:
 
     def pixel_size(self) -> float:
         """Metres of the front that one pixel shows, about."""
-        return float(np.linalg.norm(self.eye)) / self._focal
-
-    @property
-    def _focal(self) -> float:
-        step = np.linalg.norm(self.rays[0, 1] - self.rays[0, 0])
-        return 1.0 / float(step)
+        return float(np.linalg.norm(self.eye) * np.linalg.norm(self.rays[0, 1] - self.rays[0, 0]))
 
 
 def relief(view: View, front: Front, parameters: FrontsParameters, margin: float = 0.08) -> Relief:

@@ -29,7 +29,7 @@ class SurroundParameters:
 
 
 class Surround:
-    """The pixels near a place (x, y) of a front, up to ``reach`` metres away, for a thing ``level`` before the front."""
+    """The pixels around a thing from ``low`` to ``high`` (x, y), ``level`` metres before its front."""
 
     def __init__(
         self, relief: Relief, low: NDArray[np.float64], high: NDArray[np.float64], level: float, p: SurroundParameters
