@@ -21,6 +21,8 @@ from bestman_bt.world_model import HandleBelief, HeldObject, ObjectBelief
 
 WIDTH_TOLERANCE = 0.008
 """Metres by which the hand may close further than the grasp foresees and still be said to hold the object."""
+CLOSED = 0.003
+"""Metres above its least width at which a hand counts as closed on nothing."""
 NEIGHBOURHOOD = 0.5
 """Metres around an object in which other things may be in the hand's way."""
 SURROUNDINGS_SPACING = 0.01
@@ -133,15 +135,17 @@ class Grasp(Skill):
         yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
         self.set_output("grasps", [])
         yield skills.gripper.close(self.get_input("force"))
+        known = skills.world.objects[name].recognised
         try:
-            self._check_held(grasp.candidate.width)
+            self._check_held(grasp.candidate.width if known else None)
         except SkillFailure:
             yield skills.gripper.open(grasp.candidate.opening)
             yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
             raise
         tool_from_object = self._tool_from_object(grasp)
+        width = grasp.candidate.width if known else skills.gripper.width()
         yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
-        self._check_held(grasp.candidate.width)
+        self._check_held(width)
         belief = skills.world.objects.pop(name)
         skills.world.held = HeldObject(name, belief.model, tool_from_object, skills.gripper.width())
         if skills.world.occupancy is not None:
@@ -149,8 +153,14 @@ class Grasp(Skill):
             skills.world.occupancy = freed(skills.world.occupancy, taken)
         self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
 
-    def _check_held(self, width: float) -> None:
-        problem = grip_problem(self.skills.gripper.width(), width)
+    def _check_held(self, expected: float | None) -> None:
+        """``expected``: metres between the fingers; None where nothing is known of the object's far side."""
+        width = self.skills.gripper.width()
+        if expected is not None:
+            problem = grip_problem(width, expected)
+        else:
+            closed = width < self.skills.gripper_model.min_width + CLOSED
+            problem = f"it closed to {1e3 * width:.0f} mm" if closed else ""
         if not problem and not self.skills.gripper.pressing():
             problem = "the fingers do not press"
         if problem:
