@@ -6,21 +6,26 @@ from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
     CameraModel,
+    ForceTorqueModel,
     GripperModel,
     JointGroupModel,
     LidarModel,
     RobotModel,
 )
+from bestman_bt.robot_model.payload import Payload, payload
 
 __all__ = [
     "ArmModel",
     "BaseModel",
     "CameraModel",
+    "ForceTorqueModel",
     "GripperModel",
     "JointGroupModel",
     "LidarModel",
+    "Payload",
     "RobotModel",
     "compose_robot",
     "joints_above",
     "load_robot_model",
+    "payload",
 ]

@@ -15,6 +15,7 @@ from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
     CameraModel,
+    ForceTorqueModel,
     GripperModel,
     JointGroupModel,
     LidarModel,
@@ -24,6 +25,7 @@ from bestman_bt.robot_model.part_config import (
     ArmPart,
     BasePart,
     CameraPart,
+    ForceTorquePart,
     GripperPart,
     JointGroupPart,
     JointLimitsConfig,
@@ -52,6 +54,7 @@ def describe(
     groups: dict[str, JointGroupModel] = {}
     cameras: dict[str, CameraModel] = {}
     lidars: dict[str, LidarModel] = {}
+    force_torques: dict[str, ForceTorqueModel] = {}
     for part_name, part in placed.items():
         match part.config:
             case BasePart() as base:
@@ -72,6 +75,8 @@ def describe(
                 cameras[part_name] = _camera(camera)
             case LidarPart() as lidar:
                 lidars[part_name] = _lidar(lidar)
+            case ForceTorquePart() as sensor:
+                force_torques[part_name] = _force_torque(sensor, urdf)
     return RobotModel(
         name=name,
         urdf=ET.tostring(urdf, encoding="unicode"),
@@ -82,6 +87,7 @@ def describe(
         joint_groups=groups,
         cameras=cameras,
         lidars=lidars,
+        force_torques=force_torques,
         postures=postures,
         hand_of=hand_of,
         allowed_self_pairs=allowed_self_pairs(urdf, wheels, ignored_pairs),
@@ -211,4 +217,19 @@ def _lidar(lidar: LidarPart) -> LidarModel:
         range_max=lidar.range_max,
         noise=lidar.noise,
         rate=lidar.rate,
+    )
+
+
+def _force_torque(sensor: ForceTorquePart, urdf: ET.Element) -> ForceTorqueModel:
+    hanging = (joint for parent, joint in _joint_parents(urdf).values() if parent == sensor.frame)
+    return ForceTorqueModel(
+        frame=sensor.frame,
+        joints=tuple(joint.get("name", "") for joint in hanging),
+        rate=sensor.rate,
+        noise_force=sensor.noise_force,
+        noise_torque=sensor.noise_torque,
+        offset_force=sensor.offset_force,
+        offset_torque=sensor.offset_torque,
+        max_force=sensor.max_force,
+        max_torque=sensor.max_torque,
     )

@@ -208,10 +208,21 @@ def built_in_lidar(name: str, d: BuiltInLidar) -> list[ET.Element]:
     return [link(root), link(frame), fixed_joint(f"{frame}_joint", root, frame, d.xyz)]
 
 
+@dataclass(frozen=True)
+class SensingFlange:
+    """A sensor between flange and hand, too flat to count: nothing but a frame."""
+
+
+def sensing_flange(name: str, _: SensingFlange) -> list[ET.Element]:
+    """The link ``<name>_link``, on which the hand is mounted; z leaves the flange."""
+    return [link(f"{name}_link")]
+
+
 GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element]]]] = {
     "differential_base": (DifferentialBase, differential_base),
     "post": (Post, post),
     "pan_tilt": (PanTilt, pan_tilt),
     "camera_body": (CameraBody, camera_body),
     "built_in_lidar": (BuiltInLidar, built_in_lidar),
+    "sensing_flange": (SensingFlange, sensing_flange),
 }

@@ -120,6 +120,24 @@ class LidarModel:
 
 
 @dataclass(frozen=True)
+class ForceTorqueModel:
+    """A force-torque sensor in ``frame``; ``joints``: fixed ones, by which all that it feels hangs on that frame.
+
+    Standard deviations of the noise of each reading and of the constant offset of each axis, N and N m; hertz.
+    """
+
+    frame: str
+    joints: tuple[str, ...]
+    rate: float
+    noise_force: float
+    noise_torque: float
+    offset_force: float
+    offset_torque: float
+    max_force: float
+    max_torque: float
+
+
+@dataclass(frozen=True)
 class RobotModel:
     """A composed robot. Mappings go from part name (``arm``, ``gripper``, ``base``, ``head``, ``head_camera``, …).
 
@@ -137,6 +155,7 @@ class RobotModel:
     joint_groups: Mapping[str, JointGroupModel] = field(default_factory=dict)
     cameras: Mapping[str, CameraModel] = field(default_factory=dict)
     lidars: Mapping[str, LidarModel] = field(default_factory=dict)
+    force_torques: Mapping[str, ForceTorqueModel] = field(default_factory=dict)
     postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     hand_of: Mapping[str, str] = field(default_factory=dict)
     allowed_self_pairs: frozenset[frozenset[str]] = frozenset()

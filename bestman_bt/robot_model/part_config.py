@@ -194,7 +194,28 @@ class LidarPart(PartConfig):
     rate: Frequency
 
 
-AnyPart: TypeAlias = BasePart | StructurePart | ArmPart | GripperPart | JointGroupPart | CameraPart | LidarPart
+@dataclass(frozen=True, kw_only=True)
+class ForceTorquePart(PartConfig):
+    """A six-axis force-torque sensor: it feels what is mounted on its link ``frame``.
+
+    ``noise_force``, ``noise_torque``: standard deviations of each reading; ``offset_force``, ``offset_torque``: of the
+    constant error of each axis, which only a reading at rest tells. Beyond ``max_force``, ``max_torque`` it saturates.
+    """
+
+    kind: Literal["force_torque"]
+    frame: str
+    rate: Frequency
+    noise_force: Force
+    noise_torque: Torque
+    offset_force: Force
+    offset_torque: Torque
+    max_force: Force
+    max_torque: Torque
+
+
+AnyPart: TypeAlias = (
+    BasePart | StructurePart | ArmPart | GripperPart | JointGroupPart | CameraPart | LidarPart | ForceTorquePart
+)
 
 PART_KINDS: dict[str, type[AnyPart]] = {
     "base": BasePart,
@@ -204,4 +225,5 @@ PART_KINDS: dict[str, type[AnyPart]] = {
     "joint_group": JointGroupPart,
     "camera": CameraPart,
     "lidar": LidarPart,
+    "force_torque": ForceTorquePart,
 }

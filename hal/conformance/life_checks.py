@@ -7,6 +7,7 @@ from functools import partial
 
 from hal.api import (
     Camera,
+    ForceTorque,
     Gripper,
     JointGroup,
     Lidar,
@@ -55,6 +56,8 @@ def nothing_works_without_a_connection(robot: Robot) -> None:
         require_refusal(camera.capture, NotConnectedError, f"{camera.name}.capture()", (camera.name,))
     for lidar in parts_of(robot, Lidar):
         require_refusal(lidar.scan, NotConnectedError, f"{lidar.name}.scan()", (lidar.name,))
+    for sensor in parts_of(robot, ForceTorque):
+        require_refusal(sensor.wrench, NotConnectedError, f"{sensor.name}.wrench()", (sensor.name,))
     for part in robot.parts.values():
         part.stop()
 

@@ -6,7 +6,18 @@ from __future__ import annotations
 import numpy as np
 
 from bestman_bt.messages import JointTrajectory
-from hal.api import Arm, Camera, Gripper, JointGroup, Lidar, MobileBase, MotionErrorCode, MotionStatus, Robot
+from hal.api import (
+    Arm,
+    Camera,
+    ForceTorque,
+    Gripper,
+    JointGroup,
+    Lidar,
+    MobileBase,
+    MotionErrorCode,
+    MotionStatus,
+    Robot,
+)
 from hal.conformance.requirement import require
 from hal.conformance.subject import (
     ARMS,
@@ -196,6 +207,9 @@ def sensors_deliver(robot: Robot) -> None:
         require(len(scan.ranges) > 0, f"{lidar.name} gave an empty scan")
         inside = bool(np.all((hit >= scan.range_min) & (hit <= scan.range_max)))
         require(inside, f"{lidar.name} gave ranges outside [{scan.range_min}, {scan.range_max}]")
+    for sensor in parts_of(robot, ForceTorque):
+        wrench = sensor.wrench()
+        require(abs(wrench.stamp - now) < 1.0, f"{sensor.name} stamped {wrench.stamp}")
 
 
 MOTION_CHECKS = (

@@ -17,6 +17,7 @@ from hal.pybullet.base import SimulatedBase
 from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.clock import SimulatedClock
+from hal.pybullet.force_torque import SimulatedForceTorque
 from hal.pybullet.gripper import SimulatedGripper
 from hal.pybullet.honesty_record import HonestyRecord
 from hal.pybullet.joint_group import SimulatedJointGroup
@@ -26,7 +27,15 @@ from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.raw_call_guard import RawCallGuard
 from hal.pybullet.simulation import Simulation
 
-SimulatedPart = SimulatedArm | SimulatedBase | SimulatedCamera | SimulatedGripper | SimulatedJointGroup | SimulatedLidar
+SimulatedPart = (
+    SimulatedArm
+    | SimulatedBase
+    | SimulatedCamera
+    | SimulatedForceTorque
+    | SimulatedGripper
+    | SimulatedJointGroup
+    | SimulatedLidar
+)
 
 
 class PyBulletRobot(Robot):
@@ -195,4 +204,6 @@ class PyBulletRobot(Robot):
             parts[name] = SimulatedCamera(name, camera, self._generator(name))
         for name, lidar in model.lidars.items():
             parts[name] = SimulatedLidar(name, lidar, self._generator(name))
+        for name, sensor in model.force_torques.items():
+            parts[name] = SimulatedForceTorque(name, sensor, self._generator(name))
         return parts

@@ -1,0 +1,47 @@
+"""What a link carries: the mass beyond it and where its centre lies, from the URDF's inertials."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model.footprint import origin_pose
+from bestman_bt.robot_model.model import RobotModel
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """``mass`` kg; ``centre``: (3,) metres, of mass, in the frame of the link that carries it."""
+
+    mass: float
+    centre: NDArray[np.float64]
+
+
+def payload(model: RobotModel, link: str) -> Payload:
+    """All that hangs on ``link``, itself included, with every joint beyond it at zero.
+
+    Joints of a parallel hand open to both sides alike and leave the centre where it is.
+    """
+    robot = ET.fromstring(model.urdf)
+    inertials = {element.get("name", ""): element.find("inertial") for element in robot.findall("link")}
+    children: dict[str, list[tuple[str, Pose]]] = {}
+    for joint in robot.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is not None and child is not None:
+            children.setdefault(parent.get("link", ""), []).append((child.get("link", ""), origin_pose(joint)))
+    mass, moment = 0.0, np.zeros(3)
+    beyond = [(link, Pose())]
+    while beyond:
+        name, from_link = beyond.pop()
+        inertial = inertials.get(name)
+        weighed = None if inertial is None else inertial.find("mass")
+        if inertial is not None and weighed is not None:
+            own = float(weighed.get("value", "0"))
+            mass += own
+            moment += own * (from_link @ origin_pose(inertial)).position
+        beyond += [(child, from_link @ from_parent) for child, from_parent in children.get(name, ())]
+    return Payload(mass, moment / mass if mass > 0.0 else moment)

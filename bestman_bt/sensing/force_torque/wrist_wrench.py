@@ -1,0 +1,111 @@
+"""What touches the hand: the wrist's readings without the hand's weight and the sensor's offset."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.messages import Pose, Wrench
+from bestman_bt.robot_model import payload
+from bestman_bt.sensing.joint_state import JointStateSensor
+from hal.api import Clock, ForceTorque, Timer
+
+GRAVITY = 9.81
+
+
+@dataclass(frozen=True)
+class WristWrenchParameters:
+    """``tare_time``: seconds of readings that an offset is the mean of. ``tare_period``: seconds between two of them.
+
+    ``still``: newtons; readings that vary more than that around their mean make no offset.
+    """
+
+    tare_time: float = 0.25
+    tare_period: float = 1.0 / 60.0
+    still: float = 1.5
+
+
+class WristWrench:
+    """Gravity by forward kinematics and the URDF's masses, offset by readings at rest, both taken away.
+
+    All wrenches are what the world does to the hand. Inertia is not taken away: 1 kg of hand that gathers speed with
+    5 m/s² feels 5 N.
+    """
+
+    def __init__(
+        self,
+        sensor: ForceTorque,
+        kinematics: ForwardKinematics,
+        joints: JointStateSensor,
+        clock: Clock,
+        parameters: WristWrenchParameters | None = None,
+    ) -> None:
+        self._sensor, self._kinematics, self._joints, self._clock = sensor, kinematics, joints, clock
+        self._parameters = parameters or WristWrenchParameters()
+        self._payload = payload(kinematics.robot, sensor.frame)
+        self._offset: NDArray[np.float64] = np.zeros(6)
+        self._tared = False
+        self._readings: list[NDArray[np.float64]] = []
+        self._timer: Timer | None = None
+
+    @property
+    def frame(self) -> str:
+        """The sensor's frame."""
+        return self._sensor.frame
+
+    @property
+    def tared(self) -> bool:
+        """Whether the offset is known."""
+        return self._tared
+
+    @property
+    def taring(self) -> bool:
+        """Whether readings at rest are being gathered."""
+        return self._timer is not None
+
+    def tare(self) -> None:
+        """Begin to learn the offset: for ``tare_time`` seconds the arm is to rest and the hand to touch nothing.
+
+        What the hand holds counts as offset, too. ``taring`` tells when it is over; if the hand was not still, the
+        older offset remains and ``tared`` is as before.
+        """
+        if self._timer is None:
+            self._readings = []
+            self._timer = self._clock.every(self._parameters.tare_period, self._gather)
+
+    def contact(self) -> Wrench:
+        """What touches the hand: the wrench about the origin of ``frame``, in its axes."""
+        reading = self._sensor.wrench()
+        values = np.concatenate([reading.force, reading.torque]) - self._weight(self._base_from_sensor()) - self._offset
+        return Wrench(values[:3], values[3:], reading.stamp)
+
+    def contact_at(self, base_from_tool: Pose) -> Wrench:
+        """The same about the origin of the tool, in the axes of the base; the tool's pose comes from the encoders."""
+        wrench, base_from_sensor = self.contact(), self._base_from_sensor()
+        force = base_from_sensor.rotation @ wrench.force
+        torque = base_from_sensor.rotation @ wrench.torque
+        torque = torque + np.cross(base_from_sensor.position - base_from_tool.position, force)
+        return Wrench(force, torque, wrench.stamp)
+
+    def _base_from_sensor(self) -> Pose:
+        return self._kinematics.pose(self._sensor.frame, self._joints.positions())
+
+    def _weight(self, base_from_sensor: Pose) -> NDArray[np.float64]:
+        """The wrench of the hand's weight in the sensor's frame, (6,); the base stands level."""
+        force = base_from_sensor.rotation.T @ np.array([0.0, 0.0, -self._payload.mass * GRAVITY])
+        return np.concatenate([force, np.cross(self._payload.centre, force)])
+
+    def _gather(self) -> None:
+        reading = self._sensor.wrench()
+        weight = self._weight(self._base_from_sensor())
+        self._readings.append(np.concatenate([reading.force, reading.torque]) - weight)
+        parameters = self._parameters
+        if len(self._readings) * parameters.tare_period >= parameters.tare_time and self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+            readings = np.array(self._readings)
+            if np.abs(readings - readings.mean(axis=0))[:, :3].max() <= parameters.still:
+                self._offset, self._tared = readings.mean(axis=0), True
