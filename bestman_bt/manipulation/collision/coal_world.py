@@ -34,6 +34,7 @@ from bestman_bt.robot_model import ArmModel, RobotModel
 # At a margin of exactly zero, coal's GJK was seen to miss an overlap of 9 mm (link 5 and hand of a Panda); any
 # positive margin made it certain.
 _SMALLEST_MARGIN = 1e-5
+_FEW_BODIES = 80
 
 
 class CoalCollisionModel(CollisionModel):
@@ -110,9 +111,7 @@ class CoalCollisionWorld(CollisionWorld):
         self._geometry_data = pinocchio.GeometryData(geometry)
         for request, margin in zip(self._geometry_data.collisionRequests, self._margins, strict=True):
             request.security_margin = max(margin, _SMALLEST_MARGIN)
-        self._broad_phase = pinocchio.BroadPhaseManager_DynamicAABBTreeCollisionManager(
-            model, geometry, self._geometry_data
-        )
+        self._broad_phase = _broad_phase(model, geometry, self._geometry_data)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -211,6 +210,15 @@ class CoalCollisionWorld(CollisionWorld):
     def _pair(self, i: int, j: int, margin: float) -> None:
         self._geometry.addCollisionPair(pinocchio.CollisionPair(min(i, j), max(i, j)))
         self._margins.append(margin)
+
+
+def _broad_phase(
+    model: pinocchio.Model, geometry: pinocchio.GeometryModel, data: pinocchio.GeometryData
+) -> pinocchio.BroadPhaseManagerBase:
+    """Few boxes are compared fastest all with all; a tree of boxes costs twice as much until there are many."""
+    few = len(geometry.geometryObjects) <= _FEW_BODIES
+    manager = "NaiveCollisionManager" if few else "DynamicAABBTreeCollisionManager"
+    return getattr(pinocchio, f"BroadPhaseManager_{manager}")(model, geometry, data)
 
 
 def _placed(shapes: Sequence[PlacedShape], name: str) -> list[Placed]:

@@ -1,5 +1,6 @@
 """Motion planning for arms."""
 
+from bestman_bt.manipulation.motion_planning.aorrtc import AORRTC, AORRTCParameters
 from bestman_bt.manipulation.motion_planning.approach import Approach, approaches
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
@@ -8,19 +9,33 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
+from bestman_bt.manipulation.motion_planning.bit_star import BITStar, BITStarParameters
+from bestman_bt.manipulation.motion_planning.kpiece import KPIECE, KPIECEParameters
+from bestman_bt.manipulation.motion_planning.prm import PRM, PRMParameters
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect, RRTConnectParameters
+from bestman_bt.manipulation.motion_planning.rrt_star import RRTStar, RRTStarParameters
 from bestman_bt.manipulation.motion_planning.timed_planner import TimedMotionPlanner, TimedPlan
 from bestman_bt.manipulation.motion_planning.upright import Upright
 
 __all__ = [
+    "AORRTC",
+    "KPIECE",
+    "PRM",
+    "AORRTCParameters",
     "Approach",
+    "BITStar",
+    "BITStarParameters",
+    "KPIECEParameters",
     "MotionPlan",
     "MotionPlanner",
+    "PRMParameters",
     "PathConstraint",
     "PlanningError",
     "PlanningErrorCode",
     "RRTConnect",
     "RRTConnectParameters",
+    "RRTStar",
+    "RRTStarParameters",
     "TimedMotionPlanner",
     "TimedPlan",
     "Upright",

@@ -1,31 +1,59 @@
-"""Shortening a joint path: random shortcuts between any two of its points.
+"""Shortening a joint path: random shortcuts between any two of its points, checked lazily.
 
-Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 2007.
+Geraerts and Overmars, "Creating high-quality paths for motion planning", IJRR 2007. A shortcut is accepted after a
+coarse check; only what is left in the end is checked finely, and undone where that fails.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-EdgeCheck = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
+from bestman_bt.manipulation.motion_planning.checked_edges import CheckedEdges
+
+_LEAST_GAIN = 0.01
+"""Radians; less is not worth the checks."""
 
 
 def shortcut(
-    path: NDArray[np.float64],
-    is_edge_free: EdgeCheck,
-    rng: np.random.Generator,
-    attempts: int,
-    patience: int,
-) -> NDArray[np.float64]:
-    """Return a path (M, n) with the ends of ``path`` (N, n), never longer, whose new edges passed ``is_edge_free``.
+    path: NDArray[np.float64], edges: CheckedEdges, rng: np.random.Generator, attempts: int, patience: int
+) -> NDArray[np.float64] | None:
+    """Return a path (M, n) with the ends of ``path`` (N, n), never longer, all of whose edges are finely checked.
 
     First waypoints are skipped where the way past them is free, then ``attempts`` random pairs of points are joined;
-    ``patience``: attempts without success after which it ends.
+    ``patience``: attempts without success after which it ends. None if not even ``path`` stands the fine check.
     """
-    path = _skip_waypoints(path, is_edge_free)
+    shortened = _last_free(path, _shorter(path, edges, rng, attempts, patience, fine=False), edges)
+    if shortened is None:
+        return None
+    free, undone = shortened
+    if undone:
+        for better in _shorter(free, edges, rng, attempts, patience, fine=True):
+            free = better
+    # Parts of finely checked edges are finely known; an edge that is not would be a mistake here, so it is asked.
+    return free if edges.is_path_free(free) else None
+
+
+def _last_free(
+    path: NDArray[np.float64], versions: Iterator[NDArray[np.float64]], edges: CheckedEdges
+) -> tuple[NDArray[np.float64], bool] | None:
+    """The latest version that stands the fine check, and whether later ones were dropped."""
+    history = [path, *versions]
+    for version in reversed(history):
+        if edges.is_path_free(version):
+            return version, version is not history[-1]
+    return None
+
+
+def _shorter(
+    path: NDArray[np.float64], edges: CheckedEdges, rng: np.random.Generator, attempts: int, patience: int, fine: bool
+) -> Iterator[NDArray[np.float64]]:
+    """Shorter and shorter versions of ``path``."""
+    for skipped in _skip_waypoints(path, edges, fine):
+        path = skipped
+        yield path
     failures = 0
     for _ in range(attempts):
         if len(path) < 3 or failures >= patience:
@@ -35,24 +63,29 @@ def shortcut(
         i, a = _point_at(path, marks, first)
         j, b = _point_at(path, marks, last)
         gain = last - first - np.linalg.norm(b - a)
-        if i == j or gain < 1e-3 or not is_edge_free(a, b):
+        if i == j or gain < _LEAST_GAIN:
             failures += 1
             continue
+        if not edges.is_free(a, b, fine):
+            failures += 1
+            continue
+        edges.split(path[i], path[i + 1], a)
+        edges.split(path[j], path[j + 1], b)
         path = _without_repeats(np.concatenate([path[: i + 1], [a, b], path[j + 1 :]]))
         failures = 0
-    return _skip_waypoints(path, is_edge_free)
+        yield path
+    yield from _skip_waypoints(path, edges, fine)
 
 
-def _skip_waypoints(path: NDArray[np.float64], is_edge_free: EdgeCheck) -> NDArray[np.float64]:
-    points = list(path)
+def _skip_waypoints(path: NDArray[np.float64], edges: CheckedEdges, fine: bool) -> Iterator[NDArray[np.float64]]:
     i = 0
-    while i + 2 < len(points):
-        if is_edge_free(points[i], points[i + 2]):
-            del points[i + 1]
+    while i + 2 < len(path):
+        if edges.is_free(path[i], path[i + 2], fine):
+            path = np.delete(path, i + 1, axis=0)
+            yield path
             i = max(0, i - 1)
         else:
             i += 1
-    return np.array(points)
 
 
 def _point_at(path: NDArray[np.float64], marks: NDArray[np.float64], mark: float) -> tuple[int, NDArray[np.float64]]:

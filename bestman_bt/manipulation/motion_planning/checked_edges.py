@@ -1,0 +1,81 @@
+"""Straight joint motions, each checked once: coarsely while a path is shaped, finely before it is given out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from enum import IntEnum
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.motion_planning.edge import halving_order
+
+
+class Proof(IntEnum):
+    """How well an edge is known to be free. ``PART``: it lies on an edge that is coarsely known."""
+
+    NONE = 0
+    PART = 1
+    COARSE = 2
+    FINE = 3
+
+
+class CheckedEdges:
+    """Remembers for every edge what was asked of it, so that no point is asked twice at the same resolution.
+
+    ``coarse``, ``fine``: rad (Euclidean) between the points of a coarse and a fine check, ends included.
+    """
+
+    def __init__(self, is_valid: Callable[[NDArray[np.float64]], bool], coarse: float, fine: float) -> None:
+        self._is_valid = is_valid
+        self._coarse = coarse
+        self._ratio = max(1, math.ceil(coarse / fine - 1e-9))
+        self._proofs: dict[tuple[bytes, bytes], Proof] = {}
+        self._blocked: set[tuple[bytes, bytes]] = set()
+
+    def is_free(self, a: NDArray[np.float64], b: NDArray[np.float64], fine: bool = False) -> bool:
+        """Whether the straight way from ``a`` to ``b``, each (n,), is valid; blocked ways are found out coarsely."""
+        key = _key(a, b)
+        if key in self._blocked:
+            return False
+        proof = self._proofs.get(key, Proof.NONE)
+        if proof is Proof.FINE or (proof is not Proof.NONE and not fine):
+            return True
+        if not self._check(a, b, proof, fine):
+            self._blocked.add(key)
+            return False
+        self._proofs[key] = Proof.FINE if fine else Proof.COARSE
+        return True
+
+    def is_path_free(self, path: NDArray[np.float64]) -> bool:
+        """Whether all edges of ``path`` (N, n) are valid, checked finely."""
+        return all(self.is_free(a, b, fine=True) for a, b in pairwise(path))
+
+    def split(self, a: NDArray[np.float64], b: NDArray[np.float64], point: NDArray[np.float64]) -> None:
+        """Note that ``point`` lies on the edge from ``a`` to ``b``: both parts are as free as the whole."""
+        proof = self._proofs.get(_key(a, b), Proof.NONE)
+        if proof is Proof.NONE:
+            return
+        for key in (_key(a, point), _key(point, b)):
+            inherited = proof if proof is Proof.FINE else Proof.PART
+            self._proofs[key] = max(inherited, self._proofs.get(key, Proof.NONE))
+
+    def _check(self, a: NDArray[np.float64], b: NDArray[np.float64], proof: Proof, fine: bool) -> bool:
+        difference = b - a
+        count = max(1, math.ceil(math.sqrt(difference.dot(difference)) / self._coarse))
+        is_valid = self._is_valid
+        if proof is not Proof.COARSE:
+            if not (is_valid(b) and is_valid(a)):
+                return False
+            if not all(is_valid(a + fraction * difference) for fraction in halving_order(count)):
+                return False
+        if not fine:
+            return True
+        total = count * self._ratio
+        return all(is_valid(a + (i / total) * difference) for i in range(1, total) if i % self._ratio)
+
+
+def _key(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[bytes, bytes]:
+    return a.tobytes(), b.tobytes()
