@@ -21,6 +21,9 @@ from hal.pybullet.simulation import Simulation
 NUDGE = 1e-4
 """Metres: at rare poses TinyRenderer draws nothing, a black frame; a tenth of a millimetre further on it draws."""
 ATTEMPTS = 4
+NOT_DRAWN = 0.01
+"""Metres before the lens in which nothing is drawn. What is nearer than the camera's own ``near`` is in the picture,
+and hides what is behind it, but has no depth."""
 EDGE_CURVATURE = 0.03
 
 
@@ -98,8 +101,11 @@ class SimulatedCamera(Camera):
 
 
 def render(reader: Reader, map_from_optical: Pose, model: CameraModel) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """Exact colour (H, W, 3) and depth (H, W) metres, 0 beyond ``far``, as a pinhole with these intrinsics sees."""
-    k = model.intrinsics
+    """Exact colour (H, W, 3) and depth (H, W) metres, as a pinhole with these intrinsics sees.
+
+    The depth is 0 where it is less than ``near`` or more than ``far``.
+    """
+    k, nearest = model.intrinsics, min(model.near, NOT_DRAWN)
     rotation = map_from_optical.rotation
     forward, up = rotation[:, 2], -rotation[:, 1]
     for attempt in range(ATTEMPTS):
@@ -108,7 +114,7 @@ def render(reader: Reader, map_from_optical: Pose, model: CameraModel) -> tuple[
             k.width,
             k.height,
             viewMatrix=pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist()),
-            projectionMatrix=projection_matrix(k, model.near, model.far),
+            projectionMatrix=projection_matrix(k, nearest, model.far),
             shadow=0,
             renderer=pybullet.ER_TINY_RENDERER,
         )
@@ -116,8 +122,8 @@ def render(reader: Reader, map_from_optical: Pose, model: CameraModel) -> tuple[
         buffer = np.asarray(image[3], dtype=np.float64).reshape(k.height, k.width)
         if rgb.any() or (buffer < 1.0).any():
             break
-    depth = model.far * model.near / (model.far - (model.far - model.near) * buffer)
-    return rgb, np.where(buffer < 1.0, depth, 0.0)
+    depth = model.far * nearest / (model.far - (model.far - nearest) * buffer)
+    return rgb, np.where((buffer < 1.0) & (depth >= model.near), depth, 0.0)
 
 
 def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[float]:

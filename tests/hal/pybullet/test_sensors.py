@@ -10,6 +10,8 @@ import pytest
 from bestman_bt.messages import Pose
 from hal.api import Camera, JointGroup, Lidar
 from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet.camera import render
+from hal.pybullet.client import ReadPurpose
 
 TABLE_TOP = 0.75
 
@@ -63,6 +65,20 @@ def test_colours_are_those_of_the_object(cloud, truth) -> None:
     red, green, blue = np.median(on_top[:, 3:], axis=0)
     assert red > 2 * green
     assert red > 2 * blue
+
+
+def test_what_is_too_near_for_its_depth_hides_what_is_behind_it(robot) -> None:
+    reader = robot.simulation.client.reader(ReadPurpose.SENSOR)
+    short_sighted = dataclasses.replace(robot.model.cameras["head_camera"], near=0.3)
+
+    def from_above(height: float) -> tuple[np.ndarray, np.ndarray]:
+        return render(reader, Pose.from_xyz_rpy((0.85, 0.2, TABLE_TOP + height), (np.pi, 0.0, 0.0)), short_sighted)
+
+    far_colour, far_depth = from_above(0.31)
+    near_colour, near_depth = from_above(0.29)
+    assert far_depth[240, 320] == pytest.approx(0.31, abs=0.001)
+    assert near_depth[240, 320] == 0.0
+    assert near_colour[240, 320] == pytest.approx(far_colour[240, 320], abs=3)
 
 
 def test_the_lidar_measures_the_walls(standing_robot) -> None:
