@@ -1,0 +1,57 @@
+"""The numbers that a network sees, by name, from an observation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.errors import PolicyModelError, PolicyObservationError
+from bestman_bt.messages import Pose
+
+Feature = Callable[[Observation], NDArray[np.float64]]
+
+
+def pose_vector(pose: Pose) -> NDArray[np.float64]:
+    """Position and quaternion xyzw, (7,): a goal as policies take it."""
+    return np.concatenate([pose.position, pose.quaternion])
+
+
+def pose_error(goal: Pose, tool: Pose) -> NDArray[np.float64]:
+    """(6,): from the tool to the goal, metres, and the rotation vector that turns it there, in the base frame."""
+    turn = Rotation.from_quat(goal.quaternion) * Rotation.from_quat(tool.quaternion).inv()
+    return np.concatenate([goal.position - tool.position, turn.as_rotvec()])
+
+
+def _goal_pose(observation: Observation) -> Pose:
+    goal = observation.goal
+    if goal.shape != (7,) or abs(float(np.linalg.norm(goal[3:])) - 1.0) > 1e-3:
+        raise PolicyObservationError(f"the goal should be x, y, z and a unit quaternion xyzw but is {goal}")
+    return Pose(goal[:3], goal[3:])
+
+
+def _width(observation: Observation) -> NDArray[np.float64]:
+    if observation.gripper_width is None:
+        raise PolicyObservationError("the policy needs the gripper's width, which the observation lacks")
+    return np.array([observation.gripper_width])
+
+
+FEATURES: Mapping[str, Feature] = {
+    "joint_positions": lambda observation: observation.joint_positions,
+    "gripper_width": _width,
+    "tool_pose": lambda observation: pose_vector(observation.base_from_tool),
+    "goal": lambda observation: observation.goal,
+    "goal_error": lambda observation: pose_error(_goal_pose(observation), observation.base_from_tool),
+}
+"""``goal_error``: (6,), see ``pose_error``; the others are the observation's own."""
+
+
+def feature_vector(observation: Observation, names: Sequence[str]) -> NDArray[np.float64]:
+    """The named features one after another, (f,)."""
+    unknown = [name for name in names if name not in FEATURES]
+    if unknown:
+        raise PolicyModelError(f"unknown features {', '.join(unknown)}; known: {', '.join(FEATURES)}")
+    return np.concatenate([FEATURES[name](observation) for name in names])

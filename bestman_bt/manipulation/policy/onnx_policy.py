@@ -1,0 +1,173 @@
+"""Policies in ONNX files, run by onnxruntime on the CPU; a JSON file of the same name says what goes in and comes out.
+
+The network takes normalised features [1, f] and gives a normalised chunk [1, H · n].
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
+from bestman_bt.manipulation.policy.errors import (
+    MissingPolicyExtraError,
+    PolicyActionError,
+    PolicyModelError,
+    PolicyObservationError,
+)
+from bestman_bt.manipulation.policy.features import feature_vector
+from bestman_bt.manipulation.policy.specification import PolicySpecification
+
+
+@dataclass(frozen=True)
+class OnnxPolicyParameters:
+    """``model``: the .onnx file; its specification lies beside it as .json. ``threads``: that onnxruntime may use."""
+
+    model: str = ""
+    threads: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class PolicyNormalization:
+    """Features are shifted by ``input_mean`` and divided by ``input_scale``, both (f,); outputs the other way round."""
+
+    input_mean: NDArray[np.float64]
+    input_scale: NDArray[np.float64]
+    output_mean: NDArray[np.float64]
+    output_scale: NDArray[np.float64]
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """As plain values for JSON."""
+        return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
+
+    @classmethod
+    def from_dict(cls, values: Any) -> PolicyNormalization:
+        """The inverse of ``to_dict``; PolicyModelError if shapes do not fit or a scale is not above 0."""
+        try:
+            arrays = {name: np.array(values[name], dtype=float) for name in cls.__dataclass_fields__}
+        except (KeyError, TypeError, ValueError) as error:
+            raise PolicyModelError(f"this is no normalisation: {error!r}") from error
+        result = cls(**arrays)
+        for side in ("input", "output"):
+            mean, scale = arrays[f"{side}_mean"], arrays[f"{side}_scale"]
+            if mean.ndim != 1 or mean.shape != scale.shape or not np.isfinite(mean).all() or not (scale > 0).all():
+                raise PolicyModelError(f"{side}_mean and {side}_scale should be finite, as long, the scales above 0")
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class PolicyCard:
+    """The JSON file beside the network: its specification, the features it takes, the normalisation, its training."""
+
+    specification: PolicySpecification
+    features: tuple[str, ...]
+    normalization: PolicyNormalization
+    training: dict[str, Any] = field(default_factory=dict)
+
+    def write(self, path: Path) -> None:
+        """Write the file."""
+        content = {
+            "specification": self.specification.to_dict(),
+            "features": list(self.features),
+            "normalization": self.normalization.to_dict(),
+            "training": self.training,
+        }
+        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+    @classmethod
+    def read(cls, path: Path) -> PolicyCard:
+        """Read the file; PolicyModelError if there is none or it says something else."""
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            return cls(
+                PolicySpecification.from_dict(content["specification"]),
+                tuple(content["features"]),
+                PolicyNormalization.from_dict(content["normalization"]),
+                dict(content.get("training", {})),
+            )
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError) as error:
+            raise PolicyModelError(f"{path} does not describe a policy: {error!r}") from error
+
+
+class OnnxPolicy(Policy):
+    """Gives the network's chunk, turned back into radians; it keeps nothing between two questions.
+
+    The specification is read at the first use of it, the network at the first ``act``. Raises MissingPolicyExtraError
+    without onnxruntime, PolicyModelError where the files do not fit, PolicyActionError where the network gives NaN.
+    """
+
+    def __init__(self, parameters: OnnxPolicyParameters) -> None:
+        self.parameters = parameters
+        self._path = Path(parameters.model)
+
+    @cached_property
+    def card(self) -> PolicyCard:
+        """What lies beside the network."""
+        if not self.parameters.model or not self._path.is_file():
+            raise PolicyModelError(f"no ONNX file {self.parameters.model!r}; give its path as 'model' of policy/onnx")
+        card = PolicyCard.read(self._path.with_suffix(".json"))
+        spec, outputs = card.specification, len(card.normalization.output_mean)
+        spaces = (ActionSpace.JOINT_POSITIONS.value, ActionSpace.JOINT_DELTAS.value)
+        if spec.space not in spaces or outputs != spec.horizon * len(spec.joint_names) or outputs == 0:
+            raise PolicyModelError(
+                f"{self._path} should give {spec.horizon} x {len(spec.joint_names)} joint actions "
+                f"but is described as {outputs} numbers of {spec.space!r}"
+            )
+        return card
+
+    @property
+    def specification(self) -> PolicySpecification:
+        """See Policy."""
+        return self.card.specification
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: Observation) -> ActionChunk:
+        """See Policy."""
+        spec, norm = self.specification, self.card.normalization
+        if observation.joint_positions.shape != (len(spec.joint_names),):
+            raise PolicyObservationError(
+                f"{self._path} moves {len(spec.joint_names)} joints, the observation has {observation.joint_positions.shape}"
+            )
+        features = feature_vector(observation, self.card.features)
+        if features.shape != norm.input_mean.shape:
+            raise PolicyModelError(f"{self._path} takes {norm.input_mean.shape} features, these are {features.shape}")
+        raw = self._run(((features - norm.input_mean) / norm.input_scale).astype(np.float32)[None])
+        chunk = (raw * norm.output_scale + norm.output_mean).reshape(spec.horizon, len(spec.joint_names))
+        return ActionChunk(chunk, spec.dt, ActionSpace(spec.space))
+
+    def _run(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
+        session = self._session
+        try:
+            outputs = session.run(None, {session.get_inputs()[0].name: features})
+        except Exception as error:
+            raise PolicyModelError(f"{self._path} fails on features {features.shape}: {error}") from error
+        raw = np.asarray(outputs[0], dtype=np.float64)
+        expected = (1, len(self.card.normalization.output_mean))
+        if len(outputs) != 1 or raw.shape != expected:
+            found = ", ".join(str(np.asarray(item).shape) for item in outputs)
+            raise PolicyActionError(f"{self._path} gives {found}; one output {expected} is expected")
+        if not np.isfinite(raw).all():
+            raise PolicyActionError(f"{self._path} gives NaN or infinity")
+        return raw[0]
+
+    @cached_property
+    def _session(self) -> Any:
+        try:
+            import onnxruntime
+        except ImportError as error:
+            raise MissingPolicyExtraError("policy/onnx needs onnxruntime: pip install 'bestman-bt[onnx]'") from error
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = self.parameters.threads
+        options.log_severity_level = 3
+        try:
+            return onnxruntime.InferenceSession(str(self._path), options, providers=["CPUExecutionProvider"])
+        except Exception as error:
+            raise PolicyModelError(f"{self._path} is no ONNX model that onnxruntime can load: {error}") from error

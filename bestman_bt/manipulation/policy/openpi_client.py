@@ -1,0 +1,233 @@
+"""Policies on another machine, asked by openpi's protocol: π0 and what else speaks it.
+
+A websocket; the server first sends its metadata, then answers each observation (a map) with a map that has ``actions``
+(H, m); both in msgpack with numpy arrays. A text frame from the server is an error's traceback. As in the repository
+Physical-Intelligence/openpi (``WebsocketPolicyServer``).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
+from bestman_bt.manipulation.policy.errors import (
+    MissingPolicyExtraError,
+    PolicyActionError,
+    PolicyObservationError,
+    PolicyServerError,
+    PolicyUnreachableError,
+)
+from bestman_bt.manipulation.policy.msgpack_numpy import pack, unpack
+from bestman_bt.manipulation.policy.specification import PolicySpecification
+
+
+@dataclass(frozen=True)
+class OpenpiPolicyParameters:
+    """How to reach the server, and how its keys and columns map to ours; the defaults are those of ``pi0_droid``.
+
+    ``url``: as ``ws://host:8000``. ``api_key``: sent as openpi does. ``connect_timeout``, ``timeout``: seconds for the
+    connection with its metadata, and for an answer. ``retries``: new connections where one breaks or is late.
+    ``prompt``: what to do, in words. ``joint_key``, ``gripper_key``, ``goal_key``: empty: not sent; ``image_keys``:
+    our camera → the server's key; ``image_size``: (H, W) pixels, padded with black. ``space``, ``dt``: of the actions.
+    ``gripper_column``: counted from 0, negative from the end; None: none. 0 there is open by ``gripper_open`` metres, 1
+    is closed; observations say it alike.
+    """
+
+    url: str = ""
+    joint_names: tuple[str, ...] = ()
+    prompt: str = ""
+    api_key: str = ""
+    connect_timeout: float = 5.0
+    timeout: float = 10.0
+    retries: int = 1
+    joint_key: str = "observation/joint_position"
+    gripper_key: str = "observation/gripper_position"
+    goal_key: str = ""
+    image_keys: Mapping[str, str] = field(default_factory=dict)
+    image_size: tuple[int, int] = (224, 224)
+    space: str = "joint_positions"
+    dt: float = 1.0 / 15.0
+    gripper_column: int | None = 7
+    gripper_open: float = 0.08
+
+
+class OpenpiPolicy(Policy):
+    """Connects at the first question, and again where a connection was lost.
+
+    Raises PolicyUnreachableError where no answer came, PolicyServerError where the server tells of an error or breaks
+    the protocol, PolicyActionError for actions of another shape or NaN, MissingPolicyExtraError without the extra.
+    """
+
+    def __init__(self, parameters: OpenpiPolicyParameters) -> None:
+        self.parameters = parameters
+        self._connection: Any = None
+        self._metadata: dict[str, Any] = {}
+
+    @property
+    def specification(self) -> PolicySpecification:
+        """See Policy; from the parameters: the protocol does not carry it."""
+        p = self.parameters
+        return PolicySpecification(
+            joint_names=p.joint_names,
+            space=p.space,
+            horizon=0,
+            dt=p.dt,
+            goal_size=7 if p.goal_key else 0,
+            images=dict.fromkeys(p.image_keys, p.image_size),
+            needs_gripper=bool(p.gripper_key),
+            moves_gripper=p.gripper_column is not None,
+            description=p.prompt,
+        )
+
+    def metadata(self) -> dict[str, Any]:
+        """What the server told of itself; connects if need be."""
+        self._connected(time.monotonic() + self.parameters.connect_timeout)
+        return dict(self._metadata)
+
+    def reset(self) -> None:
+        """Nothing to tell: the protocol's servers keep no episode. A broken connection is dropped."""
+
+    def act(self, observation: Observation) -> ActionChunk:
+        """See Policy."""
+        question = pack(self._question(observation))
+        reason = ""
+        for _ in range(self.parameters.retries + 1):
+            try:
+                return self._chunk(self._ask(question))
+            except _ConnectionLostError as error:
+                self.close()
+                reason = str(error)
+        tries = self.parameters.retries + 1
+        raise PolicyUnreachableError(
+            f"{self.parameters.url} gave no answer in {tries} {'tries' if tries > 1 else 'try'}; the last: {reason}"
+        )
+
+    def close(self) -> None:
+        """Drop the connection."""
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close_socket()
+
+    def _question(self, observation: Observation) -> dict[str, Any]:
+        p = self.parameters
+        question: dict[str, Any] = {"prompt": p.prompt} if p.prompt else {}
+        if p.joint_key:
+            question[p.joint_key] = observation.joint_positions.astype(np.float32)
+        if p.goal_key:
+            question[p.goal_key] = observation.goal.astype(np.float32)
+        if p.gripper_key:
+            if observation.gripper_width is None:
+                raise PolicyObservationError("the policy needs the gripper's width, which the observation lacks")
+            closed = 1.0 - np.clip(observation.gripper_width / p.gripper_open, 0.0, 1.0)
+            question[p.gripper_key] = np.array([closed], dtype=np.float32)
+        for camera, key in p.image_keys.items():
+            if camera not in observation.images:
+                raise PolicyObservationError(f"the policy needs the camera {camera!r}, which the observation lacks")
+            question[key] = resize_with_pad(observation.images[camera], p.image_size)
+        return question
+
+    def _ask(self, question: bytes) -> dict[str, Any]:
+        connection = self._connected(time.monotonic() + self.parameters.connect_timeout)
+        deadline = time.monotonic() + self.parameters.timeout
+        try:
+            connection.send(question)
+            answer = connection.recv(timeout=max(0.0, deadline - time.monotonic()))
+        except _lost() as error:
+            raise _ConnectionLostError(_words(error, self.parameters.timeout)) from error
+        if isinstance(answer, str):
+            # openpi's server sends the traceback as text, then closes.
+            self.close()
+            raise PolicyServerError(f"{self.parameters.url} failed: {answer.strip().splitlines()[-1][:500]}")
+        return self._map(answer)
+
+    def _connected(self, deadline: float) -> Any:
+        if self._connection is None:
+            p = self.parameters
+            connect = _websockets_connect()
+            headers = {"Authorization": f"Api-Key {p.api_key}"} if p.api_key else None
+            try:
+                # No proxy from the environment: the server stands in the robot's own network.
+                connection = connect(
+                    p.url,
+                    compression=None,
+                    max_size=None,
+                    additional_headers=headers,
+                    open_timeout=p.connect_timeout,
+                    close_timeout=1.0,
+                    proxy=None,
+                )
+            except ValueError as error:
+                raise PolicyUnreachableError(f"{p.url!r} is no websocket address: {error}") from error
+            except _lost() as error:
+                raise _ConnectionLostError(_words(error, p.connect_timeout)) from error
+            try:
+                greeting = connection.recv(timeout=max(0.0, deadline - time.monotonic()))
+            except _lost() as error:
+                connection.close_socket()
+                raise _ConnectionLostError(f"no metadata: {_words(error, p.connect_timeout)}") from error
+            self._connection = connection
+            self._metadata = self._map(greeting)
+        return self._connection
+
+    def _map(self, data: Any) -> dict[str, Any]:
+        value = unpack(data) if isinstance(data, bytes) else None
+        if not isinstance(value, dict):
+            self.close()
+            raise PolicyServerError(f"{self.parameters.url} should send a map in msgpack but sends {data[:80]!r}")
+        return value
+
+    def _chunk(self, answer: dict[str, Any]) -> ActionChunk:
+        p = self.parameters
+        actions = answer.get("actions")
+        if not isinstance(actions, np.ndarray) or actions.ndim != 2 or actions.dtype.kind not in "fiu":
+            found = actions.shape if isinstance(actions, np.ndarray) else type(actions).__name__
+            raise PolicyActionError(f"{p.url} should answer with 'actions' of shape (H, m) but it is {found}")
+        count = 6 if p.space == ActionSpace.TOOL_TWIST.value else len(p.joint_names)
+        needed = count if p.gripper_column is None else max(count, p.gripper_column + 1, -p.gripper_column)
+        if actions.shape[1] < needed:
+            raise PolicyActionError(f"{p.url} should give at least {needed} columns but gives {actions.shape[1]}")
+        widths = None
+        if p.gripper_column is not None:
+            widths = p.gripper_open * (1.0 - np.clip(actions[:, p.gripper_column].astype(float), 0.0, 1.0))
+        return ActionChunk(actions[:, :count].astype(float), p.dt, ActionSpace(p.space), widths)
+
+
+def resize_with_pad(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+    """The picture scaled to fit into (H, W) and centred on black, (H, W, 3)."""
+    scale = min(size[0] / image.shape[0], size[1] / image.shape[1])
+    inner = max(1, round(image.shape[0] * scale)), max(1, round(image.shape[1] * scale))
+    canvas = np.zeros((*size, 3), dtype=np.uint8)
+    top, left = (size[0] - inner[0]) // 2, (size[1] - inner[1]) // 2
+    resized = image if inner == image.shape[:2] else cv2.resize(image, inner[::-1], interpolation=cv2.INTER_LINEAR)
+    canvas[top : top + inner[0], left : left + inner[1]] = resized
+    return canvas
+
+
+class _ConnectionLostError(Exception):
+    """A try that may go better the next time."""
+
+
+def _websockets_connect() -> Any:
+    try:
+        from websockets.sync.client import connect
+    except ImportError as error:
+        raise MissingPolicyExtraError("policy/openpi needs websockets: pip install 'bestman-bt[policy]'") from error
+    return connect
+
+
+def _lost() -> tuple[type[Exception], ...]:
+    from websockets.exceptions import WebSocketException
+
+    return (OSError, TimeoutError, WebSocketException)
+
+
+def _words(error: Exception, limit: float) -> str:
+    late = isinstance(error, TimeoutError)
+    return f"no answer within {limit:g} s" if late else str(error) or type(error).__name__

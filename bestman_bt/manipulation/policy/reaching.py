@@ -1,0 +1,157 @@
+"""Demonstrations of reaching: our own inverse kinematics and jerk-limited motions, without a simulator.
+
+An expert stands at rest, looks at where the tool should be, and shows the first H steps of the straight joint motion to
+the nearest solution; then it looks again from where it has come, a little off its way, so that the imitator sees how to
+correct itself (Laskey et al., "DART: noise injection for robust imitation learning", CoRL 2017).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.errors import PolicyError
+from bestman_bt.manipulation.policy.features import pose_vector
+from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.trajectory import RuckigStateToState, SpeedScale
+from bestman_bt.messages import JointTrajectory, Pose
+from bestman_bt.robot_model import ArmModel
+
+REACHING_FEATURES = ("joint_positions", "goal_error")
+
+
+@dataclass(frozen=True)
+class ReachingParameters:
+    """The box of goals and how the expert moves.
+
+    ``lower``, ``upper``: corners for the tool in the base frame, metres. ``max_yaw``, ``max_tilt``: how far the tool
+    turns from ``posture``'s direction, radians. ``posture_noise``: rad on the joints at which a search begins.
+    ``horizon`` actions of ``dt`` seconds per chunk. ``chunks``: per episode. ``drift``: rad off the way after each
+    chunk. ``near``: share of the episodes that begin next to their goal. ``margin``: metres around the goals' box in
+    which the tool may be on its way.
+    """
+
+    lower: tuple[float, float, float] = (0.42, -0.30, 0.82)
+    upper: tuple[float, float, float] = (0.65, 0.30, 1.15)
+    max_yaw: float = 0.5
+    max_tilt: float = 0.15
+    posture: str = "home"
+    posture_noise: float = 0.1
+    horizon: int = 10
+    dt: float = 0.08
+    chunks: int = 4
+    drift: float = 0.01
+    near: float = 0.3
+    margin: float = 0.10
+    speed: SpeedScale = SpeedScale(0.4, 0.25)
+
+    def __post_init__(self) -> None:
+        if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
+            raise ManipulationError(f"ReachingParameters lower {self.lower} should lie below upper {self.upper}")
+        for name in ("horizon", "dt", "chunks"):
+            if not getattr(self, name) > 0:
+                raise ManipulationError(f"ReachingParameters {name} should be above 0 but is {getattr(self, name)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """One episode of N chunks: what was seen before each, and the H · n joint deltas that followed, (N, H, n)."""
+
+    observations: tuple[Observation, ...]
+    chunks: NDArray[np.float64]
+
+
+class ReachingExpert:
+    """Starts, goals and demonstrations for one arm; every choice comes from the generator that is passed in."""
+
+    def __init__(
+        self,
+        kinematics: InverseKinematics,
+        arm: ArmModel,
+        home: NDArray[np.float64],
+        parameters: ReachingParameters | None = None,
+    ) -> None:
+        self.kinematics, self.arm, self.home = kinematics, arm, home
+        self.parameters = parameters or ReachingParameters()
+        self._motion = RuckigStateToState()
+
+    def specification(self, robot: str) -> PolicySpecification:
+        """That of a policy which learns from these demonstrations."""
+        p = self.parameters
+        low, high = np.array(p.lower) - p.margin, np.array(p.upper) + p.margin
+        return PolicySpecification(
+            joint_names=self.arm.joint_names,
+            space="joint_deltas",
+            horizon=p.horizon,
+            dt=p.dt,
+            robot=robot,
+            workspace=(tuple(low.tolist()), tuple(high.tolist())),  # type: ignore[arg-type]
+            description="moves the tool to the goal pose; trained by behaviour cloning of reaching",
+        )
+
+    def task(self, rng: np.random.Generator, near: bool = False) -> tuple[NDArray[np.float64], Pose]:
+        """Joint positions (n,) and a goal, both in the box; ``near``: the goal within some centimetres of the start."""
+        while True:
+            start = self._posture(self._pose(rng), rng)
+            goal = self._pose(rng)
+            if start is not None and near:
+                turn = rng.uniform(-1.0, 1.0, 3) * 0.12
+                tool = self.kinematics.tool_pose(start)
+                goal = Pose(tool.position + rng.uniform(-0.04, 0.04, 3) * rng.uniform()) @ Pose.from_xyz_rpy(
+                    np.zeros(3), turn * rng.uniform()
+                ) @ Pose(np.zeros(3), tool.quaternion)
+            if start is not None and self.motion(start, goal, rng) is not None:
+                return start, goal
+
+    def motion(
+        self, start: NDArray[np.float64], goal: Pose, rng: np.random.Generator
+    ) -> JointTrajectory | None:
+        """The expert's motion from rest at ``start`` to the nearest solution for ``goal``; None if there is none."""
+        found = self.kinematics.solve(goal, start, rng, attempts=1)
+        if not found.found:
+            return None
+        try:
+            return self._motion.plan(start, found.best, self.arm, self.parameters.speed)
+        except ManipulationError:
+            return None
+
+    def demonstrate(self, rng: np.random.Generator) -> Demonstration:
+        """One episode."""
+        p = self.parameters
+        positions, goal = self.task(rng, near=bool(rng.uniform() < p.near))
+        observations, chunks = [], []
+        for _ in range(p.chunks):
+            motion = self.motion(positions, goal, rng)
+            if motion is None:
+                break
+            observations.append(Observation(positions, self.kinematics.tool_pose(positions), pose_vector(goal)))
+            times = np.arange(p.horizon + 1) * p.dt
+            samples = np.array([motion.sample(float(time))[0] for time in times])
+            chunks.append(np.diff(samples, axis=0))
+            positions = np.clip(
+                samples[-1] + rng.normal(0.0, p.drift, len(positions)), self.arm.lower + 0.03, self.arm.upper - 0.03
+            )
+        if not chunks:
+            raise PolicyError("the expert found no motion to a goal that it had reached before")
+        return Demonstration(tuple(observations), np.array(chunks))
+
+    def _pose(self, rng: np.random.Generator) -> Pose:
+        p = self.parameters
+        straight = self.kinematics.tool_pose(self.home).quaternion
+        tilt_axis, tilt = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, p.max_tilt)
+        turn = Pose.from_xyz_rpy(
+            rng.uniform(p.lower, p.upper),
+            (tilt * math.cos(tilt_axis), tilt * math.sin(tilt_axis), rng.uniform(-p.max_yaw, p.max_yaw)),
+        )
+        return turn @ Pose(np.zeros(3), straight)
+
+    def _posture(self, pose: Pose, rng: np.random.Generator) -> NDArray[np.float64] | None:
+        reference = self.home + rng.normal(0.0, self.parameters.posture_noise, len(self.home))
+        found = self.kinematics.solve(pose, np.clip(reference, self.arm.lower, self.arm.upper), rng, attempts=1)
+        return found.best if found.found else None

@@ -1,0 +1,49 @@
+"""Trying a policy in kinematics alone: each chunk is carried out exactly, then it is asked again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.policy.base import Observation, Policy
+from bestman_bt.manipulation.policy.chunk_path import chunk_path
+from bestman_bt.manipulation.policy.features import pose_error, pose_vector
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel
+
+
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """How it went: ``path`` (N, n) radians; ``errors`` (C, 2) metres and radians to the goal after each chunk."""
+
+    path: NDArray[np.float64]
+    errors: NDArray[np.float64]
+
+    def reached(self, position_tolerance: float, rotation_tolerance: float) -> bool:
+        """Whether the tool was at the goal after some chunk."""
+        return bool((self.errors <= (position_tolerance, rotation_tolerance)).all(axis=1).any())
+
+
+def roll_out(
+    policy: Policy,
+    kinematics: InverseKinematics,
+    arm: ArmModel,
+    start: NDArray[np.float64],
+    told: Pose,
+    judged: Pose | None = None,
+    chunks: int = 8,
+) -> Rollout:
+    """From ``start`` (n,) with the goal ``told``; errors are those to ``judged`` (default: the same)."""
+    judged = judged or told
+    path, errors = [start], []
+    policy.reset()
+    for _ in range(chunks):
+        tool = kinematics.tool_pose(path[-1])
+        steps = chunk_path(policy.act(Observation(path[-1], tool, pose_vector(told))), path[-1], kinematics, arm)
+        path.extend(steps[1:])
+        error = pose_error(judged, kinematics.tool_pose(path[-1]))
+        errors.append((np.linalg.norm(error[:3]), np.linalg.norm(error[3:])))
+    return Rollout(np.array(path), np.array(errors))
