@@ -69,7 +69,7 @@ class RunView:
 
 def summary(result: RunResult, setup: Setup, folder: Path) -> None:
     """Print how a run ended."""
-    goal = setup.config.task.goal
+    goals = setup.goals
     table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
     look = {
         Outcome.SUCCESS: "[bold green]success",
@@ -78,7 +78,7 @@ def summary(result: RunResult, setup: Setup, folder: Path) -> None:
         Outcome.ERROR: "[bold red]error",
     }[result.outcome]
     table.add_row(f"{result.task}, seed {result.seed}", look)
-    if goal is not None and result.success:
+    for goal in goals if result.success else ():
         table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
     if result.failure is not None:
         where = f"{result.failure.node}: " if result.failure.node else ""

@@ -7,7 +7,9 @@ from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
 from bestman_bt.configuration.task import (
     GoalConfig,
+    OpeningConfig,
     TaskConfig,
+    TidyConfig,
     TolerancesConfig,
     algorithm_parameters,
     load_task,
@@ -18,9 +20,11 @@ __all__ = [
     "ConfigurationError",
     "Document",
     "GoalConfig",
+    "OpeningConfig",
     "Problem",
     "RunConfig",
     "TaskConfig",
+    "TidyConfig",
     "TolerancesConfig",
     "algorithm_parameters",
     "check",

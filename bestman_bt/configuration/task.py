@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -13,8 +13,16 @@ from pydantic import Field
 from bestman_bt.configuration.checked import check
 from bestman_bt.configuration.data import data_names, find_data
 from bestman_bt.configuration.document import Document, read_document
-from bestman_bt.configuration.errors import ConfigurationError
-from bestman_bt.configuration.quantity import Frequency, PositiveAngle, PositiveLength, PositiveTime, Time
+from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.quantity import (
+    Frequency,
+    JointPosition,
+    Length,
+    PositiveAngle,
+    PositiveLength,
+    PositiveTime,
+    Time,
+)
 from bestman_bt.registry import suggestion
 
 T = TypeVar("T")
@@ -26,13 +34,40 @@ TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about 
 class GoalConfig:
     """``object``, to be sought on ``source``, shall stand at the world's goal ``name`` on ``surface``.
 
-    Surfaces are named as in the map: ``counter`` or ``counter/top``.
+    Surfaces are named as in the map: ``counter``, ``counter/top`` or, of a drawer, ``drawer_chest/drawer_1``.
+    ``object``: of a list of names, the seed chooses one that is there.
     """
 
     name: str
-    object: str
+    object: str | tuple[str, ...]
     source: str
     surface: str
+
+
+@dataclass(frozen=True)
+class OpeningConfig:
+    """A door or drawer, ``furniture/name``, shall be open by ``at_least`` and ``at_most`` so far at the end.
+
+    Radians of a door, metres of a drawer.
+    """
+
+    articulation: str
+    at_least: JointPosition | None = None
+    at_most: JointPosition | None = None
+
+
+@dataclass(frozen=True)
+class TidyConfig:
+    """All of ``objects`` that are there shall be within a rectangle of ``surface``: ``x``, ``y`` in its frame.
+
+    ``source``: where they are to be sought.
+    """
+
+    objects: tuple[str, ...]
+    source: str
+    surface: str
+    x: tuple[Length, Length]
+    y: tuple[Length, Length]
 
 
 @dataclass(frozen=True)
@@ -49,9 +84,10 @@ class TolerancesConfig:
 class TaskConfig:
     """A task.
 
-    ``predicate``: the name of the success predicate. ``allowed_contacts``: pairs that may touch, each an object, a
-    piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``: metres. ``time_limit``:
-    simulated seconds. ``tick_rate``: hertz, 1000 at most.
+    ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``: what else is asked.
+    ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: pairs that
+    may touch, each an object, a piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``:
+    metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most.
     ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default.
     """
 
@@ -59,7 +95,10 @@ class TaskConfig:
     scene: str
     robot: str
     goal: GoalConfig | None = None
-    predicate: str | None = None
+    goals: tuple[GoalConfig, ...] = ()
+    opening: OpeningConfig | None = None
+    tidy: TidyConfig | None = None
+    predicate: str | tuple[str, ...] | None = None
     tolerances: TolerancesConfig = field(default_factory=TolerancesConfig)
     allowed_contacts: tuple[tuple[str, str], ...] = ()
     max_penetration: PositiveLength = 0.002
@@ -68,6 +107,18 @@ class TaskConfig:
     algorithms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     plugins: tuple[str, ...] = ()
     description: str = ""
+
+    @property
+    def all_goals(self) -> tuple[GoalConfig, ...]:
+        """``goal`` and ``goals``."""
+        return (self.goal, *self.goals) if self.goal is not None else self.goals
+
+    @property
+    def predicates(self) -> tuple[str, ...]:
+        """The names of the predicates; none where the task is not judged."""
+        if self.predicate is None:
+            return ()
+        return (self.predicate,) if isinstance(self.predicate, str) else self.predicate
 
     def algorithm(self, slot: str) -> tuple[str, dict[str, Any]]:
         """Name and parameters of the algorithm in a slot; KeyError names the slots that there are."""
@@ -105,7 +156,7 @@ def check_task(document: Document) -> TaskConfig:
     """A task from its document; raises ConfigurationError."""
     task = check(document, TaskConfig)
     slots = list(read_document(find_data("algorithms", "default")).data)
-    problems = []
+    problems = list(_contradictions(task, document))
     for slot, parameters in task.algorithms.items():
         if slot not in slots:
             problems.append(document.problem(("algorithms", slot), f"unknown slot; {suggestion(slot, slots)}"))
@@ -115,6 +166,25 @@ def check_task(document: Document) -> TaskConfig:
     if problems:
         raise ConfigurationError(problems)
     return task
+
+
+def _contradictions(task: TaskConfig, document: Document) -> Iterator[Problem]:
+    """What types cannot tell."""
+    if task.goal is not None and task.goals:
+        yield document.problem(("goals",), "'goal' is given too; one goal or several")
+    opening, tidy = task.opening, task.tidy
+    if opening is not None:
+        if opening.at_least is None and opening.at_most is None:
+            yield document.problem(("opening",), "one of 'at_least' and 'at_most' should be given")
+        elif opening.at_least is not None and opening.at_most is not None and opening.at_least > opening.at_most:
+            message = f"should not be less than at_least, {opening.at_least:g}, got {opening.at_most:g}"
+            yield document.problem(("opening", "at_most"), message)
+    if tidy is not None:
+        for axis, (lower, upper) in (("x", tidy.x), ("y", tidy.y)):
+            if lower >= upper:
+                yield document.problem(("tidy", axis), f"the smaller limit comes first, got [{lower:g}, {upper:g}]")
+        if not tidy.objects:
+            yield document.problem(("tidy", "objects"), "should name at least one object")
 
 
 def task_of_tree(tree: str) -> str | None:

@@ -13,7 +13,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.pictures import Pictures
-from bestman_bt.evaluation.predicates import Verdict, find_predicate
+from bestman_bt.evaluation.predicates import Verdict, find_judge
 from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
@@ -46,7 +46,7 @@ class _Observers:
 
 def prepare_episode(config: RunConfig) -> Setup:
     """Check everything that a judged run needs; nothing is started. Raises as ``prepare``."""
-    find_predicate(config)
+    find_judge(config)
     return prepare(config)
 
 
@@ -64,7 +64,7 @@ def run_episode(
     before anything is started.
     """
     setup = prepare_episode(config) if isinstance(config, RunConfig) else config
-    predicate = find_predicate(setup.config)
+    judge = find_judge(setup.config)
     observers = _Observers(folder if pictures else None)
     wall_start = time.perf_counter()
     with ExitStack() as stack:
@@ -78,8 +78,8 @@ def run_episode(
         if execution.ending is Ending.CANCELLED:
             session.robot.stop()
             session.robot.clock.sleep(0.5)
-        elif predicate is not None and observers.truth is not None:
-            verdict = predicate(session, observers.truth, session.robot.clock)
+        elif judge is not None and observers.truth is not None:
+            verdict = judge(session, observers.truth, session.robot.clock)
         if observers.pictures is not None:
             observers.pictures.take("end", _object(setup))
         audited = None
@@ -130,8 +130,7 @@ def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], 
 
 
 def _object(setup: Setup) -> str | None:
-    goal = setup.config.task.goal
-    return goal.object if goal is not None else None
+    return setup.goals[0].object if setup.goals else None
 
 
 def _judge(

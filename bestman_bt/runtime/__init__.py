@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from bestman_bt.runtime.plugins import node_registry
     from bestman_bt.runtime.robot_session import Session, open_session, session
     from bestman_bt.runtime.setup import Setup, load_for, prepare
+    from bestman_bt.runtime.task_goals import TaskGoal
 
 _HOMES = {
     "ControlChannel": "control_channel",
@@ -24,6 +25,7 @@ _HOMES = {
     "Executor": "executor",
     "Session": "robot_session",
     "Setup": "setup",
+    "TaskGoal": "task_goals",
     "load_for": "setup",
     "node_registry": "plugins",
     "open_session": "robot_session",
@@ -41,6 +43,7 @@ __all__ = [
     "Executor",
     "Session",
     "Setup",
+    "TaskGoal",
     "load_for",
     "node_registry",
     "open_session",

@@ -125,15 +125,27 @@ def session(
 
 
 def _entries(setup: Setup) -> dict[str, Any]:
-    goal = setup.config.task.goal
-    if goal is None:
-        return {}
-    return {
-        "object": goal.object,
-        "source": goal.source,
-        "target": goal.surface,
-        "goal": setup.world.goals[goal.name],
-    }
+    """What the task tells the tree; where handles are, it does not."""
+    entries: dict[str, Any] = {}
+    if setup.config.task.goal is not None:
+        (goal,) = setup.goals
+        entries = {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
+    elif setup.goals:
+        entries = {
+            "objects": [goal.object for goal in setup.goals],
+            "sources": [goal.source for goal in setup.goals],
+            "targets": [goal.surface for goal in setup.goals],
+            "goals": [goal.pose for goal in setup.goals],
+        }
+    opening, tidy = setup.config.task.opening, setup.config.task.tidy
+    if opening is not None:
+        asked = {"at_least": opening.at_least, "at_most": opening.at_most}
+        entries |= {"articulation": opening.articulation, "furniture": opening.articulation.partition("/")[0]}
+        entries |= {name: value for name, value in asked.items() if value is not None}
+    if tidy is not None:
+        entries |= {"objects": list(tidy.objects), "source": tidy.source, "target": tidy.surface}
+        entries |= {"region_x": list(tidy.x), "region_y": list(tidy.y)}
+    return entries
 
 
 def _skills(setup: Setup, robot: Robot) -> SkillContext:

@@ -5,20 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
+from functools import cached_property
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, find_data
 from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
 from bestman_bt.messages import Pose2D
-from bestman_bt.registry import DRIVERS, UnknownNameError, suggestion
+from bestman_bt.registry import DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.task_goals import TaskGoal, task_goals
+from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, WorldModel
 
@@ -37,6 +38,11 @@ class Setup:
     world: World
     world_model: WorldModel
 
+    @cached_property
+    def goals(self) -> tuple[TaskGoal, ...]:
+        """Which objects the task wants where."""
+        return task_goals(self.config, self.world, self.world_model.models)
+
 
 def prepare(config: RunConfig) -> Setup:
     """Load and check everything that a run needs; nothing is started.
@@ -51,8 +57,8 @@ def prepare(config: RunConfig) -> Setup:
         map=semantic_map(world), models=dict(scene.models), base=_told_start(world.robot_start, config.seed)
     )
     setup = Setup(config, registry, robot_model, world, world_model)
-    problems = [*_driver_problems(config), *_robot_problems(setup), *_goal_problems(setup)]
-    problems += _contact_problems(setup)
+    problems = [*_driver_problems(config), *_robot_problems(setup)]
+    problems += task_problems(config, world, world_model, robot_model)
     if problems:
         raise ConfigurationError(problems)
     load_for(setup)
@@ -104,34 +110,3 @@ def _robot_problems(setup: Setup) -> Iterable[Problem]:
     for kind, parts in needed.items():
         if not parts:
             yield Problem(str(setup.config.task.robot), None, "parts", f"the skills need a {kind}, this robot has none")
-
-
-def _goal_problems(setup: Setup) -> Iterable[Problem]:
-    goal, config, known = setup.config.task.goal, setup.config, setup.world_model
-    if goal is None:
-        return
-    furniture = known.map.furniture
-    surfaces = [*furniture, *(f"{name}/{s.name}" for name, piece in furniture.items() for s in piece.surfaces)]
-    for field, value, names, what in (
-        ("name", goal.name, list(setup.world.goals), "the scene has no goal"),
-        ("object", goal.object, list(known.models), "the robot knows no object"),
-        ("source", goal.source, surfaces, "the map has no surface"),
-        ("surface", goal.surface, surfaces, "the map has no surface"),
-    ):
-        if value not in names:
-            yield config.problem(("goal", field), f"{what} {value!r}; {suggestion(value, names)}")
-
-
-def _contact_problems(setup: Setup) -> Iterable[Problem]:
-    """``allowed_contacts`` name bodies of the world, parts of the robot, or what the robot may be asked to fetch."""
-    known, robot = setup.world_model, ElementTree.fromstring(setup.robot_model.urdf)
-    walls = [f"wall_{index}" for index in range(len(setup.world.walls))]
-    names = [*known.models, *known.map.furniture, "floor", *walls, "fingers", "robot"]
-    links = [link.get("name", "") for link in robot.iter("link")]
-    for index, pair in enumerate(setup.config.task.allowed_contacts):
-        for side, name in enumerate(pair):
-            if name not in names and name not in links:
-                close = get_close_matches(name, [*names, *links], n=1)
-                remedy = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)} and the robot's links"
-                message = f"there is no object, piece of furniture or link {name!r}; {remedy}"
-                yield setup.config.problem(("allowed_contacts", index, side), message)

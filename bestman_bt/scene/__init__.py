@@ -6,6 +6,7 @@ from bestman_bt.scene.load import SceneConfig, load_scene
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.object_file import read_object
 from bestman_bt.scene.scene import (
+    LATCH_TRAVEL,
     Articulation,
     FurnitureModel,
     PlacedFurniture,
@@ -17,6 +18,7 @@ from bestman_bt.scene.scene import (
 )
 
 __all__ = [
+    "LATCH_TRAVEL",
     "Articulation",
     "FurnitureModel",
     "PlacedFurniture",

@@ -9,7 +9,16 @@ from typing import Literal
 import numpy as np
 
 from bestman_bt.configuration import ConfigurationError, Document
-from bestman_bt.configuration.quantity import JointEffort, JointPosition, Lengths3, Mass, Number, PositiveLength, Size2
+from bestman_bt.configuration.quantity import (
+    JointEffort,
+    JointPosition,
+    LatchEffort,
+    Lengths3,
+    Mass,
+    Number,
+    PositiveLength,
+    Size2,
+)
 from bestman_bt.messages import Handle, HandleKind, JointKind, Pose
 from bestman_bt.messages.handle import HingeSide
 from bestman_bt.scene.scene import Articulation
@@ -47,7 +56,7 @@ class ArticulationConfig:
     """A door (``revolute``) or drawer (``prismatic``), closed, in the furniture frame.
 
     ``origin``: a point on the ``axis``; the joint opens in its positive sense up to ``upper``. ``friction``: what it
-    resists with, N m or N.
+    resists with, N m or N. ``latch``: what it takes in addition to leave the closed position.
     """
 
     joint: JointKind
@@ -58,6 +67,7 @@ class ArticulationConfig:
     mass: Mass
     friction: JointEffort
     handle: HandleConfig
+    latch: LatchEffort = 0.0
 
 
 def read_articulations(configs: Mapping[str, ArticulationConfig], document: Document) -> tuple[Articulation, ...]:
@@ -100,6 +110,7 @@ def _articulation(name: str, config: ArticulationConfig, document: Document) -> 
         mass=config.mass,
         friction=config.friction,
         handle=_handle(config, origin, axis, pulled),
+        latch=config.latch,
     )
 
 

@@ -51,6 +51,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
             robot_start=start,
             goals=goals,
             finger_friction=scene.file.finger_friction,
+            goal_heights={name: float(model.size[2]) for name, model in scene.goal_models.items()},
         )
     raise SceneError(f"scene {scene.name!r}, seed {seed}: no world in {_ATTEMPTS} draws; {complaint}")
 

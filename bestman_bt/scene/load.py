@@ -38,10 +38,10 @@ class SceneConfig:
     def surface(self, name: str) -> tuple[str, Surface]:
         """Furniture name and surface of ``furniture`` or ``furniture/surface``; KeyError names what there is."""
         furniture, _, wanted = name.partition("/")
-        for surface in self.furniture[furniture].surfaces if furniture in self.furniture else ():
+        for surface in self.furniture[furniture].all_surfaces if furniture in self.furniture else ():
             if wanted in ("", surface.name):
                 return furniture, surface
-        known = [f"{piece}/{surface.name}" for piece, model in self.furniture.items() for surface in model.surfaces]
+        known = [f"{piece}/{surface.name}" for piece, model in self.furniture.items() for surface in model.all_surfaces]
         raise KeyError(f"unknown surface {name!r}; {suggestion(name, known)}")
 
 

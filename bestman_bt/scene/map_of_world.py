@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Pose
+from bestman_bt.scene.boards_of_furniture import boards, leaves
 from bestman_bt.scene.plane_geometry import cut_away, wall_rectangle
-from bestman_bt.scene.scene import FurnitureModel, World
+from bestman_bt.scene.scene import FurnitureModel, Surface, World
 from bestman_bt.world_model import MapFurniture, MapSurface, SemanticMap
 
 _SCAN_BAND = (0.2, 0.3)  # heights between which lidars of mobile bases look, metres
@@ -22,14 +25,23 @@ def semantic_map(world: World) -> SemanticMap:
             footprint=piece.model.footprint,
             height=piece.elevation + _height(piece.model),
             surfaces=tuple(
-                MapSurface(s.name, Pose.from_xyz_rpy((0.0, 0.0, piece.elevation)) @ s.pose, s.size)
-                for s in piece.model.surfaces
+                MapSurface(s.name, Pose.from_xyz_rpy((0.0, 0.0, piece.elevation)) @ s.pose, s.size, leaf)
+                for leaf, s in _surfaces(piece.model)
             ),
             solid_at_lidar=piece.elevation == 0.0 and _fills_scan_band(piece.model),
+            shapes=boards(piece.model, piece.elevation),
+            leaves=leaves(piece.model, piece.elevation),
         )
         for piece in world.furniture
     }
     return SemanticMap(walls=_wall_faces(world), furniture=furniture)
+
+
+def _surfaces(model: FurnitureModel) -> Iterator[tuple[str | None, Surface]]:
+    """Surfaces and the drawers that they move with; those that stand still come first."""
+    for surface in model.all_surfaces:
+        leaf = model.leaf_of(surface.name)
+        yield (leaf.name if leaf is not None else None), surface
 
 
 def _wall_faces(world: World) -> NDArray[np.float64]:

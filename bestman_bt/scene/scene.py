@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape, Pose, Pose2D
+
+LATCH_TRAVEL = {"revolute": math.radians(1.5), "prismatic": 0.008}
+"""How far a latch holds on, radians or metres from closed."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +39,8 @@ class Articulation:
 
     ``origin``: (3,) metres, a point on the axis; ``axis``: (3,) unit; the joint opens in its positive sense, from 0 to
     ``upper`` (radians or metres). ``friction``: N m or N that the joint resists with. ``handle``: its true handle.
+    ``surfaces``: those that move with it, such as a drawer's bottom. ``latch``: N m or N beyond the friction that it
+    takes to leave the closed position; it holds over the first ``LATCH_TRAVEL`` and catches again there.
     """
 
     name: str
@@ -48,6 +53,8 @@ class Articulation:
     mass: float
     friction: float
     handle: Handle
+    surfaces: tuple[Surface, ...] = ()
+    latch: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -64,6 +71,15 @@ class FurnitureModel:
     surfaces: tuple[Surface, ...]
     friction: float = 0.8
     articulations: tuple[Articulation, ...] = ()
+
+    @property
+    def all_surfaces(self) -> tuple[Surface, ...]:
+        """Those of the body and then those of its drawers, these as they are while closed."""
+        return (*self.surfaces, *(s for leaf in self.articulations for s in leaf.surfaces))
+
+    def leaf_of(self, surface: str) -> Articulation | None:
+        """The drawer that a surface moves with; None if it stands still."""
+        return next((leaf for leaf in self.articulations if surface in {s.name for s in leaf.surfaces}), None)
 
 
 @dataclass(frozen=True)
@@ -99,7 +115,8 @@ class PlacedObject:
 class World:
     """One drawn scene: everything the simulator builds, and what evaluation may judge by.
 
-    ``goals``: name → pose in the map frame, for example the asked place pose of the task.
+    ``goals``: name → pose in the map frame, for example the asked place pose of the task; ``goal_heights``: of the
+    model that each is for, metres.
     ``finger_friction``: overrides the gripper's own where not None (for control experiments).
     """
 
@@ -111,6 +128,7 @@ class World:
     robot_start: Pose2D
     goals: Mapping[str, Pose]
     finger_friction: float | None = None
+    goal_heights: Mapping[str, float] = field(default_factory=dict)
 
 
 def wall_box(wall: Wall) -> tuple[Box, Pose]:

@@ -1,6 +1,6 @@
 """What the robot believes: the semantic map, seen objects, what it holds, where it is."""
 
-from bestman_bt.world_model.semantic_map import MapFurniture, MapSurface, SemanticMap
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 from bestman_bt.world_model.world_model import (
     BasePose,
     HandleBelief,
@@ -16,6 +16,7 @@ __all__ = [
     "HandleBelief",
     "HeldObject",
     "MapFurniture",
+    "MapLeaf",
     "MapSurface",
     "ObjectBelief",
     "ObjectChange",

@@ -9,16 +9,44 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages import JointKind, PlacedShape, Pose, Pose2D
 
 
 @dataclass(frozen=True)
 class MapSurface:
-    """A surface to put things on: ``pose``: of its centre in the furniture frame; ``size``: (x, y) metres."""
+    """A surface to put things on: ``pose``: of its centre in the furniture frame; ``size``: (x, y) metres.
+
+    ``leaf``: the drawer that it moves with, if any; ``pose`` is then that of the closed one.
+    """
 
     name: str
     pose: Pose
     size: tuple[float, float]
+    leaf: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MapLeaf:
+    """A door or drawer as the map has it, closed, in the furniture frame: no more than a plan of the piece tells.
+
+    ``origin``: (3,) metres, a point on the ``axis``, (3,) unit, about or along which it opens. ``shapes``: its boards,
+    without its handle. ``upper``: how far it opens, radians or metres.
+    """
+
+    name: str
+    kind: JointKind
+    origin: tuple[float, float, float]
+    axis: tuple[float, float, float]
+    upper: float
+    shapes: tuple[PlacedShape, ...]
+
+    def moved(self, position: float) -> Pose:
+        """furniture_from_closed: where the points of the closed leaf are when it is open by ``position``."""
+        if self.kind == "prismatic":
+            return Pose(position * np.array(self.axis))
+        origin, axis = np.array(self.origin), np.array(self.axis)
+        turn = Pose(np.zeros(3), np.append(math.sin(position / 2) * axis, math.cos(position / 2)))
+        return Pose(origin) @ turn @ Pose(-origin)
 
 
 @dataclass(frozen=True)
@@ -26,7 +54,8 @@ class MapFurniture:
     """A named piece of furniture, believed at ``pose`` (off by up to 3 cm and 2°); its front faces -x.
 
     ``footprint``: (x, y) extents in metres. ``height``: metres. ``solid_at_lidar``: whether a lidar sees its footprint
-    (a counter) or only legs (a table).
+    (a counter) or only legs (a table). ``shapes``: the boards that it is made of, in the furniture frame, and
+    ``leaves``: its doors and drawers; empty where the map has the outline alone.
     """
 
     name: str
@@ -35,6 +64,8 @@ class MapFurniture:
     height: float
     surfaces: tuple[MapSurface, ...]
     solid_at_lidar: bool
+    shapes: tuple[PlacedShape, ...] = ()
+    leaves: tuple[MapLeaf, ...] = ()
 
     def covers(self, point: NDArray[np.float64], margin: float = 0.0) -> bool:
         """Whether a point (2,) of the map lies on the footprint, grown by ``margin`` metres on each side."""

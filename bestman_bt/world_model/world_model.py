@@ -95,7 +95,9 @@ class WorldModel:
     """The robot's belief; skills read and write it, the simulator never does.
 
     ``models``: objects that it knows by name. ``base``: its pose on the map. ``changes``: what was noticed of objects,
-    oldest first. ``occupancy``: what was seen to be free and filled, in the map frame; None before any scan.
+    oldest first. ``articulations``: how far doors and drawers, ``furniture/leaf``, are open, radians or metres; those
+    that are not named are closed. ``occupancy``: what was seen to be free and filled, in the map frame; None before
+    any scan.
     """
 
     map: SemanticMap
@@ -106,6 +108,7 @@ class WorldModel:
     handles: dict[str, HandleBelief] = field(default_factory=dict)
     changes: list[ObjectChange] = field(default_factory=list)
     held: HeldObject | None = None
+    articulations: dict[str, float] = field(default_factory=dict)
     occupancy: VoxelGrid | None = None
 
     def as_at_the_start(self) -> WorldModel:

@@ -12,6 +12,7 @@ from bestman_bt.messages import Pose
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.pybullet.client import PhysicsClient, Reader, SimulationError
+from hal.pybullet.latches import Latches
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.world_builder import BuiltWorld, build_world
 
@@ -32,6 +33,9 @@ class Simulation:
         self.effort_controls: list[Callable[[], None]] = []
         self.step_observers: list[Callable[[], None]] = []
         self.observers: list[Callable[[], None]] = []
+        latches = Latches(client, world, self.built.articulations)
+        if latches:
+            self.effort_controls.append(latches.update)
         movable = [
             joint
             for group in (model.bases, model.arms, model.grippers, model.joint_groups)

@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.scene import FurnitureModel, read_furniture
 
-SHIPPED = ("counter", "cupboard", "dishwasher", "drawer_chest", "fridge", "microwave", "shelf", "table")
+SHIPPED = ("counter", "cupboard", "dishwasher", "drawer_chest", "fridge", "microwave", "room_door", "shelf", "table")
 
 CABINET = """\
 footprint: [40 cm, 50 cm]
@@ -73,7 +73,7 @@ def test_the_shipped_chest_is_what_its_file_says() -> None:
     assert chest.footprint == (0.48, 0.80)
     assert [a.name for a in chest.articulations] == ["drawer_1", "drawer_2", "drawer_3"]
     for drawer in chest.articulations:
-        assert (drawer.kind, drawer.friction) == ("prismatic", 10.0)
+        assert (drawer.kind, drawer.friction) == ("prismatic", 15.0)
         assert (drawer.handle.kind, drawer.handle.radius, drawer.handle.length) == ("bar", 0.007, 0.22)
 
 

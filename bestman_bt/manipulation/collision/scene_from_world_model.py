@@ -8,8 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bestman_bt.manipulation.collision.hollow_furniture import hollow_furniture
 from bestman_bt.manipulation.collision.planning_scene import AttachedObject, PlanningScene, SceneObstacle
 from bestman_bt.manipulation.collision.voxels_from_world_model import voxel_obstacles
+from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.world_model import MapFurniture, WorldModel
@@ -48,6 +50,7 @@ def planning_scene_from_world_model(
     allowed_pairs: Iterable[tuple[str, str]] = (),
     parameters: SceneParameters = SceneParameters(),
     explained: Iterable[PlacedShape] = (),
+    hollow: Iterable[str] = (),
 ) -> PlanningScene:
     """The planning scene around the believed base pose.
 
@@ -56,6 +59,10 @@ def planning_scene_from_world_model(
     of furniture, or ``furniture/…``, is a measurement of it and replaces its box. The held object is attached; the
     hand and fingers of its gripper may touch it. ``positions``: of all joints, by name. ``ignore``: names to leave out.
 
+    ``hollow``: furniture that the arm works in: where the map knows its boards, these are the obstacle ``furniture``,
+    and each door and drawer, at its believed position, the obstacle ``furniture/leaf``, all as thick as the error of
+    the map asks for; what was measured is an obstacle in addition, and of a leaf's name instead of the leaf.
+
     Voxels of ``world_model.occupancy`` are obstacles (``occupied``, ``unknown``), but for those that any of these
     bodies, ignored ones too, or a shape of ``explained`` (in the base frame) explains.
     """
@@ -63,10 +70,19 @@ def planning_scene_from_world_model(
     if world_model.held is not None:
         left_out.add(world_model.held.name)
     base_from_map = world_model.base.pose.to_pose().inverse()
+    within = _with_boards(world_model, hollow)
     bodies = (
         _floor(),
         *_walls(world_model, base_from_map, parameters),
-        *_furniture(world_model, base_from_map, parameters),
+        *_furniture(world_model, base_from_map, parameters, within),
+        *hollow_furniture(
+            world_model,
+            base_from_map,
+            within,
+            offset=parameters.furniture_offset,
+            turn=parameters.furniture_turn,
+            reach=parameters.reach,
+        ),
         *_measured(world_model, base_from_map),
         *_objects(world_model, base_from_map, parameters),
     )
@@ -140,8 +156,19 @@ def _walls(world_model: WorldModel, base_from_map: Pose, parameters: SceneParame
     return obstacles
 
 
-def _furniture(world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters) -> list[SceneObstacle]:
-    measured = {name.partition("/")[0] for name in world_model.obstacles}
+def _with_boards(world_model: WorldModel, hollow: Iterable[str]) -> list[str]:
+    wanted, known = list(hollow), world_model.map.furniture
+    unknown = [name for name in wanted if name not in known]
+    if unknown:
+        message = f"the map has no furniture {', '.join(map(repr, unknown))} to work in"
+        raise ManipulationError(f"{message}; there is {', '.join(known) or 'none'}")
+    return [name for name in wanted if known[name].shapes]
+
+
+def _furniture(
+    world_model: WorldModel, base_from_map: Pose, parameters: SceneParameters, hollow: Iterable[str]
+) -> list[SceneObstacle]:
+    measured = {name.partition("/")[0] for name in world_model.obstacles} | set(hollow)
     obstacles = []
     for furniture in world_model.map.furniture.values():
         size = _grown(furniture, parameters)

@@ -9,6 +9,7 @@ from bestman_bt.scene.furniture_generator.generate import FURNITURE_KINDS, gener
 from bestman_bt.scene.furniture_generator.handle_design import HandleOptions
 from bestman_bt.scene.furniture_generator.microwave import MicrowaveOptions
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
+from bestman_bt.scene.furniture_generator.room_door import RoomDoorOptions
 from bestman_bt.scene.furniture_generator.shelf import ShelfOptions
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "FurnitureOptionError",
     "HandleOptions",
     "MicrowaveOptions",
+    "RoomDoorOptions",
     "ShelfOptions",
     "generate_furniture",
     "options_of",

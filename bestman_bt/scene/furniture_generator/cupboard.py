@@ -39,7 +39,7 @@ class CupboardOptions:
 
 def cupboard(name: str, options: CupboardOptions, rng: np.random.Generator) -> FurnitureModel:
     """Draw a cupboard; raises FurnitureOptionError."""
-    drawn = rng.uniform((0.40, 0.36, 0.70, 2.5), (0.60, 0.58, 1.00, 6.0))
+    drawn = rng.uniform((0.40, 0.36, 0.70, 6.0), (0.60, 0.58, 1.00, 9.0))
     two, left = bool(rng.random() < 0.5), bool(rng.random() < 0.5)
     given = (options.width, options.depth, options.height, options.friction)
     count = options.doors or (2 if two else 1)

@@ -17,14 +17,16 @@ from bestman_bt.scene.scene import FurnitureModel
 
 _WALL, _PLINTH, _DOOR, _TOP = 0.020, 0.10, 0.035, 0.025
 _GRAVITY = 9.81
+_LEAST_FRICTION = 6.0  # N m; less would let an open hand push it open
 
 
 @dataclass(frozen=True)
 class DishwasherOptions:
     """What is not given is drawn. ``depth``: with the door.
 
-    ``friction``: of the hinge, newton metres; not given: a fifth more than the open door's weight asks for, so that it
-    stays where it is let go, as the springs of a real one make it. Articulation: ``door``; surfaces: ``top`` and
+    ``friction``: of the hinge, newton metres; not given: a fifth more than the open door's weight asks for, and 6 at
+    least, so that it stays where it is let go, as the springs of a real one make it. ``latch``: newton metres that it
+    takes in addition to unlatch the closed door. Articulation: ``door``; surfaces: ``top`` and
     ``inside``.
     """
 
@@ -32,6 +34,7 @@ class DishwasherOptions:
     depth: PositiveLength | None = None
     height: PositiveLength | None = None
     friction: Torque | None = None
+    latch: Torque = 0.0
     handle: HandleOptions = field(default_factory=HandleOptions)
     finish: FinishOptions = field(default_factory=FinishOptions)
 
@@ -62,8 +65,11 @@ def dishwasher(name: str, options: DishwasherOptions, rng: np.random.Generator) 
         finish,
         thickness=thickness,
         density=density,
-        friction=1.2 * weight * (top - bottom) / 2 if options.friction is None else options.friction,
+        friction=max(_LEAST_FRICTION, 1.2 * weight * (top - bottom) / 2)
+        if options.friction is None
+        else options.friction,
         upper=1.5,
+        latch=options.latch,
     )
     surfaces = [
         surface("top", (face, rear), (-half, half), height),

@@ -23,7 +23,8 @@ _LEAST_FRONT = 0.10
 class DrawerChestOptions:
     """What is not given is drawn. ``drawers``: 1 to 6; ``depth``: with the fronts; ``friction``: of each, newtons.
 
-    Articulations: ``drawer_1`` (lowest) and up; surface: ``top``.
+    Articulations: ``drawer_1`` (lowest) and up; surfaces: ``top`` and, moving with it, the bottom of each drawer by the
+    drawer's name.
     """
 
     width: PositiveLength | None = None
@@ -37,7 +38,7 @@ class DrawerChestOptions:
 
 def drawer_chest(name: str, options: DrawerChestOptions, rng: np.random.Generator) -> FurnitureModel:
     """Draw a chest of drawers; raises FurnitureOptionError."""
-    drawn = rng.uniform((0.45, 0.42, 0.60, 8.0), (0.95, 0.52, 1.00, 15.0))
+    drawn = rng.uniform((0.45, 0.42, 0.60, 15.0), (0.95, 0.52, 1.00, 22.0))
     count = int(rng.integers(2, 5))
     given = (options.width, options.depth, options.height, options.friction)
     width, depth, height, friction = (

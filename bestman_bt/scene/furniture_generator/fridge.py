@@ -40,7 +40,7 @@ class FridgeOptions:
 
 def fridge(name: str, options: FridgeOptions, rng: np.random.Generator) -> FurnitureModel:
     """Draw a fridge; raises FurnitureOptionError."""
-    drawn = rng.uniform((0.54, 0.58, 1.30, 5.0), (0.68, 0.68, 1.80, 8.0))
+    drawn = rng.uniform((0.54, 0.58, 1.30, 6.0), (0.68, 0.68, 1.80, 9.0))
     two, left, split_share = bool(rng.random() < 0.5), bool(rng.random() < 0.5), rng.uniform(0.30, 0.65)
     given = (options.width, options.depth, options.height, options.friction)
     width, depth, height, friction = (

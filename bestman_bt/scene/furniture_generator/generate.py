@@ -15,6 +15,7 @@ from bestman_bt.scene.furniture_generator.drawer_chest import DrawerChestOptions
 from bestman_bt.scene.furniture_generator.fridge import FridgeOptions, fridge
 from bestman_bt.scene.furniture_generator.microwave import MicrowaveOptions, microwave
 from bestman_bt.scene.furniture_generator.option_error import FurnitureOptionError
+from bestman_bt.scene.furniture_generator.room_door import RoomDoorOptions, room_door
 from bestman_bt.scene.furniture_generator.shelf import ShelfOptions, shelf
 from bestman_bt.scene.scene import FurnitureModel
 
@@ -25,6 +26,7 @@ _KINDS: Mapping[str, tuple[type, Callable[..., FurnitureModel]]] = {
     "cupboard": (CupboardOptions, cupboard),
     "microwave": (MicrowaveOptions, microwave),
     "dishwasher": (DishwasherOptions, dishwasher),
+    "room_door": (RoomDoorOptions, room_door),
 }
 FURNITURE_KINDS = tuple(_KINDS)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.messages.handle import HingeSide
+from bestman_bt.scene.furniture_generator.carcass import surface
 from bestman_bt.scene.furniture_generator.finish import Finish
 from bestman_bt.scene.furniture_generator.handle_design import HandleDesign
 from bestman_bt.scene.furniture_generator.panel import (
@@ -56,6 +57,7 @@ def door(
     friction: float,
     upper: float,
     extra: Sequence[Solid] = (),
+    latch: float = 0.0,
 ) -> Articulation:
     """A door that turns about a border of its front, in the middle of its thickness.
 
@@ -76,7 +78,8 @@ def door(
     placed = pose @ handle.pose
     pulled = np.cross(axis, placed.position - hinge)
     truth = _handle(design, front, pose, handle, pulled / np.linalg.norm(pulled), hinge_side, hinge, axis)
-    return _articulation(name, "revolute", hinge, axis, upper, [*solids, *extra], pose, density, friction, truth)
+    leaf = _articulation(name, "revolute", hinge, axis, upper, [*solids, *extra], pose, density, friction, truth)
+    return replace(leaf, latch=latch)
 
 
 def drawer(
@@ -92,7 +95,7 @@ def drawer(
     friction: float,
     upper: float,
 ) -> Articulation:
-    """A drawer: a front with an open box ``box_width`` × ``depth`` behind it."""
+    """A drawer: a front with an open box ``box_width`` × ``depth`` behind it, whose bottom is a surface of its name."""
     panel = Panel(front.width, front.height, thickness, "top", closed_behind=False)
     solids, handle = front_with_handle(panel, design, finish, centred=True)
     half, low = box_width / 2, -front.height / 2 + _BOX_FOOT
@@ -108,7 +111,11 @@ def drawer(
     axis = np.array([-1.0, 0.0, 0.0])
     truth = _handle(design, front, pose, handle, axis, None, None, None)
     origin = np.array(front.centre)
-    return _articulation(name, "prismatic", origin, axis, upper, solids, pose, density, friction, truth)
+    leaf = _articulation(name, "prismatic", origin, axis, upper, solids, pose, density, friction, truth)
+    inner, floor = half - _BOX_WALL, front.centre[2] + low + _BOX_BOTTOM
+    behind = front.centre[0] + thickness
+    bottom = surface(name, (behind, behind + depth - _BOX_WALL), (-inner, inner), floor)
+    return replace(leaf, surfaces=(bottom,))
 
 
 def _handle(

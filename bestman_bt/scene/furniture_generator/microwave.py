@@ -39,7 +39,7 @@ class MicrowaveOptions:
 
 def microwave(name: str, options: MicrowaveOptions, rng: np.random.Generator) -> FurnitureModel:
     """Draw a microwave; raises FurnitureOptionError."""
-    drawn = rng.uniform((0.45, 0.34, 0.26, 1.5), (0.56, 0.42, 0.33, 3.0))
+    drawn = rng.uniform((0.45, 0.34, 0.26, 6.0), (0.56, 0.42, 0.33, 8.0))
     left, door_share, knobs = bool(rng.random() < 0.85), rng.uniform(0.70, 0.78), int(rng.integers(0, 3))
     given = (options.width, options.depth, options.height, options.friction)
     width, depth, height, friction = (

@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model import RobotModel
-from bestman_bt.scene import Articulation, PlacedFurniture, PlacedObject, World, read_furniture
+from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, PlacedObject, World, read_furniture
 from hal.pybullet import GroundTruth, PyBulletRobot, SceneRecorder, SimulationError
 from hal.pybullet.furniture_urdf import mass_distribution
 
@@ -21,6 +21,7 @@ PLACES = {
     "cupboard": Pose2D(-1.8, 1.2, 2.5),
     "microwave": Pose2D(1.8, 0.0, 0.0),
     "dishwasher": Pose2D(-1.8, -1.4, 3.0),
+    "room_door": Pose2D(0.0, 2.2, 1.2),
 }
 LEAVES = [f"{name}/{a.name}" for name in PLACES for a in read_furniture(name).articulations]
 
@@ -52,7 +53,7 @@ def leaf(world: World, name: str) -> Articulation:
 
 
 def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: float, seconds: float) -> None:
-    """Pull at the handle, in the direction in which it opens, with a share of what overcomes the friction."""
+    """Pull at the handle, in the direction in which it opens, with a share of what overcomes friction and latch."""
     simulation = robot.simulation
     body, link = simulation.built.articulations[name]
     server = simulation.client.id
@@ -65,7 +66,8 @@ def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: flo
     for _ in range(round(seconds * 240)):
         state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=server)
         map_from_leaf = Pose(np.array(state[4]), np.array(state[5]))
-        force = share * articulation.friction / lever * (map_from_leaf.rotation @ articulation.handle.opening_direction)
+        hold = articulation.friction + articulation.latch
+        force = share * hold / lever * (map_from_leaf.rotation @ articulation.handle.opening_direction)
         point = (map_from_leaf @ from_leaf).position
         pybullet.applyExternalForce(
             body, link, force.tolist(), point.tolist(), pybullet.WORLD_FRAME, physicsClientId=server
@@ -92,10 +94,73 @@ def test_a_pull_at_the_handle_opens_it_once_it_exceeds_the_friction(
     opened = truth.articulation_position(name)
     assert opened > 0.1 * articulation.upper
     assert opened < articulation.upper + 0.01
-    robot.clock.sleep(0.5)
+    robot.clock.sleep(2.0)
     left = truth.articulation_position(name)
     robot.clock.sleep(1.0)
     assert truth.articulation_position(name) == pytest.approx(left, abs=1e-3)  # it stays where it is let go
+
+
+@pytest.mark.parametrize("name", [name for name in LEAVES if "drawer" not in name])
+@pytest.mark.parametrize(("friction", "opens"), [(None, False), (1.5, True)])
+def test_an_open_hand_that_pushes_the_handle_sideways_opens_no_door(
+    robot_model: RobotModel, world: World, name: str, friction: float | None, opens: bool
+) -> None:
+    """60 N towards or away from the hinge; a hinge of 1.5 N m would give way where the handle stands off."""
+    piece = name.partition("/")[0]
+    placed = next(p for p in world.furniture if p.name == piece)
+    if friction is not None:
+        weak = tuple(dataclasses.replace(a, friction=friction, latch=0.0) for a in placed.model.articulations)
+        placed = dataclasses.replace(placed, model=dataclasses.replace(placed.model, articulations=weak))
+    if opens and placed.model.articulations[0].handle.kind == "edge":
+        pytest.skip("a lip has no standoff that a push could turn about")
+    alone = dataclasses.replace(world, furniture=(placed,))
+    furthest = 0.0
+    for sign in (-1.0, 1.0):
+        with PyBulletRobot(robot_model, alone) as robot:
+            truth = GroundTruth(robot)
+            push_sideways(robot, leaf(alone, name), name, 60.0 * sign, 0.5)
+            furthest = max(furthest, truth.articulation_position(name))
+    assert (furthest > 0.05) is opens
+
+
+def push_sideways(robot: PyBulletRobot, articulation: Articulation, name: str, force: float, seconds: float) -> None:
+    """Push at the handle along its front, across the hinge."""
+    simulation, handle = robot.simulation, articulation.handle
+    body, link = simulation.built.articulations[name]
+    across = np.cross(handle.outward, np.array(articulation.axis))
+    from_leaf = Pose(-np.array(articulation.origin)) @ handle.pose
+    for _ in range(round(seconds * 240)):
+        state = pybullet.getLinkState(body, link, computeForwardKinematics=True, physicsClientId=simulation.client.id)
+        map_from_leaf = Pose(np.array(state[4]), np.array(state[5]))
+        pybullet.applyExternalForce(
+            body,
+            link,
+            (force * map_from_leaf.rotation @ across).tolist(),
+            (map_from_leaf @ from_leaf).position.tolist(),
+            pybullet.WORLD_FRAME,
+            physicsClientId=simulation.client.id,
+        )
+        robot.clock.sleep(1 / 240)
+
+
+@pytest.mark.parametrize("name", ["dishwasher/door", "room_door/door"])
+def test_a_latch_takes_a_harder_first_pull_and_nothing_afterwards(
+    robot_model: RobotModel, world: World, name: str
+) -> None:
+    articulation = leaf(world, name)
+    assert articulation.latch > 0.0
+    held, free = articulation.friction + articulation.latch, articulation.friction
+    with PyBulletRobot(robot_model, world) as robot:
+        truth = GroundTruth(robot)
+        pull(robot, articulation, name, share=0.85, seconds=0.3)  # more than the friction alone
+        assert 0.85 * held > 1.05 * free
+        assert abs(truth.articulation_position(name)) < 1e-3
+        pull(robot, articulation, name, share=1.5, seconds=0.3)
+        opened = truth.articulation_position(name)
+        assert opened > LATCH_TRAVEL["revolute"]
+        pull(robot, articulation, name, share=min(0.85, 1.3 * free / held), seconds=0.3)
+        assert truth.articulation_position(name) > opened + 0.05
+        assert "setJointMotorControl2" not in robot.simulation.client.calls
 
 
 def test_a_recording_sees_the_door_turn(robot_model: RobotModel, world: World) -> None:

@@ -1,0 +1,59 @@
+"""The predicates by name, and how those of a task judge a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
+from bestman_bt.evaluation.predicates.inside import inside
+from bestman_bt.evaluation.predicates.opened import opened
+from bestman_bt.evaluation.predicates.placed import placed
+from bestman_bt.evaluation.predicates.tidied import tidied
+from bestman_bt.evaluation.predicates.verdict import Evidence, Predicate, Verdict, joined
+from bestman_bt.registry import suggestion
+from bestman_bt.runtime import Session
+from hal.api import Clock
+from hal.pybullet import GroundTruth
+
+PREDICATES: dict[str, Predicate] = {"inside": inside, "opened": opened, "placed": placed, "tidied": tidied}
+_NEEDS = {"inside": "goal", "opened": "opening", "placed": "goal", "tidied": "tidy"}
+
+Judge = Callable[[Session, GroundTruth, Clock], Verdict]
+
+
+def find_judge(config: RunConfig) -> Judge | None:
+    """What judges a run of the task; None where it names no predicate.
+
+    ConfigurationError for unknown names and for what the predicates need and the task does not give.
+    """
+    problems = list(_problems(config))
+    if problems:
+        raise ConfigurationError(problems)
+    predicates = [PREDICATES[name] for name in config.task.predicates]
+    if not predicates:
+        return None
+
+    def judge(session: Session, truth: GroundTruth, clock: Clock) -> Verdict:
+        """Let the world rest, then ask all predicates."""
+        tidy = session.setup.config.task.tidy
+        named = [*(goal.object for goal in session.setup.goals), *(tidy.objects if tidy is not None else ())]
+        before = {name: truth.object_pose(name) for name in named if name in truth.object_names}
+        clock.sleep(session.setup.config.task.tolerances.rest_time)
+        positions = {name: tuple(float(x) for x in pose.position) for name, pose in before.items()}
+        evidence = Evidence(session, truth, {name: (x, y, z) for name, (x, y, z) in positions.items()})
+        return joined(predicate(evidence) for predicate in predicates)
+
+    return judge
+
+
+def _problems(config: RunConfig) -> Iterator[Problem]:
+    task = config.task
+    given = {"goal": bool(task.all_goals), "opening": task.opening is not None, "tidy": task.tidy is not None}
+    for index, name in enumerate(task.predicates):
+        path = ("predicate",) if isinstance(task.predicate, str) else ("predicate", index)
+        if name not in PREDICATES:
+            yield config.problem(path, f"unknown predicate {name!r}; {suggestion(name, list(PREDICATES))}")
+        elif not given[_NEEDS[name]]:
+            article = "an" if _NEEDS[name] == "opening" else "a"
+            needed = "a goal" if _NEEDS[name] == "goal" else f"{article} {_NEEDS[name]}"
+            yield config.problem((_NEEDS[name],), f"is missing: the predicate {name!r} needs {needed}")

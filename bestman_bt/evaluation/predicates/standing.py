@@ -1,0 +1,60 @@
+"""Whether an object was let go and rests where it is: what all predicates on objects ask."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from bestman_bt.evaluation.predicates.verdict import Evidence
+from bestman_bt.messages import Pose
+from bestman_bt.scene import PlacedFurniture
+
+AT_REST = 0.001
+"""Metres that an object may move during the rest time."""
+
+
+def tilt_fault(evidence: Evidence, pose: Pose) -> list[str]:
+    """Nothing, or that it is tilted."""
+    tolerated = evidence.session.setup.config.task.tolerances.tilt
+    return [f"tilted by {math.degrees(pose.tilt):.0f}°"] if pose.tilt > tolerated else []
+
+
+def rest_faults(evidence: Evidence, name: str, surface: str) -> list[str]:
+    """What keeps an object from having been put down on the furniture of ``surface``."""
+    truth, faults = evidence.truth, []
+    pose = truth.object_pose(name)
+    if float(np.linalg.norm(pose.position - np.array(evidence.before[name]))) > AT_REST:
+        faults.append("still moving")
+    if truth.touches_robot(name):
+        faults.append("not let go")
+    support = surface.partition("/")[0]
+    if support not in truth.supports(name):
+        faults.append(f"not standing on the {support}")
+    return faults
+
+
+def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, tuple[float, float], float]:
+    """The piece, the true pose in the map of a surface of it (open drawers are where they are), its size, and its room.
+
+    The room is what there is up to the next surface above, metres; infinite without one.
+    """
+    wanted, _, part = name.partition("/")
+    piece = next(p for p in evidence.session.setup.world.furniture if p.name == wanted)
+    surface = next(s for s in piece.model.all_surfaces if part in ("", s.name))
+    z = float(surface.pose.position[2])
+    above = [float(s.pose.position[2]) - z for s in piece.model.all_surfaces]
+    room = min((rise for rise in above if rise > 1e-6), default=math.inf)
+    pose = piece.pose @ moved_by_drawer(evidence, name) @ surface.pose
+    return piece, pose, surface.size, room
+
+
+def moved_by_drawer(evidence: Evidence, name: str) -> Pose:
+    """How far the drawer that a surface belongs to is open, in the furniture frame; nothing for other surfaces."""
+    wanted, _, part = name.partition("/")
+    piece = next(p for p in evidence.session.setup.world.furniture if p.name == wanted)
+    leaf = piece.model.leaf_of(part)
+    if leaf is None:
+        return Pose()
+    opened = evidence.truth.articulation_position(f"{wanted}/{leaf.name}")
+    return Pose(opened * np.array(leaf.axis))

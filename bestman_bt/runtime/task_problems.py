@@ -1,0 +1,78 @@
+"""Faults of a task that show only against its scene and its robot: names that nothing there bears."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+from xml.etree import ElementTree
+
+from bestman_bt.configuration import Problem, RunConfig
+from bestman_bt.configuration.document import FieldPath
+from bestman_bt.configuration.task import GoalConfig
+from bestman_bt.registry import suggestion
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from bestman_bt.world_model import WorldModel
+
+
+def task_problems(config: RunConfig, world: World, known: WorldModel, robot: RobotModel) -> Iterator[Problem]:
+    """All unknown names of the task's goals, opening, tidying and allowed contacts."""
+    task = config.task
+    if task.goal is not None:
+        yield from _goal_problems(config, ("goal",), task.goal, world, known)
+    for index, goal in enumerate(task.goals):
+        yield from _goal_problems(config, ("goals", index), goal, world, known)
+    if task.opening is not None:
+        leaves = [f"{piece.name}/{leaf.name}" for piece in world.furniture for leaf in piece.model.articulations]
+        if task.opening.articulation not in leaves:
+            message = f"the scene has no door or drawer {task.opening.articulation!r}"
+            remedy = suggestion(task.opening.articulation, leaves)
+            yield config.problem(("opening", "articulation"), f"{message}; {remedy}")
+    if task.tidy is not None:
+        for index, name in enumerate(task.tidy.objects):
+            yield from _unknown(config, ("tidy", "objects", index), name, known.models, "the robot knows no object")
+        for field in ("source", "surface"):
+            name = getattr(task.tidy, field)
+            yield from _unknown(config, ("tidy", field), name, _surfaces(known), "the map has no surface")
+    yield from _contact_problems(config, world, known, robot)
+
+
+def _goal_problems(
+    config: RunConfig, path: FieldPath, goal: GoalConfig, world: World, known: WorldModel
+) -> Iterator[Problem]:
+    yield from _unknown(config, (*path, "name"), goal.name, world.goals, "the scene has no goal")
+    if isinstance(goal.object, str):
+        yield from _unknown(config, (*path, "object"), goal.object, known.models, "the robot knows no object")
+    else:
+        if not goal.object:
+            yield config.problem((*path, "object"), "should name at least one object")
+        for index, name in enumerate(goal.object):
+            yield from _unknown(config, (*path, "object", index), name, known.models, "the robot knows no object")
+    for field in ("source", "surface"):
+        yield from _unknown(config, (*path, field), getattr(goal, field), _surfaces(known), "the map has no surface")
+
+
+def _unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str], what: str) -> Iterator[Problem]:
+    there = list(names)
+    if value not in there:
+        yield config.problem(path, f"{what} {value!r}; {suggestion(value, there)}")
+
+
+def _surfaces(known: WorldModel) -> list[str]:
+    furniture = known.map.furniture
+    return [*furniture, *(f"{name}/{s.name}" for name, piece in furniture.items() for s in piece.surfaces)]
+
+
+def _contact_problems(config: RunConfig, world: World, known: WorldModel, model: RobotModel) -> Iterator[Problem]:
+    """``allowed_contacts`` name bodies of the world, parts of the robot, or what the robot may be asked to fetch."""
+    robot = ElementTree.fromstring(model.urdf)
+    walls = [f"wall_{index}" for index in range(len(world.walls))]
+    names = [*known.models, *known.map.furniture, "floor", *walls, "fingers", "robot"]
+    links = [link.get("name", "") for link in robot.iter("link")]
+    for index, pair in enumerate(config.task.allowed_contacts):
+        for side, name in enumerate(pair):
+            if name not in names and name not in links:
+                close = get_close_matches(name, [*names, *links], n=1)
+                remedy = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names)} and the robot's links"
+                message = f"there is no object, piece of furniture or link {name!r}; {remedy}"
+                yield config.problem(("allowed_contacts", index, side), message)

@@ -1,0 +1,89 @@
+"""The scenes of the long tasks: every seed gives a world, and things lie where the scene says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+from bestman_bt.messages import ObjectModel
+from bestman_bt.scene import draw_world, load_scene, planar_radius, read_object
+from bestman_bt.scene.plane_geometry import polygons_overlap, rectangle
+
+SCENES = (
+    "chest_room",
+    "cup_in_drawer",
+    "cup_in_fridge",
+    "fridge_room",
+    "microwave_room",
+    "pick_place_table",
+    "put_away",
+    "set_table",
+    "untidy_table",
+)
+SEEDS = range(20)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_twenty_seeds_give_worlds_whose_things_lie_on_their_surfaces(name: str) -> None:
+    scene = load_scene(name)
+    starts = set()
+    for seed in SEEDS:
+        world = draw_world(scene, seed)
+        starts.add(world.robot_start.x)
+        assert set(world.goals) == set(scene.file.goals)
+        pieces = {piece.name: piece for piece in world.furniture}
+        outlines = [rectangle(p.actual, p.model.footprint) for p in world.furniture if p.on is None]
+        assert not any(polygons_overlap(a, b) for i, a in enumerate(outlines) for b in outlines[:i])
+        for thing in world.objects:
+            piece, surface = scene.surface(scene.file.objects[thing.name].surface)
+            local = (pieces[piece].pose @ surface.pose).inverse().apply(thing.pose.position[None])[0]
+            assert np.all(np.abs(local[:2]) <= np.array(surface.size) / 2 - planar_radius(thing.model) + 1e-9)
+            assert local[2] == pytest.approx(-float(thing.model.bounds()[0, 2]))
+    assert len(starts) == len(SEEDS)
+
+
+@pytest.mark.parametrize("name", ["cup_in_drawer", "cup_in_fridge"])
+def test_what_is_in_a_drawer_or_fridge_fits_below_what_is_above_it(name: str) -> None:
+    scene = load_scene(name)
+    (cup,) = draw_world(scene, 0).objects
+    piece, surface = scene.surface(scene.file.objects["cup"].surface)
+    above = [s.pose.position[2] - surface.pose.position[2] for s in scene.furniture[piece].all_surfaces]
+    assert float(cup.model.size[2]) + 0.05 < min(rise for rise in above if rise > 0.0)
+
+
+def test_a_goal_in_a_drawer_is_that_of_the_closed_drawer() -> None:
+    scene = load_scene("put_away")
+    for seed in SEEDS:
+        world = draw_world(scene, seed)
+        chest = next(piece for piece in world.furniture if piece.name == "drawer_chest")
+        goal = chest.pose.inverse().apply(world.goals["place"].position[None])[0]
+        assert np.all(np.abs(goal[:2]) < np.array(chest.model.footprint) / 2)
+        drawer = next(s for s in chest.model.all_surfaces if s.name == "drawer_3")
+        assert goal[2] == pytest.approx(drawer.pose.position[2] + 0.05, abs=1e-6)
+
+
+def test_the_rim_of_the_plate_is_30_mm_high_and_at_most_6_mm_thick() -> None:
+    plate = read_object("plate")
+    assert plate.size[2] == pytest.approx(0.030)
+    vertices = np.vstack([part.pose.apply(part.shape.vertices) for part in plate.collision])
+    radii, heights = np.hypot(vertices[:, 0], vertices[:, 1]), vertices[:, 2] + 0.015
+    assert heights.max() == pytest.approx(0.030, abs=1e-6)
+    rim = radii[heights > 0.029]
+    assert rim.max() - rim.min() <= 0.006
+    for height in (0.012, 0.020, 0.028):
+        assert thickness_at(plate, height - 0.015) <= 0.006
+
+
+def thickness_at(plate: ObjectModel, z: float) -> float:
+    """How thick the rim is along a radius, metres: of the convex parts, with which physics works."""
+    angle = 0.1
+    samples = np.linspace(0.060, 0.100, 801)
+    points = np.column_stack([samples * np.cos(angle), samples * np.sin(angle), np.full(801, z)])
+    solid = np.zeros(len(points), dtype=bool)
+    for part in plate.collision:
+        faces = ConvexHull(part.pose.apply(part.shape.vertices)).equations
+        solid |= np.all(points @ faces[:, :3].T + faces[:, 3] <= 1e-9, axis=1)
+    thickness = float(solid.sum()) * float(samples[1] - samples[0])
+    assert thickness > 0.003
+    return thickness
