@@ -8,6 +8,7 @@ import pytest
 from bestman_bt.manipulation.collision import CoalCollisionModel, CoalCollisionWorld
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from tests.manipulation.fixed_ur5 import fixed_ur5
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import fixed_panda, table_and_shelf
 
@@ -25,6 +26,11 @@ def arm(panda: RobotModel) -> ArmModel:
 @pytest.fixture(scope="session")
 def kinematics(panda: RobotModel) -> DampedLeastSquares:
     return DampedLeastSquares(panda)
+
+
+@pytest.fixture(scope="session")
+def ur5() -> DampedLeastSquares:
+    return DampedLeastSquares(fixed_ur5())
 
 
 @pytest.fixture(scope="session")

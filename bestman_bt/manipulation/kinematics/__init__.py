@@ -1,10 +1,24 @@
-"""Kinematics: frames of the whole robot, inverse kinematics, straight tool motion, where to stand."""
+"""Kinematics: frames of the whole robot, inverse kinematics, paths of the tool, reachability, where to stand."""
 
+from bestman_bt.manipulation.kinematics.all_solutions import AllSolutionsParameters, SolutionBranch, all_solutions
+from bestman_bt.manipulation.kinematics.arc_path import ArcPath, ArcPathParameters, arc_path
 from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares, DampedLeastSquaresParameters
 from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
 from bestman_bt.manipulation.kinematics.link_hulls import link_hulls
+from bestman_bt.manipulation.kinematics.reachability_cache import reachability_map
+from bestman_bt.manipulation.kinematics.reachability_map import (
+    ReachabilityMap,
+    ReachabilityMapParameters,
+    build_reachability_map,
+)
+from bestman_bt.manipulation.kinematics.stand_along import (
+    StandAlong,
+    StandAlongParameters,
+    rank_stand_poses_along,
+    stands_around,
+)
 from bestman_bt.manipulation.kinematics.stand_pose import (
     StandPose,
     StandPoseParameters,
@@ -13,16 +27,30 @@ from bestman_bt.manipulation.kinematics.stand_pose import (
 )
 
 __all__ = [
+    "AllSolutionsParameters",
+    "ArcPath",
+    "ArcPathParameters",
     "CartesianPath",
     "DampedLeastSquares",
     "DampedLeastSquaresParameters",
     "ForwardKinematics",
     "IKResult",
     "InverseKinematics",
+    "ReachabilityMap",
+    "ReachabilityMapParameters",
+    "SolutionBranch",
+    "StandAlong",
+    "StandAlongParameters",
     "StandPose",
     "StandPoseParameters",
+    "all_solutions",
+    "arc_path",
+    "build_reachability_map",
     "cartesian_path",
     "link_hulls",
     "rank_stand_poses",
+    "rank_stand_poses_along",
+    "reachability_map",
     "stands_along",
+    "stands_around",
 ]

@@ -83,5 +83,9 @@ class InverseKinematics(ABC):
         """The tool's direction ``axis`` (3,) in the base frame at ``positions`` (n,); quick, checks nothing."""
 
     @abstractmethod
+    def jacobian(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """The tool's Jacobian (6, n) at ``positions`` (n,): linear over angular velocity, in the tool frame."""
+
+    @abstractmethod
     def manipulability(self, positions: ArrayLike) -> float:
         """Yoshikawa's measure sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""

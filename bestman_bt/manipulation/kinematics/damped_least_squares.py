@@ -125,10 +125,17 @@ class DampedLeastSquares(InverseKinematics):
         direction: NDArray[np.float64] = self._root_from_base.rotation.T @ (placement.rotation @ axis)
         return direction
 
+    def jacobian(self, positions: ArrayLike) -> NDArray[np.float64]:
+        """The tool's Jacobian (6, n) at ``positions`` (n,): linear over angular velocity, in the tool frame."""
+        q = self._to_model(self._checked(positions, "positions"))
+        columns: NDArray[np.float64] = pinocchio.computeFrameJacobian(
+            self._model, self._data, q, self._tool, pinocchio.LOCAL
+        )
+        return columns if self._order is None else columns[:, np.argsort(self._order)]
+
     def manipulability(self, positions: ArrayLike) -> float:
         """Yoshikawa's measure sqrt(det(J Jᵀ)) of the tool's Jacobian; 0 at a singularity."""
-        q = self._to_model(self._checked(positions, "positions"))
-        jacobian = pinocchio.computeFrameJacobian(self._model, self._data, q, self._tool, pinocchio.LOCAL)
+        jacobian = self.jacobian(positions)
         return float(np.sqrt(max(0.0, np.linalg.det(jacobian @ jacobian.T))))
 
     def solve(

@@ -1,7 +1,7 @@
 """Where to stand: base poses from which the arm reaches what it has to, best first.
 
-In the spirit of Zacharias, Borst and Hirzinger, "Capturing robot workspace structure", IROS 2007, with inverse
-kinematics asked for the likeliest stands instead of a stored map.
+In the spirit of Zacharias, Borst and Hirzinger, "Capturing robot workspace structure", IROS 2007: a reachability map
+(where one is given) or the distance to the target says which stands inverse kinematics is asked for first.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
+from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
 from bestman_bt.world_model import MapFurniture
 
@@ -100,20 +101,23 @@ def rank_stand_poses(
     world_at: Callable[[Pose2D], CollisionWorld] | None = None,
     current: Pose2D | None = None,
     parameters: StandPoseParameters | None = None,
+    reachability: ReachabilityMap | None = None,
 ) -> tuple[StandPose, ...]:
     """Stands from which at least one alternative is reachable, best first; empty if there is none.
 
     ``alternatives``: each a sequence of tool poses in the map frame that must all be reached (pre-grasp, grasp).
     ``reference``: (n,) radians, where inverse kinematics starts. ``is_base_free``: whether the base may stand there.
     ``world_at``: the collision world of the arm for a stand; without it collisions are not looked at. ``current``:
-    where the base is now. Stands whose distance to the target suits the arm are tried first, and the search ends after
-    ``enough`` that reach something.
+    where the base is now. Stands that the arm's ``reachability`` (without it: their distance to the target) favours
+    are tried first, and the search ends after ``enough`` that reach something.
     """
     if not alternatives or any(len(poses) == 0 for poses in alternatives):
         raise ManipulationError("alternatives should hold at least one sequence of tool poses, none of them empty")
     parameters = parameters or StandPoseParameters()
     ranked: list[StandPose] = []
-    for stand in sorted(candidates, key=lambda pose: _effort(pose, alternatives, kinematics, current, parameters)):
+    for stand in sorted(
+        candidates, key=lambda pose: _effort(pose, alternatives, kinematics, current, parameters, reachability)
+    ):
         if not is_base_free(stand):
             continue
         rated = _rate(stand, alternatives, kinematics, limits, reference, rng, world_at, current, parameters)
@@ -130,9 +134,14 @@ def _effort(
     kinematics: InverseKinematics,
     current: Pose2D | None,
     parameters: StandPoseParameters,
+    reachability: ReachabilityMap | None,
 ) -> float:
-    shoulder, reach = kinematics.reach
     base_from_map = stand.to_pose().inverse()
+    if reachability is not None:
+        lasts = [base_from_map @ poses[-1] for poses in alternatives]
+        likely = reachability.score([pose.position for pose in lasts], [pose.rotation[:, 2] for pose in lasts])
+        return _travel(stand, current, parameters) - float(np.mean(likely))
+    shoulder, reach = kinematics.reach
     distances = [float(np.linalg.norm(base_from_map.apply(poses[-1].position) - shoulder)) for poses in alternatives]
     return abs(float(np.mean(distances)) / reach - parameters.preferred_reach) + _travel(stand, current, parameters)
 

@@ -1,0 +1,227 @@
+"""Following a sequence of tool poses on one branch of inverse kinematics, where the hand may turn about what it holds.
+
+Dynamic programming over the sampled turn of the hand (in the manner of Descartes planners: De Maeyer, Moyaers and
+Demeester, "Cartesian path planning for arc welding robots: evaluation of the Descartes algorithm", ETFA 2017), with
+the redundancy used to keep the joints from their limits (Liégeois, "Automatic supervisory control of the
+configuration and behavior of multibody mechanisms", 1977).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
+from bestman_bt.messages import Pose
+
+Stations = Sequence[Sequence[Pose]]
+"""For each station the tool poses that are allowed there; neighbours in the list are neighbours in the hand's turn."""
+
+IsFreeAt = Callable[[NDArray[np.float64], int], bool]
+"""Whether joint positions (n,) are free at the station of that number (a door stands elsewhere at each)."""
+
+
+@dataclass(frozen=True)
+class ArcPathParameters:
+    """``turn``: list places by which the hand may turn from one station to the next.
+
+    ``max_step``: rad that a joint may move between stations. ``centring``: rad by which redundancy pushes a joint away
+    from its limit, per station; ``limit_margin``: rad that it does not push beyond. ``margin_weight``: cost of a joint
+    at its limit, against rad² of motion.
+    """
+
+    turn: int = 1
+    max_step: float = 0.4
+    centring: float = 0.1
+    limit_margin: float = 0.02
+    margin_weight: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.turn < 0 or not self.max_step > 0:
+            raise ManipulationError(f"turn should be at least 0 and max_step above 0 but they are {self}")
+
+
+@dataclass(frozen=True, eq=False)
+class ArcPath:
+    """``path``: (N, n) radians, one row per station as far as it got. ``options``: which pose of each station it takes.
+
+    ``stations``: how many there were. ``failure``: why it ended early, in words; empty where complete. ``margin``:
+    the smallest room that a joint has on the way, as a share of half its range: 0 at a limit, 1 in the middle.
+    """
+
+    path: NDArray[np.float64]
+    options: tuple[int, ...]
+    stations: int
+    failure: str
+    margin: float
+
+    @property
+    def complete(self) -> bool:
+        """Whether every station is reached."""
+        return not self.failure
+
+    @property
+    def fraction(self) -> float:
+        """Share of the stations that are reached."""
+        return len(self.path) / self.stations
+
+
+@dataclass(frozen=True, eq=False)
+class _Node:
+    positions: NDArray[np.float64]
+    option: int
+    cost: float
+    before: _Node | None = None
+
+
+def arc_path(
+    kinematics: InverseKinematics,
+    stations: Stations,
+    start: ArrayLike,
+    limits: JointLimits,
+    is_free: IsFreeAt | None = None,
+    parameters: ArcPathParameters | None = None,
+) -> ArcPath:
+    """The joint path from ``start`` (n,) through all ``stations`` (tool poses in the base frame).
+
+    The tool at ``start`` has to be within one smooth step of a pose of the first station. Raises ManipulationError if
+    there is no station, one of them is empty, or ``start`` has the wrong shape or is not finite.
+    """
+    check_stations(stations)
+    parameters = parameters or ArcPathParameters()
+    origin = _Node(joint_vector(start, len(kinematics.joint_names), "start of an arc"), -1, 0.0)
+    return _search(kinematics, stations, [origin], limits, is_free, parameters, first=0)
+
+
+def arc_path_through(
+    kinematics: InverseKinematics,
+    stations: Stations,
+    middle: int,
+    option: int,
+    positions: NDArray[np.float64],
+    limits: JointLimits,
+    is_free: IsFreeAt | None = None,
+    parameters: ArcPathParameters | None = None,
+) -> ArcPath:
+    """The path through all stations that passes ``positions`` (n,), a solution of one pose of the station ``middle``.
+
+    Where it cannot be completed, ``path`` holds the stations from the first one reached onwards only if that is
+    station 0; else it is empty.
+    """
+    parameters = parameters or ArcPathParameters()
+    root = _Node(positions, option, 0.0)
+    last = len(stations) - 1
+    back = _search(
+        kinematics,
+        stations[middle::-1],
+        [root],
+        limits,
+        None if is_free is None else lambda q, i: is_free(q, middle - i),
+        parameters,
+    )
+    if not back.complete:
+        return ArcPath(
+            np.zeros((0, len(positions))), (), last + 1, f"backwards from station {middle}: {back.failure}", 0.0
+        )
+    ahead = _search(
+        kinematics,
+        stations[middle:],
+        [root],
+        limits,
+        None if is_free is None else lambda q, i: is_free(q, middle + i),
+        parameters,
+    )
+    return ArcPath(
+        np.vstack([back.path[::-1], ahead.path[1:]]),
+        back.options[::-1] + ahead.options[1:],
+        last + 1,
+        ahead.failure and f"onwards from station {middle}: {ahead.failure}",
+        min(back.margin, ahead.margin),
+    )
+
+
+def check_stations(stations: Stations) -> None:
+    """Raise ManipulationError if there is no station or one has no pose."""
+    if not stations or any(len(poses) == 0 for poses in stations):
+        raise ManipulationError("stations should hold at least one station, each with at least one tool pose")
+
+
+def joint_margin(positions: NDArray[np.float64], limits: JointLimits) -> float:
+    """Room of the worst joint, as a share of half its range: 0 at a limit, 1 in the middle of all ranges."""
+    room = np.minimum(positions - limits.lower, limits.upper - positions) / (limits.upper - limits.lower)
+    return float(np.clip(2.0 * room.min(), 0.0, 1.0))
+
+
+def _search(
+    kinematics: InverseKinematics,
+    stations: Stations,
+    layer: list[_Node],
+    limits: JointLimits,
+    is_free: IsFreeAt | None,
+    parameters: ArcPathParameters,
+    first: int = 1,
+) -> ArcPath:
+    """Layer by layer; ``first``: the first station to be reached (1 where ``layer`` stands at station 0 already)."""
+    failure = ""
+    for station in range(first, len(stations)):
+        following: dict[int, _Node] = {}
+        refused = 0
+        for node in layer:
+            seed = node.positions + _push(kinematics, node.positions, limits, parameters)
+            for option in _reachable_options(node.option, len(stations[station]), parameters.turn):
+                positions = kinematics.track(stations[station][option], seed)
+                if positions is None or np.abs(positions - node.positions).max() > parameters.max_step:
+                    continue
+                moved = positions - node.positions
+                strain = 1.0 - joint_margin(positions, limits)
+                cost = node.cost + float(moved @ moved) + parameters.margin_weight * strain**4
+                if option in following and following[option].cost <= cost:
+                    continue
+                if is_free is not None and not is_free(positions, station):
+                    refused += 1
+                    continue
+                following[option] = _Node(positions, option, cost, node)
+        if not following:
+            cause = "refused by the validity check" if refused else "no smooth inverse kinematics"
+            failure = f"{cause} at station {station} of {len(stations)}"
+            break
+        layer = list(following.values())
+    return _traced(min(layer, key=lambda node: node.cost), len(stations), failure, limits)
+
+
+def _reachable_options(option: int, count: int, turn: int) -> range:
+    return range(count) if option < 0 else range(max(0, option - turn), min(count, option + turn + 1))
+
+
+def _push(
+    kinematics: InverseKinematics,
+    positions: NDArray[np.float64],
+    limits: JointLimits,
+    parameters: ArcPathParameters,
+) -> NDArray[np.float64]:
+    """A motion in the null space that brings joints away from their limits, the stronger the nearer they are."""
+    middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
+    away = -parameters.centring * ((positions - middle) / half) ** 3
+    jacobian = kinematics.jacobian(positions)
+    push: NDArray[np.float64] = away - np.linalg.pinv(jacobian, rcond=1e-3) @ (jacobian @ away)
+    lower = np.minimum(positions, limits.lower + parameters.limit_margin)
+    upper = np.maximum(positions, limits.upper - parameters.limit_margin)
+    return np.clip(positions + push, lower, upper) - positions
+
+
+def _traced(node: _Node, stations: int, failure: str, limits: JointLimits) -> ArcPath:
+    nodes: list[_Node] = []
+    step: _Node | None = node
+    while step is not None:
+        if step.option >= 0:
+            nodes.append(step)
+        step = step.before
+    nodes.reverse()
+    path = np.array([n.positions for n in nodes]).reshape(len(nodes), len(node.positions))
+    margin = min((joint_margin(n.positions, limits) for n in nodes), default=0.0)
+    return ArcPath(path, tuple(n.option for n in nodes), stations, failure, margin)

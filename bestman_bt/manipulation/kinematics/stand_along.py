@@ -1,0 +1,197 @@
+"""Where to stand for a whole path of the tool: base poses from which it is followed on one branch, best first.
+
+The opening of a door fails where the arm runs out of its branch half-way, so a stand counts only with the joint path
+that follows the whole arc. Candidates come in the order of a reachability map (Vahrenkamp, Asfour and Dillmann, "Robot
+placement based on reachability inversion", ICRA 2013).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
+from bestman_bt.manipulation.kinematics.arc_path import (
+    ArcPath,
+    ArcPathParameters,
+    IsFreeAt,
+    Stations,
+    arc_path_through,
+    check_stations,
+    joint_margin,
+)
+from bestman_bt.manipulation.kinematics.base import InverseKinematics
+from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
+from bestman_bt.messages import Pose, Pose2D, wrap_angle
+
+_EVERY_15_DEGREES = tuple(math.radians(degrees) for degrees in range(-180, 180, 15))
+
+
+@dataclass(frozen=True)
+class StandAlongParameters:
+    """``enough``: stands with a complete path after which the search ends. ``most``: stands to try at all.
+
+    ``starts``: inverse kinematics solutions per stand from which the path is searched; ``options``: turns of the hand
+    at the middle station for which they are sought, with ``ik_attempts`` start positions each. ``good_margin``: a path
+    whose joints keep this share of their half ranges is taken at once. ``min_fraction``: stands that reach less of the
+    path are left out. ``travel_cost``: score lost per metre of driving.
+    """
+
+    enough: int = 4
+    most: int = 60
+    starts: int = 4
+    options: int = 5
+    ik_attempts: int = 6
+    good_margin: float = 0.15
+    min_fraction: float = 1.0
+    travel_cost: float = 0.05
+
+    def __post_init__(self) -> None:
+        for name in ("enough", "most", "starts", "options", "ik_attempts"):
+            if getattr(self, name) < 1:
+                raise ManipulationError(
+                    f"StandAlongParameters {name} should be at least 1 but is {getattr(self, name)}"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class StandAlong:
+    """A base pose in the map frame with the arm's path from there: ``arc.path[i]`` is for station i of the tool's."""
+
+    pose: Pose2D
+    score: float
+    arc: ArcPath
+
+
+def stands_around(
+    target: ArrayLike,
+    distances: Sequence[float] = (0.45, 0.55, 0.65, 0.75, 0.85),
+    bearings: Sequence[float] = _EVERY_15_DEGREES,
+    turns: Sequence[float] = (0.0, -0.5, 0.5, -1.0, 1.0),
+) -> tuple[Pose2D, ...]:
+    """Base poses about ``target`` (x, y) in the map frame: at ``distances`` metres, in the directions ``bearings``.
+
+    The base looks at the target, turned by each of ``turns`` radians.
+    """
+    x, y = np.asarray(target, dtype=float)[:2].tolist()
+    return tuple(
+        Pose2D(x + distance * math.cos(bearing), y + distance * math.sin(bearing), wrap_angle(bearing + math.pi + turn))
+        for distance in distances
+        for bearing in bearings
+        for turn in turns
+    )
+
+
+def rank_stand_poses_along(
+    candidates: Sequence[Pose2D],
+    stations: Stations,
+    kinematics: InverseKinematics,
+    limits: JointLimits,
+    reference: ArrayLike,
+    rng: np.random.Generator,
+    reachability: ReachabilityMap | None = None,
+    is_base_free: Callable[[Pose2D], bool] = lambda pose: True,
+    is_free_at: Callable[[Pose2D], IsFreeAt] | None = None,
+    current: Pose2D | None = None,
+    parameters: StandAlongParameters | None = None,
+    arc: ArcPathParameters | None = None,
+) -> tuple[StandAlong, ...]:
+    """Stands from which the tool follows all ``stations`` (poses in the map frame), best first; empty if there is none.
+
+    ``reachability``: orders the candidates, else their distance does. ``is_free_at``: for a stand, whether the arm is
+    free at a station. ``current``: where the base is now. Raises ManipulationError as ``arc_path``.
+    """
+    check_stations(stations)
+    parameters = parameters or StandAlongParameters()
+    origin = joint_vector(reference, len(kinematics.joint_names), "reference")
+    promise = _promises(candidates, stations, kinematics, reachability)
+    promise -= [_travel(stand, current, parameters) for stand in candidates]
+    found: list[StandAlong] = []
+    tried, complete = 0, 0
+    for index in np.argsort(-promise, kind="stable"):
+        stand = candidates[index]
+        if not np.isfinite(promise[index]) or tried >= parameters.most or complete >= parameters.enough:
+            break
+        if not is_base_free(stand):
+            continue
+        tried += 1
+        is_free = None if is_free_at is None else is_free_at(stand)
+        base_from_map = stand.to_pose().inverse()
+        local = [[base_from_map @ pose for pose in poses] for poses in stations]
+        best = _best_arc(local, kinematics, limits, origin, rng, is_free, parameters, arc)
+        if best is None or best.fraction < parameters.min_fraction - 1e-9:
+            continue
+        complete += best.complete
+        score = best.fraction + best.margin - _travel(stand, current, parameters)
+        found.append(StandAlong(stand, score, best))
+    return tuple(sorted(found, key=lambda stand: (-stand.arc.complete, -stand.score)))
+
+
+def _promises(
+    candidates: Sequence[Pose2D],
+    stations: Stations,
+    kinematics: InverseKinematics,
+    reachability: ReachabilityMap | None,
+) -> NDArray[np.float64]:
+    """How likely each stand is: -inf where a station is out of reach; else of the worst station its best pose."""
+    shoulder, reach = kinematics.reach
+    sizes = [len(poses) for poses in stations]
+    starts = np.cumsum([0, *sizes[:-1]])
+    positions = np.array([pose.position for poses in stations for pose in poses])
+    approaches = np.array([pose.rotation[:, 2] for poses in stations for pose in poses])
+    promises = np.empty(len(candidates))
+    for i, stand in enumerate(candidates):
+        base_from_map = stand.to_pose().inverse()
+        local = positions @ base_from_map.rotation.T + base_from_map.position
+        distances = np.linalg.norm(local - shoulder, axis=1) / reach
+        if reachability is None:
+            likely = 1.0 - np.abs(distances - 0.6)
+        else:
+            likely = reachability.score(local, approaches @ base_from_map.rotation.T)
+        likely = np.where(distances <= 1.0, likely, -np.inf)
+        per_station = np.maximum.reduceat(likely, starts)
+        promises[i] = 0.5 * (per_station.min() + per_station.mean())
+    return promises
+
+
+def _travel(stand: Pose2D, current: Pose2D | None, parameters: StandAlongParameters) -> float:
+    if current is None:
+        return 0.0
+    turn = abs(wrap_angle(stand.theta - current.theta))
+    return parameters.travel_cost * (stand.distance_to(current) + 0.2 * turn)
+
+
+def _best_arc(
+    stations: list[list[Pose]],
+    kinematics: InverseKinematics,
+    limits: JointLimits,
+    reference: NDArray[np.float64],
+    rng: np.random.Generator,
+    is_free: IsFreeAt | None,
+    parameters: StandAlongParameters,
+    arc: ArcPathParameters | None,
+) -> ArcPath | None:
+    """The path through solutions at the middle station: what is farthest from both ends of the arc's demands."""
+    middle = len(stations) // 2
+    options = sorted(set(np.linspace(0, len(stations[middle]) - 1, parameters.options).round().astype(int).tolist()))
+    is_valid = None if is_free is None else lambda q: is_free(q, middle)
+    starts: list[tuple[float, int, NDArray[np.float64]]] = []
+    for option in options:
+        result = kinematics.solve(
+            stations[middle][option], reference, rng, parameters.starts, is_valid, parameters.ik_attempts
+        )
+        starts += [(joint_margin(q, limits), option, q) for q in result.solutions]
+    starts.sort(key=lambda entry: -entry[0])
+    best: ArcPath | None = None
+    for _, option, positions in starts[: parameters.starts]:
+        path = arc_path_through(kinematics, stations, middle, option, positions, limits, is_free, arc)
+        if best is None or (path.fraction, path.margin) > (best.fraction, best.margin):
+            best = path
+        if best.complete and best.margin >= parameters.good_margin:
+            break
+    return best

@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.kinematics import (
+    DampedLeastSquares,
+    ReachabilityMapParameters,
+    StandAlongParameters,
+    build_reachability_map,
+    rank_stand_poses_along,
+    stands_around,
+)
+from bestman_bt.messages import Pose, Pose2D
+from tests.manipulation.kinematics.door_stations import door_stations
+
+
+@pytest.fixture(scope="module")
+def mobile(diff_panda):
+    limits = diff_panda.arms["arm"]
+    kinematics = DampedLeastSquares(diff_panda)
+    map_ = build_reachability_map(kinematics, limits, ReachabilityMapParameters(samples=200_000))
+    return kinematics, limits, diff_panda.posture("home", limits.joint_names), map_
+
+
+@pytest.mark.parametrize(("radius", "height", "side"), [(0.45, 1.0, 1), (0.55, 1.3, -1), (0.35, 0.7, 1)])
+def test_a_door_is_opened_by_eighty_degrees_from_each_ranked_stand(mobile, radius, height, side, rng):
+    kinematics, limits, home, map_ = mobile
+    hinge = Pose.from_xyz_rpy((3.0, 1.0, height), (0, 0, 0.4))
+    door = door_stations(hinge, radius, side)
+    candidates = [
+        stand for stand in stands_around(door[9][5].position) if hinge.inverse().apply([stand.x, stand.y, 0])[0] < -0.35
+    ]
+    ranked = rank_stand_poses_along(candidates, door, kinematics, limits, home, rng, map_)
+    assert len(ranked) >= 3
+    assert [stand.score for stand in ranked] == sorted((stand.score for stand in ranked), reverse=True)
+    for stand in ranked:
+        assert stand.arc.complete
+        assert np.abs(np.diff(stand.arc.path, axis=0)).max() <= 0.4
+        assert stand.arc.margin > 0.0
+        for q, option, poses in zip(stand.arc.path, stand.arc.options, door, strict=True):
+            tool = stand.pose.to_pose() @ kinematics.tool_pose(q)
+            assert np.allclose(tool.position, poses[option].position, atol=1e-3)
+            assert abs(tool.quaternion @ poses[option].quaternion) > 1 - 1e-5
+
+
+def test_without_a_map_the_distance_orders_the_stands_and_equal_input_gives_equal_stands(mobile):
+    kinematics, limits, home, _ = mobile
+    door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
+    candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
+    first, again = (
+        rank_stand_poses_along(
+            candidates,
+            door,
+            kinematics,
+            limits,
+            home,
+            np.random.default_rng(5),
+            parameters=StandAlongParameters(enough=1),
+        )
+        for _ in range(2)
+    )
+    assert len(first) == 1
+    assert first[0].pose == again[0].pose
+    assert np.array_equal(first[0].arc.path, again[0].arc.path)
+
+
+def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
+    kinematics, limits, home, map_ = mobile
+    door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
+    candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
+    ranked = rank_stand_poses_along(
+        candidates, door, kinematics, limits, home, rng, map_, is_base_free=lambda stand: stand.y > 0.5
+    )
+    assert ranked
+    assert all(stand.pose.y > 0.5 for stand in ranked)
+    few = StandAlongParameters(most=3)
+    refuse = lambda stand: lambda q, station: station < 12  # noqa: E731
+    assert (
+        rank_stand_poses_along(candidates, door, kinematics, limits, home, rng, map_, is_free_at=refuse, parameters=few)
+        == ()
+    )
+    partial = rank_stand_poses_along(
+        candidates,
+        door,
+        kinematics,
+        limits,
+        home,
+        rng,
+        map_,
+        is_free_at=refuse,
+        parameters=StandAlongParameters(most=3, min_fraction=0.5),
+    )
+    assert partial
+    assert all(stand.arc.fraction == pytest.approx(12 / 18) for stand in partial)
+    assert "refused by the validity check" in partial[0].arc.failure
+
+
+def test_nothing_is_found_out_of_reach(mobile, rng):
+    kinematics, limits, home, map_ = mobile
+    door = door_stations(Pose(np.array([0.0, 0.0, 2.6])), 0.4, 1)
+    assert rank_stand_poses_along(stands_around([0, 0]), door, kinematics, limits, home, rng, map_) == ()
+
+
+def test_stands_lie_round_the_target_and_look_at_it():
+    stands = stands_around([2.0, 1.0], (0.5, 0.7), (0.0, math.pi / 2), (0.0,))
+    assert len(stands) == 4
+    assert stands[0] == Pose2D(2.5, 1.0, stands[0].theta)
+    for stand in stands:
+        assert np.allclose(stand.inverse().apply([2.0, 1.0])[1], 0.0, atol=1e-9)
+        assert stand.inverse().apply([2.0, 1.0])[0] > 0.4
+
+
+def test_bad_requests_are_refused_by_name(mobile, rng):
+    kinematics, limits, home, _ = mobile
+    with pytest.raises(ManipulationError, match="at least one station"):
+        rank_stand_poses_along([], [], kinematics, limits, home, rng)
+    with pytest.raises(ManipulationError, match="reference should be finite"):
+        rank_stand_poses_along([], [[Pose()]], kinematics, limits, home * np.nan, rng)
+    with pytest.raises(ManipulationError, match="enough should be at least 1 but is 0"):
+        StandAlongParameters(enough=0)
