@@ -46,10 +46,15 @@ def crowded_table(
     for model in [*always, *others][: max(wanted, len(always))]:
         for _ in range(60):
             item = TrueObject(model, _somewhere(model, placed, table, size, camera, rng), True)
-            if _gap(item, placed) >= MIN_GAP and _hidden([*placed, item], camera) <= MAX_OCCLUSION:
+            if _gap(item, placed) >= MIN_GAP and hidden_shares([*placed, item], camera).max() <= MAX_OCCLUSION:
                 placed.append(item)
                 break
     return render_table(placed, table, size, rng, counter, noise, camera)
+
+
+def hidden_shares(items: Sequence[TrueObject], camera: Pose) -> NDArray[np.float64]:
+    """The share of each object's pixels that the others hide."""
+    return occlusion([[part for part, _ in colored_parts(item.model, item.pose)] for item in items], camera)
 
 
 def _somewhere(
@@ -113,8 +118,3 @@ def _corner_distance(corners: NDArray[np.float64], polygon: NDArray[np.float64])
     offsets = corners[:, None] - polygon
     along = np.clip((offsets * sides).sum(axis=2) / (sides**2).sum(axis=1), 0.0, 1.0)
     return float(np.linalg.norm(offsets - along[..., None] * sides, axis=2).min())
-
-
-def _hidden(items: Sequence[TrueObject], camera: Pose) -> float:
-    """The largest share of an object that others hide."""
-    return float(occlusion([[part for part, _ in colored_parts(i.model, i.pose)] for i in items], camera).max())

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from benchmarks.crowded_table import crowded_table
+from benchmarks.crowded_table import crowded_table, hidden_shares
 from benchmarks.rendered_table import RenderedTable, TrueObject, known_models
 from bestman_bt.configuration.data import data_names
 from bestman_bt.messages import ObjectModel, Pose
@@ -59,6 +59,7 @@ class Tally:
 
     def __init__(self) -> None:
         self.known = self.right = self.ambiguous = 0
+        self.hidden = self.hidden_right = 0
         self.sure_of_right = self.sure_of_wrong = self.wrong_models = 0
         self.by_name: dict[str, list[int]] = {}
         self.confusions: dict[str, int] = {}
@@ -72,7 +73,8 @@ class Tally:
 
     def add(self, scene: RenderedTable, found: DetectedScene) -> None:
         """Compare one frame with the truth."""
-        for item in scene.objects:
+        hidden = hidden_shares(scene.objects, scene.view.frame_from_camera)
+        for item, share in zip(scene.objects, hidden, strict=True):
             near = [detection for detection in found.detections if shares_place(detection, item)]
             self.known += 1
             right = len(near) == 1 and near[0].name == item.model.name
@@ -80,6 +82,8 @@ class Tally:
             hits = self.by_name.setdefault(item.model.name, [0, 0])
             hits[0] += right
             hits[1] += 1
+            self.hidden_right += right and share > 0.1
+            self.hidden += share > 0.1
             if right:
                 self._measure(near[0], item)
             else:
@@ -121,6 +125,7 @@ class Tally:
             "known_objects": self.known,
             "identity_rate": self.right / max(1, self.known),
             "identity_interval": wilson(self.right, self.known),
+            "identity_hidden_over_10_percent": f"{self.hidden_right}/{self.hidden}",
             "identity_by_name": {name: f"{hits}/{tries}" for name, (hits, tries) in sorted(self.by_name.items())},
             "confusions": self.confusions,
             "right_with_confidence_above_0.8": self.sure_of_right / max(1, self.right),
