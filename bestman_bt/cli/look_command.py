@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,9 +13,12 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings
 from bestman_bt.configuration import ConfigurationError, Problem
 from bestman_bt.registry import suggestion
-from bestman_bt.runtime.looking import Look, furniture_to_look_at, look_at
+from bestman_bt.runtime import Setup, prepare
+from bestman_bt.runtime.looking import Look, furniture_to_look_at, look_at, standing_before, unseen
+from bestman_bt.scene import SceneError
 from bestman_bt.visualization.annotated_image import annotated_image
 from bestman_bt.visualization.rerun.look import RecordedLook, write_look
+from bestman_bt.world_model import MapFurniture
 
 
 def command(
@@ -30,28 +34,49 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Stand the robot before furniture and show what it perceives: objects, poses, handles, grasps."""
-    scene = scene or "kitchen"
+    scene, robot, settings = scene or "kitchen", robot or "diff_panda", settings or []
     with json_output(as_json) as tell:
-        known = furniture_to_look_at(scene, seed, settings or ())
-        chosen = at or list(known)
-        problems = [
-            Problem("--at", None, "", f"the map has no furniture {name!r}; {suggestion(name, list(known))}")
-            for name in chosen
-            if name not in known
-        ]
-        if save.exists() and not save.is_dir():
-            problems.append(Problem("--save", None, "", f"{save} is a file; a folder is needed"))
-        if problems:
-            raise ConfigurationError(problems)
-        save.mkdir(parents=True, exist_ok=True)
+        known = furniture_to_look_at(scene, seed, settings)
+        stands = _stands(known, at or [], scene, robot, seed, settings)
+        _make_folder(save)
         found = []
-        for name in chosen:
-            look = look_at(known[name], scene, robot or "diff_panda", seed, views, settings or ())
-            files = _save(look, save)
+        for name, stand in stands.items():
+            look = look_at(known[name], stand, views) if isinstance(stand, Setup) else unseen(name, "no_room", stand)
+            files = _save(look, save) if look.views else []
             found.append(_document(look, files))
             if not as_json:
                 _print(look, files)
         tell({"scene": str(scene), "seed": seed, "looks": found})
+
+
+def _stands(
+    known: Mapping[str, MapFurniture], at: Sequence[str], scene: str, robot: str, seed: int, settings: Sequence[str]
+) -> dict[str, Setup | SceneError]:
+    """The robot before each piece, everything checked; SceneError in place of one of all that has no room before it."""
+    problems = [
+        Problem("--at", None, "", f"the map has no furniture {name!r}; {suggestion(name, list(known))}")
+        for name in at
+        if name not in known
+    ]
+    if problems:
+        raise ConfigurationError(problems)
+    stands: dict[str, Setup | SceneError] = {}
+    for name in at or known:
+        try:
+            stands[name] = prepare(standing_before(known[name], scene, robot, seed, settings))
+        except SceneError as error:
+            if at:
+                raise
+            stands[name] = error
+    return stands
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"{path} cannot be made a folder: {error.strerror or error}"
+        raise ConfigurationError([Problem("--save", None, "", message)]) from error
 
 
 def _save(look: Look, folder: Path) -> list[Path]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.failure import Failure
@@ -16,7 +17,9 @@ from behaviours.surfaces import SLAB_GROWTH
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.messages import Box, Pose, Pose2D
 from bestman_bt.runtime.robot_session import open_session
-from bestman_bt.scene import SceneError, draw_world, load_scene, semantic_map
+from bestman_bt.runtime.setup import Setup
+from bestman_bt.scene import SceneError, Wall, draw_world, load_scene, semantic_map
+from bestman_bt.scene.plane_geometry import distance_to_polygon, rectangle, wall_rectangle
 from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.visualization.marks import GraspMark, HandleMark, ObjectMark, SceneMarks, SurfaceMark
 from bestman_bt.world_model import MapFurniture
@@ -46,17 +49,9 @@ def furniture_to_look_at(scene: str | Path, seed: int, settings: Iterable[str] =
     return dict(semantic_map(draw_world(load_scene(config.task.scene, config.scene_settings), seed)).furniture)
 
 
-def look_at(
-    furniture: MapFurniture,
-    scene: str | Path,
-    robot: str | Path = "diff_panda",
-    seed: int = 0,
-    views: int = 1,
-    settings: Iterable[str] = (),
-) -> Look:
-    """Stand a robot before the furniture and run the tree ``look``; raises as ``prepare``."""
-    config = standing_before(furniture, scene, robot, seed, settings)
-    with open_session(config) as session:
+def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -> Look:
+    """Run the tree ``look`` on a robot that is ``standing_before`` the furniture; raises as ``prepare``."""
+    with open_session(stand) as session:
         under = session.skills.world.map.standing_under(furniture.name)
         seen: list[RGBDView] = []
         session.skills.camera.subscribe(seen.append)
@@ -73,6 +68,11 @@ def look_at(
         return Look(furniture.name, tuple(seen), scene_marks(session.skills), tuple(session.skills.failures))
 
 
+def unseen(furniture: str, code: str, why: Exception) -> Look:
+    """What is told of furniture that could not be looked at."""
+    return Look(furniture, (), SceneMarks(), (Failure("", code, str(why), 0.0),))
+
+
 def standing_before(
     furniture: MapFurniture,
     scene: str | Path,
@@ -84,20 +84,37 @@ def standing_before(
 
     Raises SceneError where there is none, else as ``load_run`` and ``load_scene``.
     """
-    problem: SceneError | None = None
+    config = load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=settings)
+    world = draw_world(load_scene(config.task.scene, config.scene_settings), seed)
+    obstacles = [wall_rectangle(wall) for wall in world.walls]
+    obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture]
+    front = furniture.pose @ Pose2D(-furniture.footprint[0] / 2, 0.0, 0.0)
     for distance in STAND_OFFS:
-        stand = furniture.pose @ Pose2D(-furniture.footprint[0] / 2 - distance, 0.0, 0.0)
-        start = {"x": stand.x, "y": stand.y, "yaw": stand.theta}
-        placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
-        placed.append(f"scene.start_clearance={ROOM}")
-        config = load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
-        try:
-            draw_world(load_scene(config.task.scene, config.scene_settings), seed)
-        except SceneError as error:
-            problem = error
+        stand = front @ Pose2D(-distance, 0.0, 0.0)
+        if any(_apart(wall, stand, front) for wall in world.walls):
             continue
-        return config
-    raise SceneError(f"no room for the robot before the {furniture.name}: {problem}")
+        if min(distance_to_polygon(obstacle, stand.xy) for obstacle in obstacles) >= ROOM:
+            start = {"x": stand.x, "y": stand.y, "yaw": stand.theta}
+            placed = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in start.items()]
+            placed.append(f"scene.start_clearance={ROOM}")
+            return load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
+    raise SceneError(
+        f"no room for the robot before the {furniture.name}: nowhere from {min(STAND_OFFS)} m to {max(STAND_OFFS)} m "
+        f"before it are {ROOM} m free on all sides"
+    )
+
+
+def _apart(wall: Wall, one: Pose2D, other: Pose2D) -> bool:
+    """Whether a wall stands between two places."""
+
+    def left(a: NDArray[np.float64], b: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+        along, to = b - a, point - a
+        return bool(along[0] * to[1] > along[1] * to[0])
+
+    start, end = np.array(wall.start), np.array(wall.end)
+    return left(start, end, one.xy) != left(start, end, other.xy) and left(one.xy, other.xy, start) != left(
+        one.xy, other.xy, end
+    )
 
 
 def scene_marks(skills: SkillContext) -> SceneMarks:
