@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,6 +22,7 @@ from bestman_bt.manipulation.collision import (
 )
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
+from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
 from bestman_bt.navigation.global_planning import GlobalPlanner
 from bestman_bt.perception.affordance import HandleDetector
@@ -66,7 +67,7 @@ class SkillContext:
     ``camera``: on the head. ``wrist_camera``: on the hand, where there is one; ``tactile``: pads of the fingers, which
     may be none. ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
-    oldest first.
+    oldest first. ``policies``: from the name or file of a learned policy to it.
     """
 
     clock: TimeSource
@@ -86,6 +87,7 @@ class SkillContext:
     rng: np.random.Generator
     failures: list[Failure] = field(default_factory=list)
     observations: dict[str, list[Observation]] = field(default_factory=dict)
+    policies: Callable[[str], Policy] = load_policy
 
     @property
     def arm_model(self) -> ArmModel:

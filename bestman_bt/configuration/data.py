@@ -16,6 +16,7 @@ _FOLDERS = {
     "scene": ("assets/scenes", (".yaml",)),
     "furniture": ("assets/furniture", (".yaml",)),
     "object": ("assets/objects", (".yaml",)),
+    "policy": ("assets/policies", (".onnx", ".yaml")),
     "tree": ("trees", (".xml", ".py")),
 }
 

@@ -1,0 +1,39 @@
+"""Policies from files: a network (.onnx with its .json) or the description of a server (.yaml)."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bestman_bt.manipulation.policy.base import Policy
+from bestman_bt.manipulation.policy.errors import PolicyModelError
+from bestman_bt.manipulation.policy.onnx_policy import OnnxPolicy, OnnxPolicyParameters
+from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy, OpenpiPolicyParameters
+
+
+def load_policy(path: str | Path) -> Policy:
+    """The policy of a file; PolicyModelError if it is none. A .yaml holds the fields of OpenpiPolicyParameters."""
+    path = Path(path)
+    if path.suffix == ".onnx":
+        return OnnxPolicy(OnnxPolicyParameters(str(path)))
+    if path.suffix != ".yaml":
+        raise PolicyModelError(f"a policy is an .onnx or a .yaml file, not {str(path)!r}")
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise PolicyModelError(f"{path} does not describe a policy server: {error}") from error
+    return OpenpiPolicy(_server(path, values))
+
+
+def _server(path: Path, values: Any) -> OpenpiPolicyParameters:
+    known = {field.name for field in fields(OpenpiPolicyParameters)}
+    if not isinstance(values, dict) or not values.get("url") or set(values) - known:
+        wrong = sorted(set(values) - known) if isinstance(values, dict) else "no fields"
+        raise PolicyModelError(f"{path} should have 'url' and other fields of a policy server; it has {wrong}")
+    for name in ("joint_names", "image_size"):
+        if name in values:
+            values[name] = tuple(values[name])
+    return OpenpiPolicyParameters(**values)
