@@ -1,7 +1,8 @@
 """Inverse kinematics by damped least squares with restarts.
 
-Nakamura and Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986; the error is the logarithm of
-the pose error, as in pinocchio's inverse kinematics example.
+Nakamura and Hanafusa, "Inverse kinematic solutions with singularity robustness", 1986; the damping fades with the
+error, as in Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", T-RO 2011, so
+that poses near a singularity converge; the error is the logarithm of the pose error, as in pinocchio's example.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from bestman_bt.robot_model import RobotModel
 
 @dataclass(frozen=True)
 class DampedLeastSquaresParameters:
-    """``tolerance``: m and rad, every component of the error. ``damping``: added to J Jᵀ. ``max_step``: rad per joint.
+    """``tolerance``: m and rad, every component of the error. ``damping``: added to J Jᵀ, in proportion to the
+    error where that is below ``fade``, m and rad. ``max_step``: rad per joint.
 
     ``limit_margin``: rad kept from the joint limits. ``attempts``: start positions: the reference, then
     ``near_attempts`` within ``near_std`` rad of it, then anywhere. ``distinct``: rad by which two solutions differ in
@@ -42,6 +44,7 @@ class DampedLeastSquaresParameters:
 
     tolerance: float = 2e-5
     damping: float = 1e-4
+    fade: float = 0.05
     max_step: float = 0.4
     max_iterations: int = 100
     patience: int = 20
@@ -199,7 +202,7 @@ class DampedLeastSquares(InverseKinematics):
         upper: NDArray[np.float64],
     ) -> tuple[NDArray[np.float64], bool]:
         model, data, tool, parameters = self._model, self._data, self._tool, self.parameters
-        damping = parameters.damping * np.eye(6)
+        identity = np.eye(6)
         q, best, since_best = start, np.inf, 0
         for _ in range(parameters.max_iterations):
             pinocchio.forwardKinematics(model, data, self._to_model(q))
@@ -216,7 +219,8 @@ class DampedLeastSquares(InverseKinematics):
                     break
             jacobian = pinocchio.computeFrameJacobian(model, data, self._to_model(q), tool, pinocchio.LOCAL)
             jacobian = pinocchio.Jlog6(tool_from_target.inverse()) @ jacobian
-            step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping, error)
+            damping = parameters.damping * min(1.0, size / parameters.fade)
+            step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping * identity, error)
             if self._order is not None:
                 step = step[np.argsort(self._order)]
             largest = float(np.abs(step).max())
