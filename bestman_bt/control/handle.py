@@ -71,7 +71,7 @@ class ControlHandle(Generic[Result]):
 
     @property
     def result(self) -> Result | None:
-        """What it found out, once it has succeeded; None where there is nothing to say."""
+        """What it found out, once it has ended; None where there is nothing to say."""
         return self._result
 
     @property
@@ -92,9 +92,10 @@ class ControlHandle(Generic[Result]):
             self._result = result
             self._status = ControlStatus.SUCCEEDED
 
-    def fail(self, code: ControlErrorCode, text: str) -> None:
-        """End as failed."""
+    def fail(self, code: ControlErrorCode, text: str, result: Result | None = None) -> None:
+        """End as failed; ``result``: what was found out nevertheless."""
         if not self.done:
+            self._result = result
             self._error = ControlError(code, text)
             self._status = ControlStatus.FAILED
 

@@ -94,12 +94,14 @@ class SimulatedForceTorque(ForceTorque):
         pose = simulation.link_pose(reader, self._model.frame)
         force, moment = self._weight_and_inertia(simulation, reader)
         robot = simulation.built.robot
-        for contact in reader.getContactPoints(bodyA=robot):
-            inside, other = contact[3] in self._masses, contact[2] == robot and contact[4] in self._masses
-            if inside != other:
-                push = contact[9] * np.array(contact[7])  # on A, along the normal on B
+        # All contacts are asked for: of one body alone, Bullet may swap the two of a contact, but not their friction.
+        for contact in reader.getContactPoints():
+            first = contact[1] == robot and contact[3] in self._masses
+            second = contact[2] == robot and contact[4] in self._masses
+            if first != second:
+                push = contact[9] * np.array(contact[7])  # on the first body
                 push = push + contact[10] * np.array(contact[11]) + contact[12] * np.array(contact[13])
-                push = push if inside else -push
+                push = push if first else -push
                 force += push
                 moment += np.cross(contact[5], push)
         torque = moment - np.cross(pose.position, force)

@@ -1,5 +1,24 @@
 """Arm control."""
 
 from bestman_bt.control.arm.arm_controller import ArmController
+from bestman_bt.control.arm.constraint_following import ConstraintFollowingParameters
+from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
+from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
+from bestman_bt.control.arm.guarded_move import GuardedMoveParameters, GuardedOutcome
+from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
+from bestman_bt.control.arm.tool_stream import ToolStreamParameters
 
-__all__ = ["ArmController"]
+__all__ = [
+    "ArmController",
+    "ConstraintFollowingParameters",
+    "ContactMonitor",
+    "ContactMonitorParameters",
+    "FollowEnd",
+    "FollowedMotion",
+    "GuardedMoveParameters",
+    "GuardedOutcome",
+    "JointAxis",
+    "JointAxisEstimator",
+    "JointAxisParameters",
+    "ToolStreamParameters",
+]

@@ -1,31 +1,65 @@
-"""Arms: follow trajectories and move point to point, under watch."""
+"""Arms: follow trajectories under watch, feel their way, and go along with doors and drawers."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bestman_bt.control.arm.constraint_following import (
+    ConstraintFollowing,
+    ConstraintFollowingParameters,
+    FollowGoal,
+)
+from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
+from bestman_bt.control.arm.followed_motion import FollowedMotion
+from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedMoveParameters, GuardedOutcome
+from bestman_bt.control.arm.tool_stream import ToolStream, ToolStreamParameters
 from bestman_bt.control.handle import ControlErrorCode, ControlHandle
 from bestman_bt.control.motion_handle import start_motion
-from bestman_bt.messages import JointTrajectory
-from hal.api import Arm, Clock, JointLimits, Timer
+from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.messages import JointKind, JointTrajectory
+from bestman_bt.sensing.force_torque import WristWrench
+from hal.api import Arm, Clock, CommandRefusedError, JointLimits, NotConnectedError, Timer
 
 Guard = Callable[[], str | None]
+
+
+class _Streaming(Protocol):
+    def tick(self) -> bool:
+        """One period; False when it is over."""
 
 
 class ArmController:
     """Runs motions of one arm. The arm's driver watches that it tracks; a guard can watch for anything else.
 
     A guard is asked every ``guard_period`` seconds while the arm moves; when it answers with a text, the arm is
-    brought to rest and the handle fails with that text.
+    brought to rest and the handle fails with that text. ``kinematics`` and ``wrist`` are needed by what feels its way:
+    ``move_until`` and ``follow_constraint``.
     """
 
-    def __init__(self, arm: Arm, clock: Clock, guard_period: float = 0.05) -> None:
+    def __init__(
+        self,
+        arm: Arm,
+        clock: Clock,
+        guard_period: float = 0.05,
+        kinematics: InverseKinematics | None = None,
+        wrist: WristWrench | None = None,
+        contact: ContactMonitorParameters | None = None,
+        streaming: ToolStreamParameters | None = None,
+        guarded: GuardedMoveParameters | None = None,
+        following: ConstraintFollowingParameters | None = None,
+    ) -> None:
         self._arm = arm
         self._clock = clock
         self._guard_period = guard_period
+        self._kinematics, self._wrist = kinematics, wrist
+        self._contact = contact or ContactMonitorParameters()
+        self._streaming, self._guarded, self._following = streaming or ToolStreamParameters(), guarded, following
+        self._stream: _Stream | None = None
 
     @property
     def name(self) -> str:
@@ -46,21 +80,108 @@ class ArmController:
         """Measured positions, (n,) radians."""
         return self._arm.positions()
 
-    def follow(self, trajectory: JointTrajectory, guard: Guard | None = None) -> ControlHandle[None]:
-        """Follow a trajectory that starts where the arm is; succeeds when the arm rests at its end."""
-        return self._watched(start_motion(lambda: self._arm.follow(trajectory)), guard)
+    def follow(
+        self, trajectory: JointTrajectory, guard: Guard | None = None, free: bool = False
+    ) -> ControlHandle[None]:
+        """Follow a trajectory that starts where the arm is; succeeds when the arm rests at its end.
+
+        ``free``: nothing is to be touched on the way; a contact ends it as COLLISION.
+        """
+        self._end_stream(ControlErrorCode.SUPERSEDED, "a newer command took over")
+        handle = start_motion(lambda: self._arm.follow(trajectory))
+        return self._watched(handle, guard, trajectory if free else None)
 
     def move_to(
         self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None
     ) -> ControlHandle[None]:
         """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
-        return self._watched(start_motion(lambda: self._arm.move_to(positions, speed_scale)), guard)
+        self._end_stream(ControlErrorCode.SUPERSEDED, "a newer command took over")
+        return self._watched(start_motion(lambda: self._arm.move_to(positions, speed_scale)), guard, None)
+
+    def move_until(
+        self, direction: ArrayLike, speed: float, max_distance: float, stop_force: float
+    ) -> ControlHandle[GuardedOutcome]:
+        """Move the tool straight along ``direction`` (3,), base frame, until something resists with ``stop_force`` N.
+
+        Both that and ``max_distance`` metres without a touch are success; the outcome tells which it was. The hand
+        keeps its orientation. Fails as UNREACHABLE where the arm cannot go on. ValueError for values that make no
+        sense.
+        """
+        axis = _unit(direction)
+        _check_positive(speed=speed, max_distance=max_distance, stop_force=stop_force)
+        kinematics, wrist = self._feeling("move_until")
+        handle: ControlHandle[GuardedOutcome] = ControlHandle(self._cancel_stream)
+        stream = ToolStream(self._arm, kinematics, self._streaming)
+        self._run(
+            GuardedMove(stream, wrist, axis, speed, max_distance, stop_force, handle, self._guarded), handle, stream
+        )
+        return handle
+
+    def follow_constraint(
+        self,
+        direction: ArrayLike,
+        *,
+        speed: float = 0.06,
+        distance: float = math.inf,
+        angle: float = math.inf,
+        max_pull: float = 45.0,
+        max_side: float = 40.0,
+        turn: float = 1.0,
+        grip: Guard | None = None,
+        hint: JointKind | None = None,
+    ) -> ControlHandle[FollowedMotion]:
+        """Go along with a door or drawer whose handle the hand holds.
+
+        ``direction``: (3,) base frame, in which the handle is thought to start to move. ``speed``: m/s. It ends well
+        after ``distance`` metres along the way or ``angle`` radians about the hinge that it finds, of which at least
+        one is to be given. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``: share of a door's
+        turn by which the hand turns with it; at 0 the bar turns between the fingers. ``grip``: answers with a text when
+        the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known.
+        The result, also of a following that failed, is a FollowedMotion. ValueError for values that make no sense.
+        """
+        axis = _unit(direction)
+        _check_positive(speed=speed, distance=distance, angle=angle, max_pull=max_pull, max_side=max_side)
+        if math.isinf(distance) and math.isinf(angle):
+            raise ValueError("follow_constraint needs a distance or an angle to end at")
+        kinematics, wrist = self._feeling("follow_constraint")
+        handle: ControlHandle[FollowedMotion] = ControlHandle(self._cancel_stream)
+        stream = ToolStream(self._arm, kinematics, self._streaming)
+        goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn)
+        following = ConstraintFollowing(stream, wrist, axis, goal, handle, grip, hint, self._following)
+        self._run(following, handle, stream)
+        return handle
 
     def stop(self) -> None:
         """Bring the arm to rest at once."""
+        self._end_stream(ControlErrorCode.STOPPED, "the arm was stopped")
         self._arm.stop()
 
-    def _watched(self, handle: ControlHandle[None], guard: Guard | None) -> ControlHandle[None]:
+    def _feeling(self, what: str) -> tuple[InverseKinematics, WristWrench]:
+        if self._kinematics is None or self._wrist is None:
+            raise ValueError(f"{what} needs an arm controller with kinematics and a wrist force-torque sensor")
+        return self._kinematics, self._wrist
+
+    def _run(self, action: _Streaming, handle: ControlHandle[Any], stream: ToolStream) -> None:
+        self._end_stream(ControlErrorCode.SUPERSEDED, "a newer command took over")
+        self._arm.stop()  # also ends a motion under way
+        self._stream = _Stream(action, handle, self._arm)
+        self._stream.start(self._clock, stream.parameters.period)
+
+    def _cancel_stream(self) -> None:
+        self.stop()
+
+    def _end_stream(self, code: ControlErrorCode, text: str) -> None:
+        if self._stream is not None:
+            self._stream.end(code, text)
+            self._stream = None
+
+    def _watched(
+        self, handle: ControlHandle[None], guard: Guard | None, free: JointTrajectory | None
+    ) -> ControlHandle[None]:
+        if free is not None and not handle.done:
+            monitor = ContactMonitor(self._arm, self._clock, self._wrist, free, self._contact)
+            watch = _Watch(handle, monitor.objection, self._arm, ControlErrorCode.COLLISION)
+            watch.start(self._clock, self._contact.period)
         if guard is not None and not handle.done:
             _Watch(handle, guard, self._arm).start(self._clock, self._guard_period)
         return handle
@@ -69,8 +190,14 @@ class ArmController:
 class _Watch:
     """Asks a guard until the action has ended."""
 
-    def __init__(self, handle: ControlHandle[None], guard: Guard, arm: Arm) -> None:
-        self._handle, self._guard, self._arm = handle, guard, arm
+    def __init__(
+        self,
+        handle: ControlHandle[None],
+        guard: Guard,
+        arm: Arm,
+        code: ControlErrorCode = ControlErrorCode.GUARDED,
+    ) -> None:
+        self._handle, self._guard, self._arm, self._code = handle, guard, arm, code
         self._timer: Timer | None = None
 
     def start(self, clock: Clock, period: float) -> None:
@@ -79,7 +206,48 @@ class _Watch:
     def _tick(self) -> None:
         objection = None if self._handle.done else self._guard()
         if objection is not None:
-            self._handle.fail(ControlErrorCode.GUARDED, objection)
+            self._handle.fail(self._code, objection)
             self._arm.stop()
         if self._handle.done and self._timer is not None:
             self._timer.cancel()
+
+
+class _Stream:
+    """Calls a streaming action every period until it is over, and then stops the arm."""
+
+    def __init__(self, action: _Streaming, handle: ControlHandle[Any], arm: Arm) -> None:
+        self._action, self._handle, self._arm = action, handle, arm
+        self._timer: Timer | None = None
+
+    def start(self, clock: Clock, period: float) -> None:
+        self._timer = clock.every(period, self._tick)
+
+    def end(self, code: ControlErrorCode, text: str) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._handle.abort(code, text)
+
+    def _tick(self) -> None:
+        try:
+            going = self._action.tick()
+        except (CommandRefusedError, NotConnectedError) as error:
+            self.end(ControlErrorCode.STOPPED, str(error))
+            return
+        if not going:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._arm.stop()
+
+
+def _unit(direction: ArrayLike) -> NDArray[np.float64]:
+    vector = np.asarray(direction, dtype=float)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)) or float(np.linalg.norm(vector)) < 1e-6:
+        raise ValueError(f"direction should be three finite numbers, not all zero, but is {direction!r}")
+    unit: NDArray[np.float64] = vector / np.linalg.norm(vector)
+    return unit
+
+
+def _check_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not value > 0.0:
+            raise ValueError(f"{name} should be positive but is {value!r}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from bestman_bt.control.handle import ControlHandle
@@ -15,11 +16,13 @@ class GripperParameters:
 
     ``release_speed``: m/s of the width, faster fingers drag the object along. ``release_clearance``: metres that a
     release opens beyond the present width. ``width_tolerance``: metres by which a held object's width may differ.
+    ``slip_tolerance``: metres by which the width may change while it is held.
     """
 
     release_speed: float = 0.02
     release_clearance: float = 0.016
     width_tolerance: float = 0.006
+    slip_tolerance: float = 0.003
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,24 @@ class GripperController:
         """Let go: open a little and slowly, so that the object stays where it stands."""
         width = min(self.width() + self._parameters.release_clearance, self.description.max_width)
         return self.open(width, self._parameters.release_speed)
+
+    def watch_slip(self, tolerance: float | None = None) -> Callable[[], str | None]:
+        """A guard over what is held now: it answers with a text once the fingers press no more, or close further.
+
+        ``tolerance``: metres by which the width may still shrink or grow (``slip_tolerance`` by default).
+        """
+        tolerance = self._parameters.slip_tolerance if tolerance is None else tolerance
+        width = self.width()
+
+        def lost() -> str | None:
+            if not self.pressing():
+                return f"{self.name} holds nothing any more"
+            moved = self.width() - width
+            if abs(moved) > tolerance:
+                return f"what {self.name} holds slips: the width went by {1000 * moved:+.1f} mm"
+            return None
+
+        return lost
 
     def stop(self) -> None:
         """Stop the fingers at once; a grasp goes on pressing."""

@@ -1,0 +1,206 @@
+"""Compliant following of a door or drawer whose joint is unknown, with a hand that holds its handle.
+
+Position control shaped by the wrist's force (admittance: Hogan, "Impedance control", 1985); the direction is learned
+from the hand's own way (Karayiannidis et al., "Model-free robot manipulation of doors and drawers by means of
+fixed-grasps", ICRA 2013).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
+from bestman_bt.control.arm.joint_axis import JointAxisEstimator, JointAxisParameters
+from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
+from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.messages import JointKind, Pose
+from bestman_bt.sensing.force_torque import WristWrench
+
+Array = NDArray[np.float64]
+
+_CODES = {
+    FollowEnd.LOCKED: ControlErrorCode.BLOCKED,
+    FollowEnd.JAMMED: ControlErrorCode.BLOCKED,
+    FollowEnd.GRIP_LOST: ControlErrorCode.GUARDED,
+    FollowEnd.OBSTACLE: ControlErrorCode.COLLISION,
+    FollowEnd.ARM_LIMIT: ControlErrorCode.UNREACHABLE,
+    FollowEnd.TIMEOUT: ControlErrorCode.TIMEOUT,
+}
+
+
+@dataclass(frozen=True)
+class ConstraintFollowingParameters:
+    """SI units.
+
+    ``compliance``: m/s across the motion per newton, up to ``side_speed``. ``acceleration``: along it.
+    ``force_filter``: seconds. ``stall_time``: without ``stall_distance`` of progress counts as stuck. ``moved``: from
+    which way on a stuck joint is jammed and not locked. ``turn_speed``: rad/s of the hand. ``relax_time``: at the end,
+    giving way to what still pulls. ``time_factor``: of the time that the way would take at full speed.
+    """
+
+    compliance: float = 5e-4
+    side_speed: float = 0.03
+    acceleration: float = 0.1
+    force_filter: float = 0.04
+    stall_time: float = 0.8
+    stall_distance: float = 0.002
+    moved: float = 0.015
+    turn_speed: float = 0.6
+    relax_time: float = 0.3
+    time_factor: float = 4.0
+    axis: JointAxisParameters = field(default_factory=JointAxisParameters)
+
+
+@dataclass(frozen=True)
+class FollowGoal:
+    """Until when to follow: ``distance`` metres along the way or ``angle`` radians, whichever is given and comes first.
+
+    ``max_pull``, ``max_side``: newtons along and across. ``turn``: share of the door's turn that the hand turns with
+    it; 0 keeps the hand's direction, and the bar turns between the fingers.
+    """
+
+    speed: float
+    distance: float = math.inf
+    angle: float = math.inf
+    max_pull: float = 45.0
+    max_side: float = 40.0
+    turn: float = 1.0
+
+
+class ConstraintFollowing:
+    """One following under way; ``tick`` is called every period of the stream until it answers that it is over."""
+
+    def __init__(
+        self,
+        stream: ToolStream,
+        wrist: WristWrench,
+        direction: Array,
+        goal: FollowGoal,
+        handle: ControlHandle[FollowedMotion],
+        grip: Callable[[], str | None] | None = None,
+        hint: JointKind | None = None,
+        parameters: ConstraintFollowingParameters | None = None,
+    ) -> None:
+        self._stream, self._wrist, self._goal, self._handle, self._grip = stream, wrist, goal, handle, grip
+        self._parameters = parameters or ConstraintFollowingParameters()
+        self._start = stream.measured()
+        self._estimator = JointAxisEstimator(direction, self._start.position, hint, self._parameters.axis)
+        self._force: Array = np.zeros(3)
+        self._speed = self._turned = self._time = 0.0
+        self._peak = np.zeros(2)
+        self._progress, self._progress_at = 0.0, 0.0
+        self._ending: tuple[FollowEnd, str, float] | None = None
+
+    def tick(self) -> bool:
+        """One period; False when it is over and the arm is to be stopped."""
+        self._time += self._stream.parameters.period
+        tool = self._stream.measured()
+        self._feel(tool)
+        if self._ending is not None:
+            return self._relax(tool)
+        self._estimator.add(tool.position)
+        axis = self._estimator.axis
+        tangent = axis.tangent(tool.position)
+        pull = -float(self._force @ tangent)
+        side = self._force + pull * tangent
+        self._peak = np.maximum(self._peak, [pull, float(np.linalg.norm(side))])
+        travelled = axis.travelled(self._start.position, tool.position)
+        found = self._why_to_end(tool, pull, float(np.linalg.norm(side)), travelled)
+        if found is None:
+            found = self._advance(tool, tangent, side, pull)
+        if found is not None:
+            if found[0] is FollowEnd.GRIP_LOST:
+                self._finish(*found, tool)
+                return False
+            self._ending = (*found, self._time)
+        return True
+
+    def _feel(self, tool: Pose) -> None:
+        period = self._stream.parameters.period
+        share = period / (period + self._parameters.force_filter)
+        self._force = self._force + share * (self._wrist.contact_at(tool).force - self._force)
+
+    def _why_to_end(self, tool: Pose, pull: float, side: float, travelled: float) -> tuple[FollowEnd, str] | None:
+        goal, p = self._goal, self._parameters
+        lost = None if self._grip is None else self._grip()
+        if lost is not None:
+            return FollowEnd.GRIP_LOST, f"{lost} after {travelled:.3f} m"
+        if self._remaining(tool) <= 0.0:
+            return FollowEnd.REACHED, ""
+        if side > goal.max_side:
+            return FollowEnd.OBSTACLE, f"{side:.0f} N push the hand aside after {travelled:.3f} m"
+        if travelled > self._progress + p.stall_distance:
+            self._progress, self._progress_at = travelled, self._time
+        if pull > goal.max_pull or self._time - self._progress_at > p.stall_time:
+            force = f"{pull:.0f} N (at most {goal.max_pull:.0f} N are allowed)"
+            if travelled < p.moved:
+                return FollowEnd.LOCKED, f"it does not move at {force}: locked, or held shut"
+            return FollowEnd.JAMMED, f"it moved {travelled:.3f} m and no further at {force}: jammed, or at its end"
+        way = min(goal.distance, goal.angle * p.axis.longest_radius)
+        if self._time > p.time_factor * way / goal.speed + 5.0:
+            return FollowEnd.TIMEOUT, f"{travelled:.3f} m in {self._time:.0f} s"
+        return None
+
+    def _remaining(self, tool: Pose) -> float:
+        """Metres that are left of the way."""
+        axis = self._estimator.axis
+        left = self._goal.distance - axis.travelled(self._start.position, tool.position)
+        if axis.kind == "revolute":
+            left = min(left, (self._goal.angle - axis.angle(self._start.position, tool.position)) * axis.radius)
+        return left
+
+    def _advance(self, tool: Pose, tangent: Array, side: Array, pull: float) -> tuple[FollowEnd, str] | None:
+        goal, p, period = self._goal, self._parameters, self._stream.parameters.period
+        braking = math.sqrt(2.0 * p.acceleration * max(self._remaining(tool), 1e-5))
+        # The closer to the force limit, the slower, so that nothing locked is pulled at harder.
+        yielding = goal.speed * min(1.0, max(0.0, 2.0 * (1.0 - pull / goal.max_pull)))
+        self._speed = min(self._speed + p.acceleration * period, goal.speed, braking, yielding)
+        for slower in (1.0, 0.5, 0.2):
+            velocity = slower * self._speed * tangent + self._giving_way(side)
+            for turn in self._turns(tool, slower):
+                step = self._stream.send(self._next_pose(velocity, turn))
+                if step is StreamStep.SENT:
+                    self._turned += turn
+                    return None
+        return FollowEnd.ARM_LIMIT, "the arm can go no further: a joint limit or a singularity is ahead"
+
+    def _giving_way(self, force: Array) -> Array:
+        velocity = self._parameters.compliance * force
+        return velocity * min(1.0, self._parameters.side_speed / max(float(np.linalg.norm(velocity)), 1e-9))
+
+    def _turns(self, tool: Pose, slower: float) -> tuple[float, ...]:
+        """By what angle to turn the hand in this period: with the door, or, where the arm cannot, not at all."""
+        axis = self._estimator.axis
+        most = slower * self._parameters.turn_speed * self._stream.parameters.period
+        wanted = self._goal.turn * axis.angle(self._start.position, tool.position) - self._turned
+        with_door = float(np.clip(wanted, -most, most)) if axis.kind == "revolute" else 0.0
+        return (with_door, 0.0) if with_door else (0.0,)
+
+    def _next_pose(self, velocity: Array, turn: float) -> Pose:
+        pose, axis = self._stream.pose, self._estimator.axis.direction
+        rotation = Pose(np.zeros(3), np.append(math.sin(turn / 2) * axis, math.cos(turn / 2)))
+        turned = rotation @ Pose(np.zeros(3), pose.quaternion)
+        return Pose(pose.position + velocity * self._stream.parameters.period, turned.quaternion)
+
+    def _relax(self, tool: Pose) -> bool:
+        assert self._ending is not None
+        end, text, since = self._ending
+        if self._time - since < self._parameters.relax_time:
+            self._stream.send(self._next_pose(self._giving_way(self._force), 0.0))
+            return True
+        self._finish(end, text, tool)
+        return False
+
+    def _finish(self, end: FollowEnd, text: str, tool: Pose) -> None:
+        axis, start = self._estimator.axis, self._start.position
+        distance, angle = axis.travelled(start, tool.position), axis.angle(start, tool.position)
+        motion = FollowedMotion(end, axis, distance, angle, *map(float, self._peak), tool, self._turned)
+        if end is FollowEnd.REACHED:
+            self._handle.succeed(motion)
+        else:
+            self._handle.fail(_CODES[end], text, motion)

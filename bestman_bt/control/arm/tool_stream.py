@@ -1,0 +1,64 @@
+"""Tool poses streamed to an arm: each a small step of inverse kinematics from the one before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.messages import Pose
+from hal.api import Arm
+
+
+@dataclass(frozen=True)
+class ToolStreamParameters:
+    """``period``: seconds between two set-points. ``speed_share``: of the joints' speed limits.
+
+    ``min_manipulability``: Yoshikawa's measure below which the arm goes no further towards a singularity.
+    """
+
+    period: float = 1.0 / 60.0
+    speed_share: float = 0.6
+    min_manipulability: float = 0.01
+
+
+class StreamStep(Enum):
+    """What became of a pose that was asked for; only the first one moves the arm."""
+
+    SENT = "sent"
+    TOO_FAST = "too fast"
+    UNREACHABLE = "unreachable"
+
+
+class ToolStream:
+    """Begins where the arm is. ``pose``: base_from_tool that was sent last."""
+
+    def __init__(self, arm: Arm, kinematics: InverseKinematics, parameters: ToolStreamParameters | None = None) -> None:
+        self._arm, self._kinematics = arm, kinematics
+        self.parameters = parameters or ToolStreamParameters()
+        self._positions: NDArray[np.float64] = arm.positions()
+        self.pose = kinematics.tool_pose(self._positions)
+        self._manipulability = kinematics.manipulability(self._positions)
+        speed = np.array([limits.velocity for limits in arm.limits])
+        self._largest_step = self.parameters.speed_share * self.parameters.period * speed
+
+    def measured(self) -> Pose:
+        """Where the tool is, by encoders."""
+        return self._kinematics.tool_pose(self._arm.positions())
+
+    def send(self, base_from_tool: Pose) -> StreamStep:
+        """Ask for the next pose; CommandRefusedError if the arm takes no commands."""
+        positions = self._kinematics.track(base_from_tool, self._positions)
+        if positions is None:
+            return StreamStep.UNREACHABLE
+        if np.any(np.abs(positions - self._positions) > self._largest_step):
+            return StreamStep.TOO_FAST
+        manipulability = self._kinematics.manipulability(positions)
+        if manipulability < min(self.parameters.min_manipulability, self._manipulability):
+            return StreamStep.UNREACHABLE
+        self._arm.servo(positions)
+        self._positions, self.pose, self._manipulability = positions, base_from_tool, manipulability
+        return StreamStep.SENT
