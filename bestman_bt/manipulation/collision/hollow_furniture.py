@@ -11,6 +11,8 @@ from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.world_model import MapFurniture, WorldModel
 
+_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of a box's corners
+
 
 def hollow_furniture(
     world_model: WorldModel,
@@ -46,12 +48,15 @@ def hollow_furniture(
 
 
 def _grown(placed: PlacedShape, piece: MapFurniture, offset: float, turn: float) -> PlacedShape:
-    """A board that covers where it may be: moved by ``offset`` along x and y, turned about the middle of the piece."""
+    """A board that covers where it may be: moved by ``offset`` along x and y of the map, turned with its piece."""
     if not isinstance(placed.shape, Box):
         return placed
-    furthest = math.hypot(*piece.footprint) / 2
-    sideways = offset + furthest * math.sin(turn)
-    # of each axis of the board, how much of a horizontal shift can lie along it
-    horizontal = np.hypot(placed.pose.rotation[0], placed.pose.rotation[1])
-    x, y, z = (float(size + 2 * sideways * share) for size, share in zip(placed.shape.size, horizontal, strict=True))
+    corners = placed.pose.apply(_SIGNS * np.array(placed.shape.size) / 2)[:, :2]
+    axes = placed.pose.rotation[:2]  # (2, 3): how far each of the board's axes lies in the plane, and whereto
+    cosine, sine = math.cos(piece.pose.theta), math.sin(piece.pose.theta)
+    moved = offset * np.abs(np.array([[cosine, -sine], [sine, cosine]]) @ axes).sum(axis=0)
+    sideways = np.abs(np.outer(corners[:, 0], axes[1]) - np.outer(corners[:, 1], axes[0])).max(axis=0)
+    inwards = float(np.linalg.norm(corners, axis=1).max()) * np.linalg.norm(axes, axis=0)
+    shift = moved + math.sin(turn) * sideways + (1.0 - math.cos(turn)) * inwards
+    x, y, z = (float(size + 2 * grow) for size, grow in zip(placed.shape.size, shift, strict=True))
     return PlacedShape(Box((x, y, z)), placed.pose)

@@ -1,0 +1,142 @@
+"""Furniture that an arm works in: reachable inside, solid where boards and doors may be."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.manipulation.collision import planning_scene_from_world_model
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.messages import PlacedShape, Pose, Pose2D, distance_to_shape
+from bestman_bt.scene import PlacedFurniture, World, draw_world, load_scene, read_furniture, semantic_map
+from bestman_bt.world_model import BasePose, Obstacle, WorldModel
+
+
+def believed(scene: str, seed: int = 3) -> tuple[World, WorldModel]:
+    world = draw_world(load_scene(scene), seed)
+    return world, WorldModel(semantic_map(world), base=BasePose(Pose2D(0.3, 0.0, 0.0), 0.01, 0.01, 0.0))
+
+
+def shapes(world_model, robot, *names, **options):
+    scene = planning_scene_from_world_model(world_model, robot, robot.postures["home"], **options)
+    found = {obstacle.name: obstacle for obstacle in scene.obstacles}
+    return [shape for name in names for shape in found[name].shapes] if names else found
+
+
+def distance(obstacles: list[PlacedShape], world_model: WorldModel, points: np.ndarray) -> np.ndarray:
+    """Smallest distance of points (N, 3) of the map frame to shapes in the base frame."""
+    in_base = world_model.base.pose.to_pose().inverse().apply(points)
+    return np.min([distance_to_shape(in_base, shape) for shape in obstacles], axis=0)
+
+
+def inside_points(piece: PlacedFurniture, surface: str, moved: float = 0.0) -> np.ndarray:
+    where = next(s for s in piece.model.all_surfaces if s.name == surface)
+    local = np.array([[x, y, 0.08] for x in (-0.10, 0.0) for y in (-0.1, 0.0, 0.1)])
+    return (piece.nominal.to_pose() @ Pose(np.array([-moved, 0.0, 0.0])) @ where.pose).apply(local)
+
+
+def test_by_default_furniture_is_a_solid_box_whatever_the_map_knows(diff_panda) -> None:
+    _, world_model = believed("fridge_room")
+    (box,) = shapes(world_model, diff_panda, "fridge")
+    assert box.shape.size[2] == pytest.approx(1.72)
+    assert not [name for name in shapes(world_model, diff_panda) if "/" in name]
+
+
+def test_an_open_fridge_can_be_reached_into_and_a_closed_one_has_its_door(diff_panda) -> None:
+    world, world_model = believed("fridge_room")
+    points = inside_points(world.furniture[0], "shelf_4")
+    hollow = {"hollow": ["fridge"]}
+    assert np.all(distance(shapes(world_model, diff_panda, "fridge"), world_model, points) <= 0.0)
+    assert np.all(distance(shapes(world_model, diff_panda, "fridge", **hollow), world_model, points) > 0.03)
+    middle = world.furniture[0].nominal.to_pose().apply(np.array([[-0.30, 0.0, 1.3]]))
+    door = shapes(world_model, diff_panda, "fridge/upper_door", **hollow)
+    assert distance(door, world_model, middle)[0] <= 0.0
+    world_model.articulations["fridge/upper_door"] = math.radians(90)
+    door = shapes(world_model, diff_panda, "fridge/upper_door", **hollow)
+    assert distance(door, world_model, middle)[0] > 0.15
+    swung = world.furniture[0].nominal.to_pose().apply(np.array([[-0.55, -0.30, 1.3]]))  # hinged at its right, -y
+    assert distance(door, world_model, swung)[0] <= 0.0
+
+
+def test_a_drawer_is_open_at_the_top_once_it_is_believed_to_be_open(diff_panda) -> None:
+    world, world_model = believed("chest_room")
+    names = ("drawer_chest", "drawer_chest/drawer_1", "drawer_chest/drawer_2", "drawer_chest/drawer_3")
+    chest = world.furniture[0]
+    over = inside_points(chest, "drawer_3", moved=0.30) + np.array([0.0, 0.0, 0.35])  # the hand comes from above
+    over = over[over[:, 0] < chest.nominal.x - chest.model.footprint[0] / 2 - 0.05]
+    assert len(over)
+    in_drawer = over - np.array([0.0, 0.0, 0.35])
+    closed = shapes(world_model, diff_panda, *names, hollow=["drawer_chest"])
+    world_model.articulations["drawer_chest/drawer_3"] = 0.30
+    opened = shapes(world_model, diff_panda, *names, hollow=["drawer_chest"])
+    assert np.all(distance(opened, world_model, over) > 0.03)
+    assert np.all(distance(opened, world_model, in_drawer) > 0.0)
+    bottom = in_drawer - np.array([0.0, 0.0, 0.084])
+    assert np.all(distance(opened, world_model, bottom) <= 0.0)
+    assert np.all(distance(closed, world_model, bottom) > 0.0)
+
+
+@pytest.mark.parametrize("name", ["fridge", "drawer_chest", "microwave", "cupboard", "dishwasher"])
+def test_boards_and_leaves_cover_wherever_the_piece_may_stand(diff_panda, name: str) -> None:
+    """But for handles, which are seen and not told."""
+    model = read_furniture(name)
+    rng = np.random.default_rng(0)
+    told = Pose2D(1.0, 0.1, 0.4)
+    for _ in range(12):
+        dx, dy, turn = rng.uniform(-1, 1, 3) * (0.03, 0.03, math.radians(2.0))
+        actual = Pose2D(told.x + dx, told.y + dy, told.theta + turn)
+        world = draw_world(load_scene("chest_room"), 0)
+        piece = PlacedFurniture(name, model, told, actual)
+        world_model = WorldModel(
+            semantic_map(World("", 0, world.walls, (piece,), (), Pose2D(), {})),
+            base=BasePose(Pose2D(), 0.01, 0.01, 0.0),
+        )
+        world_model.articulations = {f"{name}/{leaf.name}": 0.6 * leaf.upper for leaf in model.articulations}
+        everything = [
+            shape
+            for key, body in shapes(world_model, diff_panda, hollow=[name]).items()
+            if key.partition("/")[0] == name
+            for shape in body.shapes
+        ]
+        leaves = world_model.map.furniture[name].leaves
+        truly = [(shape, Pose()) for shape in world_model.map.furniture[name].shapes]
+        truly += [(s, leaf.moved(0.6 * leaf.upper)) for leaf in leaves for s in leaf.shapes]
+        corners = np.vstack([(piece.pose @ moved @ shape.pose).apply(_corners(shape)) for shape, moved in truly])
+        assert np.all(distance(everything, world_model, corners) <= 1e-6)
+
+
+def _corners(placed: PlacedShape) -> np.ndarray:
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return signs * np.array(placed.shape.size) / 2
+
+
+def test_the_map_tells_of_boards_but_not_of_handles() -> None:
+    for name in ("fridge", "drawer_chest", "microwave", "cupboard", "dishwasher", "room_door"):
+        model = read_furniture(name)
+        at = Pose2D()
+        piece = PlacedFurniture(name, model, at, at)
+        walls = draw_world(load_scene("chest_room"), 0).walls
+        told = semantic_map(World("", 0, walls, (piece,), (), Pose2D(), {})).furniture[name]
+        assert len(told.leaves) == len(model.articulations) > 0
+        for leaf, true in zip(told.leaves, model.articulations, strict=True):
+            middle, standoff = true.handle.pose.position, true.handle.standoff
+            nearest = min(distance_to_shape(middle[None], shape)[0] for shape in leaf.shapes)
+            if true.handle.kind == "edge":
+                groove = middle + np.array([0.0, 0.0, 0.02])  # a groove is filled up
+                assert min(distance_to_shape(groove[None], shape)[0] for shape in leaf.shapes) <= 0.0
+            else:
+                assert nearest == pytest.approx(standoff, abs=0.002)
+
+
+def test_a_measured_leaf_replaces_the_mapped_one_and_unknown_furniture_is_refused(diff_panda) -> None:
+    _, world_model = believed("fridge_room")
+    seen = PlacedShape(world_model.map.furniture["fridge"].shapes[0].shape, Pose(np.array([0.9, 0.0, 1.0])))
+    world_model.obstacles["fridge/upper_door"] = Obstacle("fridge/upper_door", (seen,), 1.0)
+    found = shapes(world_model, diff_panda, hollow=["fridge"])
+    assert len(found["fridge/upper_door"].shapes) == 1
+    assert found["fridge/upper_door"].shapes[0].shape is seen.shape
+    assert "fridge" in found
+    with pytest.raises(ManipulationError, match="the map has no furniture 'frigde' to work in; there is fridge"):
+        shapes(world_model, diff_panda, hollow=["frigde"])

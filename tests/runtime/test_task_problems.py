@@ -1,0 +1,117 @@
+"""A task is checked against its scene before anything starts, and its tree is told what it asks for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.runtime import open_session
+
+TREE = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
+SET_TABLE = """\
+scene: set_table
+predicate: placed
+goals:
+  - {name: place_plate, object: plate, source: counter, surface: table}
+  - {name: place_fork, object: fork, source: counter, surface: table/top}
+"""
+PUT_AWAY = """\
+scene: put_away
+predicate: [placed, opened]
+goal: {name: place, object: cup, source: table, surface: drawer_chest/drawer_3}
+opening: {articulation: drawer_chest/drawer_3, at_most: 2 cm}
+"""
+TIDY = """\
+scene: untidy_table
+predicate: tidied
+tidy: {objects: [cup, can], source: table, surface: counter/top, x: [-25 cm, 0], y: [-60 cm, 60 cm]}
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    (folder / "t.xml").write_text(TREE)
+    path = folder / "task.yaml"
+    path.write_text(f"tree: {folder}/t.xml\nrobot: diff_panda\n{text}")
+    return path
+
+
+def problems(folder: Path, text: str) -> list[str]:
+    with pytest.raises(ConfigurationError) as error:
+        prepare_episode(load_run(written(folder, text), seed=1))
+    return [str(problem).rpartition("task.yaml:")[2] for problem in error.value.problems]
+
+
+def test_every_unknown_name_is_told_with_its_line_and_what_was_meant(tmp_path: Path) -> None:
+    wrong = SET_TABLE.replace("place_fork", "place_frok").replace("object: plate", "object: plat")
+    wrong = wrong.replace("table/top", "table/tpo")
+    assert problems(tmp_path, wrong) == [
+        "6: goals[0].object: the robot knows no object 'plat'; did you mean 'plate'?",
+        "7: goals[1].name: the scene has no goal 'place_frok'; did you mean 'place_fork'?",
+        "7: goals[1].surface: the map has no surface 'table/tpo'; did you mean 'table/top'?",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "message"),
+    [
+        (
+            PUT_AWAY,
+            "articulation: drawer_chest/drawer_3",
+            "articulation: drawer_chest/drawer_4",
+            "6: opening.articulation: the scene has no door or drawer 'drawer_chest/drawer_4'; did you mean",
+        ),
+        (PUT_AWAY, ", at_most: 2 cm", "", "6: opening: one of 'at_least' and 'at_most' should be given"),
+        (
+            PUT_AWAY,
+            "at_most: 2 cm",
+            "at_least: 10 cm, at_most: 2 cm",
+            "6: opening.at_most: should not be less than at_least, 0.1, got 0.02",
+        ),
+        (PUT_AWAY, "at_most: 2 cm", "at_most: 2 kg", "6: opening.at_most: expected an angle in rad"),
+        (PUT_AWAY, "[placed, opened]", "[placed, opend]", "4: predicate[1]: unknown predicate 'opend'; did you mean"),
+        (PUT_AWAY, "[placed, opened]", "[placed, tidied]", "tidy: is missing: the predicate 'tidied' needs a tidy"),
+        (TIDY, "[cup, can]", "[cup, kan]", "5: tidy.objects[1]: the robot knows no object 'kan'; did you mean 'can'?"),
+        (TIDY, "source: table", "source: tabel", "5: tidy.source: the map has no surface 'tabel'; did you mean"),
+        (TIDY, "x: [-25 cm, 0]", "x: [0, -25 cm]", "5: tidy.x: the smaller limit comes first, got [0, -0.25]"),
+        (
+            SET_TABLE,
+            "predicate: placed",
+            "predicate: placed\ngoal: {name: place_mug, object: mug, source: counter, surface: table}",
+            "6: goals: 'goal' is given too; one goal or several",
+        ),
+    ],
+)
+def test_what_cannot_be_is_refused(tmp_path: Path, text: str, old: str, new: str, message: str) -> None:
+    assert old in text
+    told = problems(tmp_path, text.replace(old, new))
+    assert any(message in problem for problem in told), told
+
+
+def test_the_tree_is_told_each_goal_in_order(tmp_path: Path) -> None:
+    with open_session(load_run(written(tmp_path, SET_TABLE), seed=1)) as session:
+        assert session.entries["objects"] == ["plate", "fork"]
+        assert session.entries["targets"] == ["table", "table/top"]
+        poses = [session.setup.world.goals[name] for name in ("place_plate", "place_fork")]
+        assert session.entries["goals"] == poses
+
+
+def test_the_tree_is_told_what_to_close_but_not_where_its_handle_is(tmp_path: Path) -> None:
+    with open_session(load_run(written(tmp_path, PUT_AWAY), seed=1)) as session:
+        entries = session.entries
+        assert (entries["object"], entries["target"]) == ("cup", "drawer_chest/drawer_3")
+        assert (entries["furniture"], entries["articulation"]) == ("drawer_chest", "drawer_chest/drawer_3")
+        assert entries["at_most"] == pytest.approx(0.02)
+        assert "at_least" not in entries
+        assert not [name for name in entries if "handle" in name]
+        assert session.skills.world.articulations == {}
+
+
+def test_the_tree_is_told_what_to_tidy_and_where(tmp_path: Path) -> None:
+    with open_session(load_run(written(tmp_path, TIDY), seed=1)) as session:
+        assert session.entries["objects"] == ["cup", "can"]
+        assert (session.entries["source"], session.entries["target"]) == ("table", "counter/top")
+        np.testing.assert_allclose(session.entries["region_x"], [-0.25, 0.0])
