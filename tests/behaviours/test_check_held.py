@@ -11,6 +11,7 @@ from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import HeldObject
 from hal.pybullet import GroundTruth
+from hal.pybullet.camera import CameraFault
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 
@@ -67,6 +68,12 @@ def test_without_a_look_width_alone_is_asked(taken) -> None:
     assert (status, evidence) == (SUCCESS, "width")
 
 
+def test_a_robot_without_a_camera_on_its_hand_asks_width_alone(taken, monkeypatch) -> None:
+    monkeypatch.setattr(taken[0].skills, "wrist_camera", None)
+    status, evidence, _ = check(taken[0])
+    assert (status, evidence) == (SUCCESS, "width")
+
+
 def test_what_the_hand_is_not_believed_to_hold_is_not_checked(taken) -> None:
     assert why_not(taken[0], '<CheckHeld object="can"/>') == ("not_holding", "the hand does not hold the can")
 
@@ -100,8 +107,6 @@ def test_an_empty_hand_is_noticed_by_sight_where_its_width_is_as_expected(taken,
 
 
 def test_a_camera_that_delivers_nothing_is_told_and_the_object_stays_in_the_hand(taken) -> None:
-    from hal.pybullet.camera import CameraFault
-
     session, _, held = taken
     session.skills.world.held = replace(held, width=session.skills.gripper.width())
     camera = session.robot.parts["wrist_camera"]

@@ -12,6 +12,7 @@ from bestman_bt.messages import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
 from hal.pybullet import GroundTruth
+from hal.pybullet.camera import CameraFault
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 
@@ -130,6 +131,18 @@ def test_what_was_taken_away_is_not_found_any_more(table) -> None:
     assert "cup" not in session.skills.world.objects
     assert why_not(session, '<EstimatePose object="cup"/>')[0] == "object_not_found"
     put(session, "cup", [6.0, 0.0, 0.0])
+
+
+def test_a_scan_without_any_picture_fails_and_changes_no_belief(table) -> None:
+    session, _ = table
+    before = dict(session.skills.world.objects)
+    camera = session.robot.parts["head_camera"]
+    camera.fault = CameraFault.BLACK
+    code, words = why_not(session, SCAN_TABLE)
+    camera.fault = None
+    assert code == "camera_black"
+    assert words == "head_camera gave a black image"
+    assert session.skills.world.objects == before
 
 
 @pytest.mark.parametrize(

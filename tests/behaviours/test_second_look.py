@@ -93,6 +93,17 @@ def test_what_the_second_look_found_is_kept_when_the_head_looks_again(crowded) -
     assert yaw_error(session, truth) < math.radians(10.0)
 
 
+def test_without_a_camera_on_the_hand_there_is_no_second_look(crowded, monkeypatch) -> None:
+    session, _ = crowded
+    session.skills.world.objects.clear()
+    session.skills.observations.clear()
+    assert succeeds(session, DETECT)
+    monkeypatch.setattr(session.skills, "wrist_camera", None)
+    code, words = why_not(session, SECOND_LOOK)
+    assert code == "no_camera"
+    assert words == "the robot diff_panda has no camera on its hand to look with"
+
+
 def test_a_mug_out_of_the_arms_reach_has_no_view_and_the_arm_stays(folder: Path) -> None:
     with known_world(table_with(folder, mug=("mug", 0.33, 0.5, 0.0))) as (session, _):
         assert succeeds(session, DETECT)
