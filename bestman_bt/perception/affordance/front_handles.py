@@ -32,7 +32,8 @@ class FrontHandlesParameters:
     """The parameters of each step.
 
     ``min_confidence``: of a handle that is reported. ``apart``: metres; nearer ones are the same handle.
-    ``max_distance``: metres from the camera; farther away, noise makes handles.
+    ``max_distance``: metres from the camera; farther away, noise makes handles. ``completed_std``: metres, of the
+    position of a handle of which a part was hidden.
     """
 
     fronts: FrontsParameters = field(default_factory=FrontsParameters)
@@ -43,6 +44,7 @@ class FrontHandlesParameters:
     min_confidence: float = 0.4
     apart: float = 0.03
     max_distance: float = 2.05
+    completed_std: float = 0.015
 
 
 class FrontHandles(HandleDetector):
@@ -85,6 +87,7 @@ class FrontHandles(HandleDetector):
         frame_from_front = front.frame_from_front
         turn = frame_from_front.rotation
         borders = panel_borders(rectified, *one.rectangle, p.borders, one.borders)
+        one = one.completed(borders, p.completed_std)
         suggested = suggest_joint(one.kind, one.upright, one.centre, borders, (front.low, front.high), p.joint)
         line = None if suggested.hinge_side is None else hinge_line(suggested.hinge_side, borders, p.joint)
         opening = np.array([0.0, 0.0, 1.0])

@@ -63,6 +63,7 @@ class Groove:
 
     ``centre``: (x, y) metres, of the lip's border; ``width``: of the opening beyond it. ``upright``: whether it runs
     along y. ``inward``: +1 or -1, to which side along y (upright: x) the lip's panel lies.
+    ``end_hidden``: by something before it.
     """
 
     centre: tuple[float, float]
@@ -71,6 +72,7 @@ class Groove:
     upright: bool
     inward: float
     confidence: float
+    end_hidden: bool
 
 
 def find_grooves(front: RectifiedFront, relief: Relief, parameters: GroovesParameters) -> list[HandleOnFront]:
@@ -135,7 +137,8 @@ def _judge(
     if lying.upright and kind != "notch" and back is None:
         return []
     (seen_above, reach_above), (seen_below, reach_below) = (lying.beside(place, above=above) for above in (True, False))
-    if kind == "notch" and lying.flanked(place) < p.ends:
+    flanks, hidden = lying.flanked(place)
+    if kind == "notch" and flanks < p.ends:
         return []
     if (kind == "slot" or pair) and min(seen_above, seen_below) < p.flanks:
         return []
@@ -159,7 +162,7 @@ def _judge(
         confidence = share * (1.0 - 0.3 * deviation / p.straightness) * float(full[left:right].mean())
         inward = side if lying.upright else -side
         breadth = 0.5 * width if pair else width
-        grooves.append(Groove(centre, length, breadth, lying.upright, inward, max(0.0, confidence)))
+        grooves.append(Groove(centre, length, breadth, lying.upright, inward, max(0.0, confidence), hidden > 0.5))
     return grooves
 
 
@@ -191,7 +194,8 @@ def _lip(groove: Groove, p: GroovesParameters) -> HandleOnFront:
     else:
         borders = PanelBorders(top=y + beyond) if beyond > 0 else PanelBorders(bottom=y + beyond)
         middle, angle = np.array([x, y + grip, -p.lip / 2]), 0.0
-    return HandleOnFront("edge", middle, angle, p.lip / 2, groove.length, groove.confidence, p.position_std, borders)
+    measures = (middle, angle, p.lip / 2, groove.length, groove.confidence, p.position_std)
+    return HandleOnFront("edge", *measures, borders, groove.end_hidden)
 
 
 def _refined(groove: Groove, relief: Relief, reach: float = 0.018) -> Groove:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ class HandleOnFront:
     """``centre``: (3,) metres, of what is gripped. ``angle``: of its axis against the front's x, radians.
 
     Lengths in metres; see bestman_bt.messages.Handle. ``borders``: of its panel, as far as the handle itself tells.
+    ``end_hidden``: something is before an end of it, so that ``centre`` and ``length`` are of the part that is seen.
     """
 
     kind: HandleKind
@@ -27,6 +28,7 @@ class HandleOnFront:
     confidence: float
     position_std: float
     borders: PanelBorders = field(default_factory=PanelBorders)
+    end_hidden: bool = False
 
     @property
     def upright(self) -> bool:
@@ -39,3 +41,17 @@ class HandleOnFront:
         half = np.abs([math.cos(self.angle), math.sin(self.angle)]) * self.length / 2
         half = np.maximum(half, self.radius)
         return self.centre[:2] - half, self.centre[:2] + half
+
+    def completed(self, borders: PanelBorders, position_std: float) -> HandleOnFront:
+        """A level handle with a hidden end, supplemented: such handles sit in the middle of their panels.
+
+        Itself, where no end is hidden, the borders are not known, or it cannot be in the middle.
+        """
+        if not self.end_hidden or self.upright or borders.left is None or borders.right is None:
+            return self
+        middle = 0.5 * (borders.left + borders.right)
+        half = abs(float(self.centre[0]) - middle) + 0.5 * self.length
+        if half > 0.5 * (borders.right - borders.left) or half > 1.2 * self.length:
+            return self
+        centre = np.array([middle, self.centre[1] + (middle - self.centre[0]) * math.tan(self.angle), self.centre[2]])
+        return replace(self, centre=centre, length=2 * half, position_std=position_std)

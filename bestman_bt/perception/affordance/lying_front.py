@@ -83,14 +83,18 @@ class LyingFront:
         lengths = np.where(ended.any(axis=0), np.argmax(ended, axis=0), len(rest))
         return share(strip), float(np.median(lengths)) * self.cell
 
-    def flanked(self, place: Rectangle) -> float:
-        """The smaller share of the strips beyond both ends that shows the front, or something before it."""
+    def flanked(self, place: Rectangle) -> tuple[float, float]:
+        """Shares of the strips beyond both ends: the smaller that shows the front or something before it; the larger
+        that shows something before it."""
         margin, reach = self.cells(0.006), self.cells(0.010, 2)
         with np.errstate(invalid="ignore"):
-            solid = self.shown | (self.height > 0.01)
+            before = self.height > 0.01
         rows = slice(place.top, place.bottom)
-        first = solid[rows, max(0, place.start - margin - reach) : max(0, place.start - margin)]
-        return min(share(first), share(solid[rows, place.stop + margin : place.stop + margin + reach]))
+        ends = (
+            (rows, slice(max(0, place.start - margin - reach), max(0, place.start - margin))),
+            (rows, slice(place.stop + margin, place.stop + margin + reach)),
+        )
+        return min(share((self.shown | before)[end]) for end in ends), max(share(before[end]) for end in ends)
 
     def back(
         self, place: Rectangle, nearest: float, farthest: float, slope: float, least: float

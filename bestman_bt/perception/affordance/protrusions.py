@@ -193,15 +193,16 @@ def _bar(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters)
     filled = np.bincount(np.minimum(((where - low) / length * bins).astype(int), bins - 1), minlength=bins) > 0
     if filled.mean() < p.min_filled:
         return None
-    share = surround.bar(middle, along, length, radius)
-    if share is None:
+    free = surround.bar(middle, along, length, radius)
+    if free is None:
         return None
     count = float(keep.sum())
     lateral = radius / math.sqrt(count) + 0.3 * relief.pixel_size()
     std = math.sqrt((sigma / math.sqrt(count)) ** 2 + lateral**2 + 0.0015**2)
-    confidence = min(1.0, share * float(filled.mean()) * (1.0 - math.exp(-count / 12.0)))
+    confidence = min(1.0, free[0] * float(filled.mean()) * (1.0 - math.exp(-count / 12.0)))
     angle = math.atan2(along[1], along[0])
-    return HandleOnFront("bar", np.array([*middle, level]), angle, radius, length, confidence, std)
+    centre_of_bar = np.array([*middle, level])
+    return HandleOnFront("bar", centre_of_bar, angle, radius, length, confidence, std, end_hidden=free[1])
 
 
 def _knob(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters) -> HandleOnFront | None:

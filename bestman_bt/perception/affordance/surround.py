@@ -58,8 +58,11 @@ class Surround:
 
     def bar(
         self, middle: NDArray[np.float64], along: NDArray[np.float64], length: float, radius: float
-    ) -> float | None:
-        """The share of the ring that is free; None where something touches the bar or the front is not around it."""
+    ) -> tuple[float, bool] | None:
+        """The share of the ring that is free, and whether an end is hidden by something before it.
+
+        None where something touches the bar or the front is not around it.
+        """
         across = np.array([-along[1], along[0]])
         s, t = (self.flat - middle) @ along, (self.flat - middle) @ across
         inner, outer = radius + self._margin, radius + self._margin + self._ring
@@ -83,7 +86,7 @@ class Surround:
                 ends.append(float(self.farther[end].mean()))
             elif self.hides[end].mean() < self._p.ends:
                 return None
-        return float(np.mean(shares + ends)) if ends else None
+        return (float(np.mean(shares + ends)), len(ends) < 2) if ends else None
 
     def hidden(self, middle: NDArray[np.float64], along: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
         """Where along a bar something is before it: metres from its middle."""

@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
+from bestman_bt.perception.affordance.panel_borders import PanelBorders
+
+PANEL = PanelBorders(-0.4, 0.4, -0.1, 0.1)
+
+
+def bar(x: float, length: float, angle: float = 0.0, end_hidden: bool = True) -> HandleOnFront:
+    return HandleOnFront("bar", np.array([x, 0.0, 0.04]), angle, 0.006, length, 0.9, 0.003, end_hidden=end_hidden)
+
+
+def test_a_level_bar_with_a_hidden_end_is_supplemented_about_the_middle_of_its_panel() -> None:
+    whole = bar(-0.05, 0.2).completed(PANEL, 0.015)
+    assert whole.centre[0] == pytest.approx(0.0)
+    assert whole.length == pytest.approx(0.3)
+    assert whole.position_std == 0.015
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [bar(-0.05, 0.2, end_hidden=False), bar(-0.05, 0.2, angle=math.pi / 2), bar(0.35, 0.1)],
+    ids=["whole", "upright", "too far from the middle"],
+)
+def test_other_bars_stay_as_they_were_seen(seen: HandleOnFront) -> None:
+    assert seen.completed(PANEL, 0.015) is seen
+
+
+def test_without_the_borders_nothing_is_supplemented() -> None:
+    seen = bar(-0.05, 0.2)
+    assert seen.completed(PanelBorders(left=-0.4), 0.015) is seen
+
+
+def test_the_rectangle_of_an_upright_bar_is_high_and_narrow() -> None:
+    low, high = bar(0.1, 0.2, angle=math.pi / 2).rectangle
+    np.testing.assert_allclose(high - low, [0.012, 0.2], atol=1e-9)
