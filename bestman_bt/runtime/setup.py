@@ -14,6 +14,7 @@ import numpy as np
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, find_data
 from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
 from bestman_bt.messages import Pose2D
+from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
@@ -62,7 +63,11 @@ def prepare(config: RunConfig) -> Setup:
     if problems:
         raise ConfigurationError(problems)
     load_for(setup)
-    make_algorithms(config, robot_model)
+    algorithms = make_algorithms(config, robot_model)
+    try:
+        algorithms.detection.prepare()
+    except PerceptionError as error:
+        raise ConfigurationError([config.problem(("algorithms", "detection"), str(error))]) from error
     make_localizer(config, world_model.map)
     make_local_planner(config)
     return setup

@@ -165,6 +165,18 @@ def test_a_setting_that_is_wrong_is_refused(refused, setting: str, message: str)
     assert told.count("\n") == 1
 
 
+def test_a_network_that_is_not_there_is_told_before_anything_starts(refused) -> None:
+    told = refused(
+        "run",
+        "fetch_cup",
+        "--set",
+        "algorithms.detection.algorithm=onnx",
+        "--set",
+        "algorithms.detection.model=/nowhere/net.onnx",
+    )
+    assert "algorithms.detection: no ONNX file '/nowhere/net.onnx'" in told
+
+
 def test_a_scene_that_has_no_room_is_refused(refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bestman_bt.scene.draw._ATTEMPTS", 2)
     told = refused("run", "fetch_cup", "--set", "scene.clearance=3 m")

@@ -90,6 +90,9 @@ class DetectedScene:
 class Detector(ABC):
     """Finds known objects on a surface."""
 
+    def prepare(self) -> None:  # noqa: B027 - most have nothing to load
+        """Load what is needed, before anything moves; raises PerceptionError, in words, where that is not possible."""
+
     @abstractmethod
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator

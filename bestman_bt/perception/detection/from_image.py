@@ -55,6 +55,10 @@ class FromImage(Detector):
         self.segmentation = segmentation or RegionGrowing()
         self.pose_estimator = pose_estimator or MultiStart()
 
+    def prepare(self) -> None:
+        """See Detector."""
+        self.image_detector.prepare()
+
     def detect(
         self, view: View, region: Region, models: Sequence[ObjectModel], rng: np.random.Generator
     ) -> DetectedScene:

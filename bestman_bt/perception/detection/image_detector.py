@@ -63,6 +63,9 @@ class ImageDetection:
 class ImageDetector(ABC):
     """Finds things by name in one image; knows nothing of geometry."""
 
+    def prepare(self) -> None:  # noqa: B027 - most have nothing to load
+        """Load what is needed, before anything moves; raises PerceptionError, in words, where that is not possible."""
+
     @abstractmethod
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
         """What of ``names`` is in the image, highest score first; empty where nothing is.

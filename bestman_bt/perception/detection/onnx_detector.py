@@ -42,7 +42,7 @@ class OnnxDetectorParameters(FromImageParameters):
 
 
 class OnnxImageDetector(ImageDetector):
-    """Runs the file; it is read at the first image.
+    """Runs the file; it is read by ``prepare``, or else at the first image.
 
     Raises MissingExtraError without onnxruntime and DetectorModelError where the file is not what it should be.
     """
@@ -51,11 +51,13 @@ class OnnxImageDetector(ImageDetector):
         self.parameters = parameters
         self._network: _Network | None = None
 
+    def prepare(self) -> None:
+        """Read the file."""
+        self._loaded()
+
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:
         """See ImageDetector; classes that are not in ``names`` are left out."""
-        if self._network is None:
-            self._network = _Network(self.parameters)
-        network, p = self._network, self.parameters
+        network, p = self._loaded(), self.parameters
         wanted = np.array([name in names for name in network.classes])
         if not wanted.any() or image.rgb.size == 0:
             return ()
@@ -80,6 +82,11 @@ class OnnxImageDetector(ImageDetector):
             if clipped is not None:
                 found.append(clipped)
         return tuple(sorted(found, key=lambda detection: -detection.score))
+
+    def _loaded(self) -> _Network:
+        if self._network is None:
+            self._network = _Network(self.parameters)
+        return self._network
 
 
 class OnnxDetector(FromImage):
