@@ -23,6 +23,7 @@ from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model import RobotModel, joints_above
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
 from bestman_bt.runtime.executor import Execution, Executor
+from bestman_bt.runtime.policies import find_policy
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.lidar import LidarSensor
@@ -41,6 +42,7 @@ COMPUTATION_COSTS = {
     "grasp_planning": 0.2,
     "stand_planning": 0.2,
     "motion_planning": 0.15,
+    "policy": 0.05,
     "trajectory": 0.05,
     "global_planning": 0.05,
 }
@@ -181,6 +183,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         computation=InlineComputation(clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),
+        policies=find_policy,
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,6 +69,7 @@ class OpenpiPolicy(Policy):
     def __init__(self, parameters: OpenpiPolicyParameters) -> None:
         self.parameters = parameters
         self._connection: Any = None
+        self._open = ExitStack()
         self._metadata: dict[str, Any] = {}
 
     @property
@@ -111,9 +113,8 @@ class OpenpiPolicy(Policy):
 
     def close(self) -> None:
         """Drop the connection."""
-        connection, self._connection = self._connection, None
-        if connection is not None:
-            connection.close_socket()
+        self._connection = None
+        self._open.close()
 
     def _question(self, observation: Observation) -> dict[str, Any]:
         p = self.parameters
@@ -154,15 +155,16 @@ class OpenpiPolicy(Policy):
             headers = {"Authorization": f"Api-Key {p.api_key}"} if p.api_key else None
             try:
                 # No proxy from the environment: the server stands in the robot's own network.
-                connection = connect(
+                connecting = connect(
                     p.url,
                     compression=None,
                     max_size=None,
                     additional_headers=headers,
                     open_timeout=p.connect_timeout,
-                    close_timeout=1.0,
+                    close_timeout=0.5,
                     proxy=None,
                 )
+                connection = self._open.enter_context(connecting)
             except ValueError as error:
                 raise PolicyUnreachableError(f"{p.url!r} is no websocket address: {error}") from error
             except _lost() as error:
@@ -170,7 +172,7 @@ class OpenpiPolicy(Policy):
             try:
                 greeting = connection.recv(timeout=max(0.0, deadline - time.monotonic()))
             except _lost() as error:
-                connection.close_socket()
+                self.close()
                 raise _ConnectionLostError(f"no metadata: {_words(error, p.connect_timeout)}") from error
             self._connection = connection
             self._metadata = self._map(greeting)

@@ -1,0 +1,141 @@
+"""The openpi client against a server in its own process that speaks the real format."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.manipulation.policy import (
+    ActionSpace,
+    Observation,
+    OpenpiPolicy,
+    OpenpiPolicyParameters,
+    PolicyActionError,
+    PolicyError,
+    PolicyModelError,
+    PolicyObservationError,
+    PolicyServerError,
+    PolicyUnreachableError,
+    load_policy,
+)
+from bestman_bt.manipulation.policy.msgpack_numpy import pack
+from bestman_bt.messages import Pose
+
+JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
+PARAMETERS = OpenpiPolicyParameters(
+    joint_names=JOINTS,
+    prompt="reach the red cup",
+    connect_timeout=5.0,
+    timeout=5.0,
+    image_keys={"head": "observation/exterior_image_1_left"},
+)
+
+
+def observation() -> Observation:
+    image = np.full((48, 64, 3), 90, dtype=np.uint8)
+    return Observation(np.linspace(0.1, 0.7, 7), Pose(), gripper_width=0.06, images={"head": image})
+
+
+@pytest.fixture
+def serve() -> Iterator[Callable[[str], OpenpiPolicyParameters]]:
+    servers: list[subprocess.Popen[str]] = []
+
+    def start(mode: str) -> OpenpiPolicyParameters:
+        command = [sys.executable, str(Path(__file__).with_name("openpi_server.py")), mode]
+        server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        servers.append(server)
+        assert server.stdout is not None
+        return replace(PARAMETERS, url=f"ws://127.0.0.1:{int(server.stdout.readline())}")
+
+    yield start
+    for server in servers:
+        server.kill()
+        server.communicate()
+
+
+def test_an_observation_goes_out_and_actions_come_back(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
+    policy = OpenpiPolicy(serve("good"))
+    assert policy.metadata() == {"model": "tiny", "mode": "good"}
+    policy.reset()
+    chunk = policy.act(observation())
+    policy.close()
+    assert chunk.space is ActionSpace.JOINT_POSITIONS
+    assert chunk.dt == pytest.approx(1 / 15)
+    expected = np.tile(np.linspace(0.1, 0.7, 7), (16, 1))
+    expected[:, 0] += np.arange(16) * 0.01
+    np.testing.assert_allclose(chunk.actions, expected, atol=1e-6)
+    np.testing.assert_allclose(chunk.gripper_widths, 0.06, atol=1e-6)
+
+
+def test_pictures_go_out_as_large_as_the_server_wants_them(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
+    policy = OpenpiPolicy(serve("good"))
+    answer = policy._ask(pack(policy._question(observation())))
+    policy.close()
+    assert answer["state"] == {"image_shape": [224, 224, 3], "brightest": 90, "prompt": "reach the red cup"}
+
+
+def test_a_lost_connection_is_made_anew(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
+    policy = OpenpiPolicy(serve("one_each"))
+    chunks = [policy.act(observation()) for _ in range(3)]
+    policy.close()
+    assert all(np.array_equal(chunk.actions, chunks[0].actions) for chunk in chunks)
+
+
+@pytest.mark.parametrize(
+    ("mode", "error", "told"),
+    [
+        ("nan", PolicyActionError, "NaN"),
+        ("narrow", PolicyActionError, "at least 8 columns but gives 5"),
+        ("nothing", PolicyActionError, "'actions' of shape"),
+        ("traceback", PolicyServerError, "KeyError: 'observation/state'"),
+        ("garbage", PolicyServerError, "no msgpack"),
+        ("no_metadata", PolicyServerError, "no msgpack"),
+    ],
+)
+def test_an_answer_that_cannot_be_used_is_an_error_of_its_type(
+    serve: Callable[[str], OpenpiPolicyParameters], mode: str, error: type[PolicyError], told: str
+) -> None:
+    policy = OpenpiPolicy(serve(mode))
+    with pytest.raises(error, match=told):
+        policy.act(observation())
+    policy.close()
+
+
+def test_a_server_that_is_late_is_given_up_within_the_timeout(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
+    policy = OpenpiPolicy(replace(serve("silent"), timeout=0.3, retries=1))
+    started = time.monotonic()
+    with pytest.raises(PolicyUnreachableError, match=r"in 2 tries; the last: no answer within 0\.3 s"):
+        policy.act(observation())
+    assert time.monotonic() - started < 4.0
+
+
+@pytest.mark.parametrize("url", ["ws://127.0.0.1:9", "no address"])
+def test_where_there_is_no_server_that_is_said(url: str) -> None:
+    with pytest.raises(PolicyUnreachableError, match=url):
+        OpenpiPolicy(replace(PARAMETERS, url=url)).act(observation())
+
+
+def test_a_camera_or_width_that_is_missing_is_refused_before_anything_is_sent() -> None:
+    policy = OpenpiPolicy(replace(PARAMETERS, url="ws://127.0.0.1:9"))
+    with pytest.raises(PolicyObservationError, match="camera 'head'"):
+        policy.act(Observation(np.zeros(7), Pose(), gripper_width=0.06))
+    with pytest.raises(PolicyObservationError, match="gripper's width"):
+        policy.act(Observation(np.zeros(7), Pose()))
+
+
+def test_the_specification_can_be_read_without_a_server(tmp_path: Path) -> None:
+    path = tmp_path / "server.yaml"
+    path.write_text("url: ws://127.0.0.1:9\njoint_names: [a, b]\ngripper_column: null\nspace: joint_deltas\n")
+    specification = load_policy(path).specification
+    assert (specification.joint_names, specification.space) == (("a", "b"), "joint_deltas")
+    assert not specification.moves_gripper
+    path.write_text("url: ws://127.0.0.1:9\njoint_name: [a, b]\n")
+    with pytest.raises(PolicyModelError, match="joint_name"):
+        load_policy(path)
