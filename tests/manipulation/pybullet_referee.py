@@ -7,13 +7,13 @@ import json
 import numpy as np
 import pybullet
 
-from tests.manipulation.table_and_shelf import DATA, FINGERS, PANDA, boxes
+from tests.manipulation.table_and_shelf import DATA, FINGERS, PANDA, Body, boxes
 
 
 class Referee:
     """Strict as the planning problems define it: no contact deeper than 0.1 mm, the base link with boxes excepted."""
 
-    def __init__(self) -> None:
+    def __init__(self, bodies: list[Body] | None = None) -> None:
         self.client = pybullet.connect(pybullet.DIRECT)
         flags = pybullet.URDF_USE_SELF_COLLISION
         self.panda = pybullet.loadURDF(str(PANDA), useFixedBase=True, flags=flags, physicsClientId=self.client)
@@ -24,7 +24,7 @@ class Referee:
         pairs = json.loads((DATA / "panda_self_pairs.json").read_text())
         self.self_pairs = [(self.links[f"panda_{a}"], self.links[f"panda_{b}"]) for a, b in pairs]
         self.boxes = []
-        for _, half, centre, yaw in boxes():
+        for _, half, centre, yaw in boxes() if bodies is None else bodies:
             shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=self.client)
             orientation = pybullet.getQuaternionFromEuler((0, 0, yaw))
             body = pybullet.createMultiBody(

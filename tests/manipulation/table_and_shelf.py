@@ -59,7 +59,11 @@ def fixed_panda() -> RobotModel:
     )
 
 
-def boxes(seed: int = 0) -> list[tuple[str, tuple[float, float, float], tuple[float, float, float], float]]:
+Body = tuple[str, tuple[float, float, float], tuple[float, float, float], float]
+"""Name, half extents, centre and yaw of a box: metres, radians."""
+
+
+def boxes(seed: int = 0) -> list[Body]:
     """(name, half extents, centre, yaw) of the floor, the table, the shelf and the 20 boxes on them."""
     rng = np.random.default_rng(seed)
     bodies = [("floor", (2, 2, 0.01), (0, 0, -0.12), 0.0), ("table", (0.25, 0.5, 0.02), (0.6, -0.05, 0.2), 0.0)]
@@ -81,10 +85,10 @@ def boxes(seed: int = 0) -> list[tuple[str, tuple[float, float, float], tuple[fl
     return bodies
 
 
-def table_and_shelf(padding: float = 0.002) -> PlanningScene:
-    """The scene with an open hand."""
+def table_and_shelf(padding: float = 0.002, bodies: list[Body] | None = None) -> PlanningScene:
+    """The scene with an open hand; ``bodies``: others than ``boxes()``."""
     obstacles = []
-    for name, half, centre, yaw in boxes():
+    for name, half, centre, yaw in boxes() if bodies is None else bodies:
         size = (2 * half[0], 2 * half[1], 2 * half[2])
         obstacles.append(SceneObstacle(name, (PlacedShape(Box(size), Pose.from_xyz_rpy(centre, (0, 0, yaw))),)))
     return PlanningScene(positions=FINGERS, obstacles=tuple(obstacles), padding=padding)

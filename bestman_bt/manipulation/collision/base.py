@@ -20,6 +20,11 @@ class CollisionWorld(ABC):
     def joint_names(self) -> tuple[str, ...]:
         """Names of the n joints, in the order of every (n,) array."""
 
+    @property
+    def fingerprint(self) -> str:
+        """The same text for worlds that answer alike; empty where a world cannot tell."""
+        return ""
+
     @abstractmethod
     def is_free(self, positions: ArrayLike) -> bool:
         """Whether nothing is nearer than its padding at ``positions`` (n,), radians.

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.manipulation.collision.base import CollisionModel, CollisionWorld
 from bestman_bt.manipulation.collision.coal_voxels import Placed, clear_of, octree
+from bestman_bt.manipulation.collision.fingerprint import fingerprint
 from bestman_bt.manipulation.collision.planning_scene import PlanningScene
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import joint_vector
@@ -99,6 +100,8 @@ class CoalCollisionWorld(CollisionWorld):
         scene: PlanningScene,
     ) -> None:
         self._arm = arm
+        self._robot = robot
+        self._scene = scene
         self._model = model
         self._data = model.createData()
         self._shape = (len(arm.joint_names),)
@@ -117,6 +120,11 @@ class CoalCollisionWorld(CollisionWorld):
     def joint_names(self) -> tuple[str, ...]:
         """Names of the arm's joints."""
         return self._arm.joint_names
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """A hash of the robot, the arm and the scene."""
+        return fingerprint((self._robot.urdf, self._robot.allowed_self_pairs, self._arm.joint_names, self._scene))
 
     def is_free(self, positions: ArrayLike) -> bool:
         """Whether nothing is nearer than its padding at ``positions`` (n,), radians."""

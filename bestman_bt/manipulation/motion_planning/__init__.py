@@ -1,5 +1,6 @@
 """Motion planning for arms."""
 
+from bestman_bt.manipulation.motion_planning.along_arc import AlongArc, AlongArcParameters
 from bestman_bt.manipulation.motion_planning.aorrtc import AORRTC, AORRTCParameters
 from bestman_bt.manipulation.motion_planning.approach import Approach, approaches
 from bestman_bt.manipulation.motion_planning.base import (
@@ -11,6 +12,8 @@ from bestman_bt.manipulation.motion_planning.base import (
 )
 from bestman_bt.manipulation.motion_planning.bit_star import BITStar, BITStarParameters
 from bestman_bt.manipulation.motion_planning.kpiece import KPIECE, KPIECEParameters
+from bestman_bt.manipulation.motion_planning.path_cache import PathCache, PathCacheParameters
+from bestman_bt.manipulation.motion_planning.portfolio import Portfolio, PortfolioParameters
 from bestman_bt.manipulation.motion_planning.prm import PRM, PRMParameters
 from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect, RRTConnectParameters
 from bestman_bt.manipulation.motion_planning.rrt_star import RRTStar, RRTStarParameters
@@ -22,6 +25,8 @@ __all__ = [
     "KPIECE",
     "PRM",
     "AORRTCParameters",
+    "AlongArc",
+    "AlongArcParameters",
     "Approach",
     "BITStar",
     "BITStarParameters",
@@ -29,9 +34,13 @@ __all__ = [
     "MotionPlan",
     "MotionPlanner",
     "PRMParameters",
+    "PathCache",
+    "PathCacheParameters",
     "PathConstraint",
     "PlanningError",
     "PlanningErrorCode",
+    "Portfolio",
+    "PortfolioParameters",
     "RRTConnect",
     "RRTConnectParameters",
     "RRTStar",

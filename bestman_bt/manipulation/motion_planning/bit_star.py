@@ -21,9 +21,9 @@ from bestman_bt.manipulation.motion_planning.validity import CountedValidity
 class BITStarParameters(SamplingParameters):
     """The fields of all sampling planners; an attempt always uses ``max_checks``, the more the shorter the path."""
 
-    max_checks: int = 20_000
+    max_checks: int = 10_000
     max_iterations: int = 1_000_000
-    attempts: int = 2
+    attempts: int = 4
 
 
 class BITStar(SamplingPlanner):

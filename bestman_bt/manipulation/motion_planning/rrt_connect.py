@@ -26,6 +26,8 @@ class RRTConnectParameters(SamplingParameters):
     checks that it may take. Then branches may be of any length, which finds the way through narrow places.
     """
 
+    max_checks: int = 10_000
+    attempts: int = 12
     short_range: float = 0.7
     short_checks: int = 1500
 

@@ -89,7 +89,7 @@ class SamplingPlanner(MotionPlanner):
             found = self.search(query, validity, int(rng.integers(1, 2**31 - 1)))
             if found is None:
                 continue
-            path = shortcut(found, edges, rng, parameters.shortcut_attempts, parameters.shortcut_patience)
+            path = self.shorten(found, edges, rng)
             if path is not None:
                 return MotionPlan(path, query.index_of(path[-1]), validity.checks)
         raise PlanningError(
@@ -97,3 +97,9 @@ class SamplingPlanner(MotionPlanner):
             f"{type(self).__name__} found no path to any of {len(query.goals)} goals after {validity.checks} "
             f"collision checks",
         )
+
+    def shorten(
+        self, found: NDArray[np.float64], edges: CheckedEdges, rng: np.random.Generator
+    ) -> NDArray[np.float64] | None:
+        """A path that is never longer and finely checked, or None if ``found`` (N, n) does not stand the check."""
+        return shortcut(found, edges, rng, self.parameters.shortcut_attempts, self.parameters.shortcut_patience)

@@ -1,0 +1,164 @@
+from __future__ import annotations
+
+import hashlib
+import pickle
+
+import numpy as np
+import pybullet
+import pytest
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.motion_planning import (
+    AORRTC,
+    KPIECE,
+    PRM,
+    AORRTCParameters,
+    BITStar,
+    BITStarParameters,
+    KPIECEParameters,
+    MotionPlanner,
+    PathCache,
+    PlanningError,
+    PlanningErrorCode,
+    Portfolio,
+    PortfolioParameters,
+    PRMParameters,
+    RRTConnect,
+    RRTConnectParameters,
+    RRTStar,
+    RRTStarParameters,
+)
+from bestman_bt.manipulation.motion_planning.edge import dense_points
+from bestman_bt.registry import ALGORITHMS
+from tests.manipulation.table_and_shelf import problems
+
+SEARCHING = (
+    (RRTConnect, RRTConnectParameters),
+    (RRTStar, RRTStarParameters),
+    (BITStar, BITStarParameters),
+    (AORRTC, AORRTCParameters),
+    (PRM, PRMParameters),
+    (KPIECE, KPIECEParameters),
+)
+ALL = (*(planner for planner, _ in SEARCHING), Portfolio, PathCache)
+SHELF = 6
+"""A problem of the ten whose straight way is blocked and which all planners solve in tens of milliseconds."""
+
+
+@pytest.fixture(scope="module", params=ALL, ids=lambda planner: planner.__name__)
+def planner(request) -> MotionPlanner:
+    return request.param()
+
+
+@pytest.fixture(scope="module")
+def plan(planner, world, arm):
+    start, goal = problems()[SHELF]
+    return planner.plan(start, [goal], world, arm, np.random.default_rng(1))
+
+
+def test_a_shelf_problem_is_solved_free_of_touch_for_pybullet_too(plan, referee, arm):
+    start, goal = problems()[SHELF]
+    assert np.array_equal(plan.path[[0, -1]], [start, goal])
+    assert len(plan.path) > 2
+    assert np.all((plan.path >= arm.lower - 1e-9) & (plan.path <= arm.upper + 1e-9))
+    assert max(referee.depth(q) for q in dense_points(plan.path, 0.01)) < 1e-4
+
+
+def test_the_same_generator_gives_the_same_plan(planner, plan, world, arm):
+    start, goal = problems()[SHELF]
+    again = type(planner)().plan(start, [goal], world, arm, np.random.default_rng(1))
+    assert np.array_equal(again.path, plan.path)
+
+
+def test_bad_requests_are_refused_by_name(planner, world, arm, ready, rng):
+    start, goal = problems()[SHELF]
+    in_table = np.array([0.0, 1.2, 0.0, -1.2, 0.0, 2.0, 0.0])
+    assert not world.is_free(in_table)
+    with pytest.raises(PlanningError, match="the start is in collision: .* with ") as refused:
+        planner.plan(in_table, [goal], world, arm, rng)
+    assert refused.value.code is PlanningErrorCode.START_IN_COLLISION
+    with pytest.raises(PlanningError, match="goal 0 is in collision: .* with ") as refused:
+        planner.plan(start, [in_table], world, arm, rng)
+    assert refused.value.code is PlanningErrorCode.GOAL_IN_COLLISION
+    with pytest.raises(ManipulationError, match="start should be finite"):
+        planner.plan(start * np.nan, [goal], world, arm, rng)
+    with pytest.raises(ManipulationError, match=r"goal 0 should be 7 joint positions but has shape \(6,\)"):
+        planner.plan(start, [goal[:6]], world, arm, rng)
+    with pytest.raises(ManipulationError, match="goals should hold at least one goal"):
+        planner.plan(start, [], world, arm, rng)
+
+
+@pytest.mark.parametrize(("planner_class", "parameters"), SEARCHING, ids=lambda x: x.__name__)
+def test_a_search_that_ends_without_an_exact_path_is_a_failure(planner_class, parameters, world, arm, rng):
+    start, goal = problems()[5]
+    hurried = planner_class(parameters(max_checks=30, attempts=1))
+    with pytest.raises(PlanningError, match=f"{planner_class.__name__} found no path to any of 1 goals") as refused:
+        hurried.plan(start, [goal], world, arm, rng)
+    assert refused.value.code is PlanningErrorCode.NO_PATH
+
+
+@pytest.mark.parametrize(("planner_class", "parameters"), SEARCHING, ids=lambda x: x.__name__)
+def test_zero_iterations_are_refused(planner_class, parameters):
+    with pytest.raises(ManipulationError, match=f"{parameters.__name__} max_iterations should be above 0 but is 0"):
+        parameters(max_iterations=0)
+    with pytest.raises(ManipulationError, match="wall_limit should be above 0 but is nan"):
+        parameters(wall_limit=float("nan"))
+
+
+def test_a_wall_limit_aborts_with_an_error(world, arm, rng):
+    start, goal = problems()[5]
+    with pytest.raises(PlanningError, match="planning was aborted after 1e-06 s and") as aborted:
+        RRTConnect(RRTConnectParameters(wall_limit=1e-6)).plan(start, [goal], world, arm, rng)
+    assert aborted.value.code is PlanningErrorCode.TIME_LIMIT
+
+
+def test_planning_never_touches_a_simulated_world(world, arm, referee):
+    """The whole state of the simulator, contacts and joints, before and after all planners have planned in it."""
+
+    def state() -> str:
+        client = referee.client
+        bodies = [pybullet.getBodyUniqueId(i, physicsClientId=client) for i in range(pybullet.getNumBodies(client))]
+        poses = [pybullet.getBasePositionAndOrientation(body, physicsClientId=client) for body in bodies]
+        joints = [
+            pybullet.getJointState(body, joint, physicsClientId=client)
+            for body in bodies
+            for joint in range(pybullet.getNumJoints(body, physicsClientId=client))
+        ]
+        return hashlib.sha256(pickle.dumps((bodies, poses, joints))).hexdigest()
+
+    start, goal = problems()[SHELF]
+    referee.place(start)
+    before = state()
+    for planner_class in ALL:
+        planner_class().plan(start, [goal], world, arm, np.random.default_rng(1))
+    assert state() == before
+    referee.place(goal)
+    assert state() != before
+
+
+def test_every_planner_has_a_registered_name():
+    registered = {ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith("motion_planning/")}
+    assert set(ALL) <= registered
+
+
+def test_a_portfolio_of_the_best_is_no_longer_than_any_of_its_planners(world, arm):
+    start, goal = problems()[SHELF]
+    both = Portfolio(PortfolioParameters(planners=("rrt_connect", "kpiece"), take="best"))
+    rngs = np.random.default_rng(3).spawn(2)
+    lengths = [
+        p.plan(start, [goal], world, arm, rng).length for p, rng in zip((RRTConnect(), KPIECE()), rngs, strict=True)
+    ]
+    assert both.plan(start, [goal], world, arm, np.random.default_rng(3)).length == min(lengths)
+
+
+def test_a_portfolio_goes_on_to_the_next_planner_and_tells_of_all_failures(world, arm, rng):
+    start, goal = problems()[5]
+    hopeless = RRTConnect(RRTConnectParameters(max_checks=30, attempts=1))
+    plan = Portfolio(planners=(hopeless, KPIECE())).plan(start, [goal], world, arm, rng)
+    assert np.array_equal(plan.path[-1], goal)
+    with pytest.raises(PlanningError, match="RRTConnect found no path .*; RRTConnect found no path"):
+        Portfolio(planners=(hopeless, hopeless)).plan(start, [goal], world, arm, rng)
+    with pytest.raises(ManipulationError, match="take should be 'first' or 'best' but is 'luck'"):
+        PortfolioParameters(take="luck")
+    with pytest.raises(ManipulationError, match="a portfolio holds sampling planners but got PathCache"):
+        Portfolio(PortfolioParameters(planners=("path_cache",))).plan(start, [goal], world, arm, rng)
