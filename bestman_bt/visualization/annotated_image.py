@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose, RGBDImage
-from bestman_bt.visualization.canvas import Canvas, Color
+from bestman_bt.visualization.canvas import Canvas
 from bestman_bt.visualization.marks import (
+    AXES,
+    GRASP_COLOR,
+    HANDLE_COLOR,
+    OPENING_COLOR,
+    SURFACE_COLOR,
+    Color,
     GraspMark,
     HandleMark,
     ObjectMark,
@@ -20,11 +26,6 @@ from bestman_bt.visualization.marks import (
     object_color,
 )
 
-AXES: tuple[Color, Color, Color] = ((230, 70, 70), (80, 200, 90), (80, 130, 255))
-SURFACE_COLOR: Color = (120, 220, 220)
-GRASP_COLOR: Color = (255, 255, 255)
-HANDLE_COLOR: Color = (255, 60, 200)
-OPENING_COLOR: Color = (255, 230, 80)
 DEVIATIONS = 3.0
 """Standard deviations that the circle around an object's place shows."""
 BEHIND = 0.03

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose, RGBDImage
 from bestman_bt.visualization.label_layout import Label, Rectangle, place_labels
-
-Color = tuple[int, int, int]
+from bestman_bt.visualization.marks import Color
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 FONT_SIZE = 0.5

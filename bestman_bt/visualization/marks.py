@@ -66,7 +66,15 @@ class SceneMarks:
     obstacles: tuple[PlacedShape, ...] = ()
 
 
-PALETTE: tuple[tuple[int, int, int], ...] = (
+Color = tuple[int, int, int]
+"""Red, green, blue, 0 to 255."""
+
+AXES: tuple[Color, Color, Color] = ((230, 70, 70), (80, 200, 90), (80, 130, 255))
+SURFACE_COLOR: Color = (120, 220, 220)
+GRASP_COLOR: Color = (255, 255, 255)
+HANDLE_COLOR: Color = (255, 60, 200)
+OPENING_COLOR: Color = (255, 230, 80)
+PALETTE: tuple[Color, ...] = (
     (66, 133, 244),
     (234, 88, 62),
     (52, 168, 83),
@@ -79,7 +87,7 @@ PALETTE: tuple[tuple[int, int, int], ...] = (
 """Colours of objects, in the order in which they were found."""
 
 
-def object_color(index: int) -> tuple[int, int, int]:
+def object_color(index: int) -> Color:
     """The colour, rgb, of the object at ``index``."""
     return PALETTE[index % len(PALETTE)]
 

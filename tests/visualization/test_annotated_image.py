@@ -19,15 +19,13 @@ from bestman_bt.messages import (
     RGBDImage,
     YawSet,
 )
-from bestman_bt.visualization.annotated_image import (
+from bestman_bt.visualization.annotated_image import annotated_image
+from bestman_bt.visualization.marks import (
     AXES,
     GRASP_COLOR,
     HANDLE_COLOR,
     OPENING_COLOR,
     SURFACE_COLOR,
-    annotated_image,
-)
-from bestman_bt.visualization.marks import (
     GraspMark,
     HandleMark,
     ObjectMark,

@@ -11,17 +11,27 @@ import numpy as np
 
 from bestman_bt.messages import PointCloud, Pose, RGBDImage
 from bestman_bt.visualization.errors import RecordingError
-from bestman_bt.visualization.marks import SceneMarks, box_edges, grasp_lines, object_color
+from bestman_bt.visualization.marks import (
+    GRASP_COLOR,
+    HANDLE_COLOR,
+    OPENING_COLOR,
+    SURFACE_COLOR,
+    SceneMarks,
+    box_edges,
+    grasp_lines,
+    object_color,
+)
 from bestman_bt.visualization.rerun import entities
 from bestman_bt.visualization.rerun.markers import write_pose
 from bestman_bt.visualization.rerun.sensed import SensorRecording, write_cloud, write_image
 
 if TYPE_CHECKING:
     import rerun as rr
+    import rerun.blueprint as rrb
 
-HANDLE_COLOR = (255, 60, 200)
-GRASP_COLOR = (240, 240, 240)
-SURFACE_COLOR = (120, 220, 220)
+BACKGROUND = (28, 31, 38)
+CLOSER = 0.8
+"""Share of the distance between the camera and what it saw at which the scene is looked at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +55,15 @@ def write_look(
         recording.save(path)
     except (RuntimeError, OSError) as error:
         raise RecordingError(f"the recording {path} cannot be written: {error}") from error
+    recording.send_blueprint(_blueprint(looks, marks))
     recording.log(entities.WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     settings = SensorRecording()
+    recording.set_time(entities.SIM_TIME, duration=min((look.image.stamp for look in looks), default=0.0))
+    _write_marks(recording, marks)
     for number, look in enumerate(looks):
         recording.set_time(entities.SIM_TIME, duration=look.image.stamp)
-        camera = f"{look.camera}_{number}"
+        camera, entity = f"{look.camera}_{number}", _camera(look, number)
         k = look.image.intrinsics
-        entity = entities.camera_entity(camera)
         pose = look.map_from_camera
         recording.log(entity, rr.Transform3D(translation=pose.position, quaternion=rr.Quaternion(xyzw=pose.quaternion)))
         recording.log(
@@ -65,9 +77,36 @@ def write_look(
         )
         write_image(recording, camera, look.image, settings)
         write_cloud(recording, camera, look.cloud, settings)
-    _write_marks(recording, marks)
     recording.flush()
     recording.disconnect()
+
+
+def _blueprint(looks: Sequence[RecordedLook], marks: SceneMarks) -> rrb.Blueprint:
+    """The scene on the left, seen from over the camera; the pictures on the right."""
+    import rerun.blueprint as rrb
+
+    found = [mark.pose.position for mark in marks.objects] + [mark.pose.position for mark in marks.surfaces]
+    found += [mark.handle.pose.position for mark in marks.handles]
+    middle = np.mean(found, axis=0) if found else np.zeros(3)
+    cameras = [look.map_from_camera.position for look in looks] or [middle + np.array([-1.5, 0.0, 1.5])]
+    eye = middle + CLOSER * (np.mean(cameras, axis=0) - middle)
+    scene = rrb.Spatial3DView(
+        origin=entities.WORLD,
+        name="what was found",
+        contents=["$origin/**", *(f"- {_camera(look, number)}/depth" for number, look in enumerate(looks))],
+        background=BACKGROUND,
+        eye_controls=rrb.EyeControls3D(position=eye.tolist(), look_target=middle.tolist(), eye_up=[0, 0, 1]),
+    )
+    pictures = [
+        rrb.Spatial2DView(origin=_camera(look, number), contents=["$origin/rgb"], name=f"{look.camera} {number}")
+        for number, look in enumerate(looks)
+    ]
+    parts = rrb.Horizontal(scene, rrb.Vertical(*pictures), column_shares=[3, 1]) if pictures else scene
+    return rrb.Blueprint(parts, rrb.TimePanel(state="collapsed", timeline=entities.SIM_TIME), collapse_panels=True)
+
+
+def _camera(look: RecordedLook, number: int) -> str:
+    return entities.camera_entity(f"{look.camera}_{number}")
 
 
 def _write_marks(recording: rr.RecordingStream, marks: SceneMarks) -> None:
@@ -95,9 +134,7 @@ def _write_marks(recording: rr.RecordingStream, marks: SceneMarks) -> None:
         recording.log(entity, rr.LineStrips3D([bar], colors=HANDLE_COLOR, radii=handle.radius, labels=[mark.name]))
         recording.log(
             f"{entity}/opening",
-            rr.Arrows3D(
-                origins=[middle], vectors=[0.15 * handle.opening_direction], colors=(255, 230, 80), radii=0.004
-            ),
+            rr.Arrows3D(origins=[middle], vectors=[0.15 * handle.opening_direction], colors=OPENING_COLOR, radii=0.004),
         )
     for surface in marks.surfaces:
         half_size = np.array([surface.size[0] / 2, surface.size[1] / 2, 0.002])
