@@ -7,6 +7,7 @@ import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import ArcPathParameters, DampedLeastSquares, arc_path
+from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, limit_usage
 from bestman_bt.messages import Pose
 from tests.manipulation.kinematics.door_stations import door_stations
 
@@ -102,3 +103,15 @@ def test_bad_requests_are_refused_by_name(panda, kinematics, arm, door, grasped)
         arc_path(kinematics, [[Pose(np.array([np.nan, 0, 0]))]], grasped, arm)
     with pytest.raises(ManipulationError, match="turn should be at least 0"):
         ArcPathParameters(turn=-1)
+
+
+def test_the_timed_arc_keeps_the_limits_and_the_bar_on_its_circle(kinematics, arm, ready):
+    door = door_stations(Pose(np.array([0.6, -0.1, 0.45])), 0.35, 1, sweep=math.radians(60), stations=30)
+    arc = arc_path(kinematics, door, kinematics.solve(door[0][5], ready, np.random.default_rng(0)).best, arm)
+    trajectory = Toppra().parametrize(arc.path, arm, SpeedScale(0.2, 0.2))
+    assert limit_usage(trajectory, arm).within(0.21)
+    radius = np.hypot(0.05, 0.35)
+    for time in np.linspace(0.0, trajectory.duration, 200):
+        from_hinge = kinematics.tool_pose(trajectory.sample(time)[0]).position - [0.6, -0.1, 0.45]
+        assert abs(np.hypot(*from_hinge[:2]) - radius) < 2e-3
+        assert abs(from_hinge[2]) < 2e-3

@@ -112,3 +112,26 @@ def test_bad_requests_are_refused_by_name(panda, kinematics, ready, rng):
         DampedLeastSquaresParameters(max_iterations=0)
     with pytest.raises(ManipulationError, match="no arm 'left'; it has arm"):
         DampedLeastSquares(panda, "left")
+
+
+def test_an_arm_of_six_joints_is_solved_near_its_singularities(ur5, rng):
+    """Wrist aligned, elbow stretched, or both, within a hundredth of a radian."""
+    solved = 0
+    start = np.array([0.0, -1.2, 1.4, -1.7, -1.57, 0.0])
+    for q in rng.uniform(-2.5, 2.5, (60, 6)):
+        q[[4, 2][: 1 + int(rng.integers(2))]] = rng.uniform(-0.01, 0.01)
+        target = ur5.tool_pose(q)
+        result = ur5.solve(target, start, rng)
+        solved += result.found and result.position_error < 1e-3 and result.rotation_error < np.radians(0.5)
+        assert all(np.isfinite(solution).all() for solution in result.solutions)
+    assert solved >= 59
+
+
+def test_the_jacobian_tells_how_the_tool_moves(kinematics, ready, rng):
+    jacobian = kinematics.jacobian(ready)
+    for _ in range(5):
+        step = rng.normal(0.0, 1e-5, 7)
+        before, after = kinematics.tool_pose(ready), kinematics.tool_pose(ready + step)
+        moved = before.inverse() @ after
+        assert np.allclose(moved.position, jacobian[:3] @ step, atol=1e-9)
+        assert np.allclose(2 * moved.quaternion[:3], jacobian[3:] @ step, atol=1e-9)
