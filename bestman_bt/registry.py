@@ -86,6 +86,8 @@ ALGORITHMS = Registry(
         "motion_planning/aorrtc": "bestman_bt.manipulation.motion_planning:AORRTC",
         "motion_planning/bit_star": "bestman_bt.manipulation.motion_planning:BITStar",
         "motion_planning/kpiece": "bestman_bt.manipulation.motion_planning:KPIECE",
+        "motion_planning/path_cache": "bestman_bt.manipulation.motion_planning:PathCache",
+        "motion_planning/portfolio": "bestman_bt.manipulation.motion_planning:Portfolio",
         "motion_planning/prm": "bestman_bt.manipulation.motion_planning:PRM",
         "motion_planning/rrt_connect": "bestman_bt.manipulation.motion_planning:RRTConnect",
         "motion_planning/rrt_star": "bestman_bt.manipulation.motion_planning:RRTStar",
