@@ -25,11 +25,12 @@ from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, m
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.policies import find_policy
 from bestman_bt.runtime.setup import Setup, load_for, prepare
+from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
-from hal.api import Arm, Camera, Gripper, JointGroup, Lidar, MobileBase, Robot, Tactile
+from hal.api import Arm, Camera, ForceTorque, Gripper, JointGroup, Lidar, MobileBase, Robot, Tactile
 
 COMPUTATION_COSTS = {
     "detection": 0.25,
@@ -128,17 +129,15 @@ def session(
 
 def _entries(setup: Setup) -> dict[str, Any]:
     """What the task tells the tree; where handles are, it does not."""
+    each: list[dict[str, Any]] = [
+        {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
+        for goal in setup.goals
+    ]
     entries: dict[str, Any] = {}
     if setup.config.task.goal is not None:
-        (goal,) = setup.goals
-        entries = {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
-    elif setup.goals:
-        entries = {
-            "objects": [goal.object for goal in setup.goals],
-            "sources": [goal.source for goal in setup.goals],
-            "targets": [goal.surface for goal in setup.goals],
-            "goals": [goal.pose for goal in setup.goals],
-        }
+        entries = each[0]
+    elif each:
+        entries = {"goals": each, **{goal.name: goal.pose for goal in setup.goals}}
     opening, tidy = setup.config.task.opening, setup.config.task.tidy
     if opening is not None:
         asked = {"at_least": opening.at_least, "at_most": opening.at_most}
@@ -167,19 +166,25 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         make_local_planner(config),
         world,
     )
+    algorithms = make_algorithms(config, model)
+    wrist = next(
+        (WristWrench(part, forward, joints, clock) for part in robot.parts.values() if isinstance(part, ForceTorque)),
+        None,
+    )
     return SkillContext(
         clock=clock,
         robot=model,
         world=world,
         base=base,
-        arm=ArmController(_first(robot, Arm), clock),
+        arm=ArmController(_first(robot, Arm), clock, kinematics=algorithms.kinematics, wrist=wrist),
         gripper=GripperController(_first(robot, Gripper)),
         head=HeadController(_first(robot, JointGroup, Arm), forward, joints, camera.optical_frame),
         camera=RGBDSensor(camera, forward, joints, world, clock),
         wrist_camera=RGBDSensor(on_hand, forward, joints, world, clock) if on_hand is not None else None,
         tactile=[TactileSensor(part) for part in robot.parts.values() if isinstance(part, Tactile)],
         joints=joints,
-        algorithms=make_algorithms(config, model),
+        wrist_wrench=wrist,
+        algorithms=algorithms,
         computation=InlineComputation(clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),

@@ -93,10 +93,10 @@ def test_what_cannot_be_is_refused(tmp_path: Path, text: str, old: str, new: str
 
 def test_the_tree_is_told_each_goal_in_order(tmp_path: Path) -> None:
     with open_session(load_run(written(tmp_path, SET_TABLE), seed=1)) as session:
-        assert session.entries["objects"] == ["plate", "fork"]
-        assert session.entries["targets"] == ["table", "table/top"]
-        poses = [session.setup.world.goals[name] for name in ("place_plate", "place_fork")]
-        assert session.entries["goals"] == poses
+        goals, drawn = session.entries["goals"], session.setup.world.goals
+        assert [(goal["object"], goal["target"]) for goal in goals] == [("plate", "table"), ("fork", "table/top")]
+        assert [goal["goal"] for goal in goals] == [drawn["place_plate"], drawn["place_fork"]]
+        assert session.entries["place_fork"] is drawn["place_fork"]
 
 
 def test_the_tree_is_told_what_to_close_but_not_where_its_handle_is(tmp_path: Path) -> None:

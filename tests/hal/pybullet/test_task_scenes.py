@@ -1,0 +1,29 @@
+"""The scenes of the long tasks stand still until somebody touches something."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import draw_world, load_scene
+from hal.pybullet import GroundTruth, PyBulletRobot
+
+WITH_OBJECTS = ("cup_in_drawer", "cup_in_fridge", "pick_place_table", "put_away", "set_table", "untidy_table")
+
+
+@pytest.mark.parametrize("name", [*WITH_OBJECTS, "chest_room", "fridge_room", "microwave_room"])
+def test_nothing_moves_for_a_second(robot_model: RobotModel, name: str) -> None:
+    world = draw_world(load_scene(name), seed=11)
+    assert bool(world.objects) is (name in WITH_OBJECTS)
+    with PyBulletRobot(robot_model, world) as robot:
+        truth = GroundTruth(robot)
+        robot.clock.sleep(1.0)
+        for thing in world.objects:
+            pose = truth.object_pose(thing.name)
+            np.testing.assert_allclose(pose.position, thing.pose.position, atol=5e-4)
+            assert pose.tilt < 0.01
+        assert all(abs(truth.articulation_position(leaf)) < 1e-4 for leaf in truth.articulation_names)
+        record = robot.honesty_record()
+        assert not record.contacts
+        assert all(overlap.depth < 5e-4 for overlap in record.penetrations)
