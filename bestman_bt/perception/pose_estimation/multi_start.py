@@ -25,6 +25,7 @@ from bestman_bt.perception.pose_estimation.registration import (
     RegistrationParameters,
     coarse_poses,
     depth_noise,
+    end_aligned_poses,
     refined_fit,
     yaw_difference,
 )
@@ -49,12 +50,18 @@ class MultiStartParameters(RegistrationParameters):
     ``size_tolerance``: a model is not tried where its height or reach is off by more, or its colour distance is beyond
     ``color_limit``. ``tipped``: also try objects that lie on their side. ``yaw_margin``: how much lower the logit of
     confidence may be at a yaw that stays open, for models with a symmetry; those without have ``yaw`` and ``strays``.
+    ``floating_retry``, ``explained_retry``: where more than this share of the best fit floats, but more than that share
+    of the points lie on it, the model is also tried with its ends where the cluster ends, along axes in which it is
+    longer by ``hidden_length``.
     """
 
     size_tolerance: float = 0.022
     color_limit: float = 0.15
     tipped: bool = False
     yaw_margin: float = 3.0
+    floating_retry: float = 0.05
+    explained_retry: float = 0.95
+    hidden_length: float = 0.008
     confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
     yaw: YawProfileParameters = field(default_factory=YawProfileParameters)
     strays: StrayParameters = field(default_factory=StrayParameters)
@@ -112,12 +119,17 @@ class MultiStart(PoseEstimator):
 
     def _fit_some_starts(self, surface: ModelSurface, seen: SeenCluster, turns: int, color: float) -> _Candidate:
         p = self.parameters
-        fits = []
-        for start in coarse_poses(surface, seen.points, seen.eye, turns, p.refined, p):
+
+        def judged(start: NDArray[np.float64]) -> tuple[float, Fit, Evidence]:
             fit = refined_fit(surface, seen.points, seen.eye, start, turns, p)
             evidence = seen.judge(surface, fit)
-            fits.append((p.confidence.logit(evidence, color), fit, evidence))
-        fits.sort(key=lambda item: -item[0])
+            return p.confidence.logit(evidence, color), fit, evidence
+
+        starts = coarse_poses(surface, seen.points, seen.eye, turns, p.refined, p)
+        fits = sorted((judged(start) for start in starts), key=lambda item: -item[0])
+        if turns and fits[0][2].floating > p.floating_retry and fits[0][2].explained > p.explained_retry:
+            shifted = end_aligned_poses(surface, seen.points, fits[0][1].pose, p.hidden_length)
+            fits = sorted([*fits, *map(judged, shifted)], key=lambda item: -item[0])
         logit, best, evidence = fits[0]
         others = [
             fit

@@ -163,6 +163,26 @@ def fit_at(
     return _judged_fit(surface, points, _FacingSide(surface, eye, pose[None]), pose[None], turns, p)
 
 
+def end_aligned_poses(
+    surface: ModelSurface, points: NDArray[np.float64], pose: NDArray[np.float64], least: float
+) -> list[NDArray[np.float64]]:
+    """``pose`` (3,) moved along the model's x and y until an end of the model is where the points end.
+
+    Where something hides a part, registration does not know to which side the model goes on. Axes along which the
+    model is longer than the points by less than ``least`` metres are left alone.
+    """
+    seen = into_model(points, pose[None])[0]
+    options = []
+    for axis in range(2):
+        lower, upper = np.percentile(seen[:, axis], [1.0, 99.0])
+        model_lower, model_upper = surface.points[:, axis].min(), surface.points[:, axis].max()
+        hidden = (model_upper - model_lower) - (upper - lower) > least
+        options.append([0.0, lower - model_lower, upper - model_upper] if hidden else [0.0])
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    shifts = [(x, y) for x in options[0] for y in options[1] if (x, y) != (0.0, 0.0)]
+    return [pose + np.array([c * x - s * y, s * x + c * y, 0.0]) for x, y in shifts]
+
+
 def yaw_difference(angle: float, turns: int) -> float:
     """Size of an angle modulo the symmetry, radians."""
     if turns == 0:

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table
-from bestman_bt.messages import ObjectModel, Pose
+from benchmarks.rendered_table import RenderedTable, TrueObject, known_models, render_table, solid
+from bestman_bt.messages import Box, ObjectModel, Pose
 from bestman_bt.perception.pose_estimation import MultiStart, MultiStartParameters, PoseHypothesis
 from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
 
@@ -108,3 +108,18 @@ def test_no_model_is_proposed_for_a_thing_of_quite_another_size(table: Tables) -
     tall = next(item for item in scene.objects if item.model.size[2] > 0.09)
     cube = tuple(model for model in known_models(ALIKE) if model.name == "cube")
     assert hypotheses(scene, tall, cube) == ()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_bar_of_which_another_thing_hides_one_end_is_placed_by_the_other(side: float) -> None:
+    bar = solid("bar", Box((0.16, 0.03, 0.03)), (0.5, 0.2, 0.2), 2)
+    screen = solid("screen", Box((0.02, 0.06, 0.10)), (0.2, 0.5, 0.3), 2)
+    place = Pose.from_xyz_rpy((0.7, 0.0, 0.75))
+    items = [
+        TrueObject(bar, place @ Pose.from_xyz_rpy((-0.1, 0.0, 0.015), (0, 0, math.pi / 2)), True),
+        TrueObject(screen, place @ Pose.from_xyz_rpy((-0.16, 0.06 * side, 0.05)), True),
+    ]
+    scene = render_table(items, place, (0.8, 1.2), np.random.default_rng(6))
+    best = hypotheses(scene, items[0], (bar,))[0]
+    assert best.confidence > 0.8
+    assert np.linalg.norm(best.pose.position - items[0].pose.position) < 0.006
