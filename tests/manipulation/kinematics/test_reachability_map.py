@@ -38,16 +38,16 @@ def test_many_positions_at_once_agree_with_the_kinematics_of_one(diff_panda, rng
 
 def test_approaches_that_inverse_kinematics_solves_score_higher_than_those_it_does_not(kinematics, full, ready, rng):
     shoulder, reach = kinematics.reach
-    points = shoulder + rng.uniform(-0.6 * reach, 0.6 * reach, (80, 3))
-    aims = even_directions(80)[rng.permutation(80)]
+    points = shoulder + rng.uniform(-0.6 * reach, 0.6 * reach, (60, 3))
+    aims = even_directions(60)[rng.permutation(60)]
     scores = full.score(points, aims)
     solved = np.array(
         [
-            any(kinematics.solve(tool_pose(p, a, roll), ready, rng, attempts=8).found for roll in np.arange(6))
+            any(kinematics.solve(tool_pose(p, a, roll), ready, rng, attempts=8).found for roll in range(4))
             for p, a in zip(points, aims, strict=True)
         ]
     )
-    assert 15 < solved.sum() < 65
+    assert 12 < solved.sum() < 50
     assert np.mean(scores[solved][:, None] > scores[~solved][None, :]) > 0.88
 
 

@@ -73,7 +73,15 @@ def test_stands_and_arm_positions_that_are_not_free_are_left_out(mobile, rng):
     door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
     candidates = [stand for stand in stands_around(door[9][5].position) if stand.x < -0.35]
     ranked = rank_stand_poses_along(
-        candidates, door, kinematics, limits, home, rng, map_, is_base_free=lambda stand: stand.y > 0.5
+        candidates,
+        door,
+        kinematics,
+        limits,
+        home,
+        rng,
+        map_,
+        is_base_free=lambda stand: stand.y > 0.5,
+        parameters=StandAlongParameters(enough=1),
     )
     assert ranked
     assert all(stand.pose.y > 0.5 for stand in ranked)

@@ -7,7 +7,14 @@ import pytest
 
 from bestman_bt.manipulation.collision import CoalCollisionModel, planning_scene_from_world_model
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.kinematics import DampedLeastSquares, StandPoseParameters, rank_stand_poses, stands_along
+from bestman_bt.manipulation.kinematics import (
+    DampedLeastSquares,
+    ReachabilityMapParameters,
+    StandPoseParameters,
+    build_reachability_map,
+    rank_stand_poses,
+    stands_along,
+)
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, SemanticMap, WorldModel
 
@@ -93,3 +100,22 @@ def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
         sides[0] + sides[1], grasps(target), kinematics, limits, home, rng, current=Pose2D(3.0, 3.0, -math.pi / 2)
     )
     assert ranked[0].pose in sides[1]
+
+
+def test_a_reachability_map_puts_the_stands_that_reach_first(diff_panda, mobile, rng):
+    kinematics, limits, home = mobile
+    map_ = build_reachability_map(kinematics, limits, ReachabilityMapParameters(samples=100_000))
+    near = stands_along(TABLE, OBJECT, front_of(diff_panda))
+    far = tuple(stand @ Pose2D(-0.6, 0.0, 0.0) for stand in near)
+    asked = []
+
+    def is_base_free(stand: Pose2D) -> bool:
+        asked.append(stand)
+        return True
+
+    ranked = rank_stand_poses(
+        far + near, grasps(OBJECT), kinematics, limits, home, rng, is_base_free, reachability=map_
+    )
+    assert len(ranked) == StandPoseParameters().enough
+    assert all(stand.pose in near for stand in ranked)
+    assert len(asked) <= len(ranked) + 2
