@@ -38,7 +38,9 @@ from bestman_bt.runtime import Session, session
 POSITION, ROTATION = 0.01, 0.1
 SHIPPED = data_root() / "assets/policies/reach_diff_panda.onnx"
 OPEN_FLOOR = ("scene.robot_start.x=[1.0, 1.0]", "scene.robot_start.y=[-1.0, -1.0]", "scene.robot_start.yaw=[0.0, 0.0]")
-TREE = '<root BTCPP_format="4"><BehaviorTree ID="Main"><RunPolicy policy="{policy}" goal="{goal}" position_tolerance="0.005"/></BehaviorTree></root>'
+TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
+  <RunPolicy policy="{policy}" goal="{goal}" position_tolerance="0.005"/>
+</BehaviorTree></root>"""
 Task = tuple[NDArray[np.float64], Pose, Pose]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from bestman_bt.manipulation.policy.specification import PolicySpecification
 from bestman_bt.messages import Pose
 
 
-class ActionSpace(str, Enum):
+class ActionSpace(StrEnum):
     """What the columns of an action mean."""
 
     JOINT_POSITIONS = "joint_positions"  # radians
@@ -108,5 +108,5 @@ class Policy(ABC):
     def act(self, observation: Observation) -> ActionChunk:
         """The next actions. Raises PolicyError; never gives a chunk that its specification does not describe."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - most policies hold nothing
         """Let go of files and connections; idempotent."""

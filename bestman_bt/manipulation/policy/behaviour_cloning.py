@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -59,9 +60,7 @@ class ClonedPolicy:
             import onnx
             from onnx import TensorProto, helper, numpy_helper
         except ImportError as error:
-            raise MissingPolicyExtraError(
-                "writing policies needs onnx: pip install 'bestman-bt[policy]'"
-            ) from error
+            raise MissingPolicyExtraError("writing policies needs onnx: pip install 'bestman-bt[policy]'") from error
         nodes, weights, value = [], [], "features"
         for i, (weight, bias) in enumerate(self.layers):
             last = i == len(self.layers) - 1
@@ -116,7 +115,7 @@ def _fit(
     rng = np.random.default_rng(p.seed)
     sizes = [inputs.shape[1], *p.hidden, targets.shape[1]]
     values: list[Array] = []
-    for fan_in, fan_out in zip(sizes[:-1], sizes[1:], strict=True):
+    for fan_in, fan_out in pairwise(sizes):
         values.append((rng.normal(size=(fan_in, fan_out)) * np.sqrt(1.6 / fan_in)).astype(np.float32))
         values.append(np.zeros(fan_out, dtype=np.float32))
     first = [np.zeros_like(value) for value in values]

@@ -35,9 +35,7 @@ def chunk_path(
     return path
 
 
-def _along_twists(
-    chunk: ActionChunk, start: NDArray[np.float64], kinematics: InverseKinematics
-) -> NDArray[np.float64]:
+def _along_twists(chunk: ActionChunk, start: NDArray[np.float64], kinematics: InverseKinematics) -> NDArray[np.float64]:
     path = [start]
     tool = kinematics.tool_pose(start)
     for i, twist in enumerate(chunk.actions):

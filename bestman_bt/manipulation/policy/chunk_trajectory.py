@@ -16,21 +16,19 @@ MAX_SLOWDOWN = 20.0
 """A chunk that would have to be slower than this has no sense as a motion: a jump, not a step."""
 
 
-def chunk_trajectory(
-    path: NDArray[np.float64], dt: float, limits: JointLimits, scale: SpeedScale
-) -> JointTrajectory:
+def chunk_trajectory(path: NDArray[np.float64], dt: float, limits: JointLimits, scale: SpeedScale) -> JointTrajectory:
     """The motion through ``path`` (H + 1, n), radians, ``dt`` seconds apart, at rest at both ends.
 
     Between them velocities are central differences and the motion is cubic. Where that is beyond ``scale`` of the
     limits, the whole chunk is stretched in time. Raises PolicyActionError where it would take 20 times as long.
     """
     path = joint_path(path, len(limits.joint_names), "path")
-    velocities = np.zeros_like(path)
+    velocities = np.zeros(path.shape)
     velocities[1:-1] = (path[2:] - path[:-2]) / (2.0 * dt)
-    times = np.arange(len(path)) * dt
+    times = np.linspace(0.0, (len(path) - 1) * dt, len(path))
     quick = JointTrajectory(limits.joint_names, times, path, velocities)
     # A cubic's acceleration is largest at its ends: half of a sample step apart shows it well enough.
-    fine = np.arange(2 * len(path) - 1) * (dt / 2.0)
+    fine = np.linspace(0.0, float(times[-1]), 2 * len(path) - 1)
     states = [quick.sample(float(time)) for time in fine]
     dense = JointTrajectory(
         limits.joint_names, fine, np.array([state[0] for state in states]), np.array([state[1] for state in states])

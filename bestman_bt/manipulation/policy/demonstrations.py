@@ -75,25 +75,26 @@ class DemonstrationRecorder:
 
     def add(self, observation: Observation, action: ArrayLike, gripper_command: float | None = None) -> None:
         """One frame: what was seen, and what was commanded then: joint positions (n,) and the gripper's width."""
-        width = [observation.gripper_width, gripper_command] if self.format.gripper else []
-        if None in width:
+        widths = (observation.gripper_width, gripper_command) if self.format.gripper else ()
+        if None in widths:
             raise PolicyObservationError("frames with a gripper need its width and its commanded width")
+        given = np.array(widths, dtype=np.float32)
         joints = np.asarray(action, dtype=np.float32).reshape(-1)
         values = {
-            "observation.state": np.append(observation.joint_positions, width[:1]).astype(np.float32),
+            "observation.state": np.append(observation.joint_positions, given[:1]).astype(np.float32),
             "observation.goal": observation.goal.astype(np.float32),
-            "action": np.append(joints, width[1:]).astype(np.float32),
+            "action": np.append(joints, given[1:]).astype(np.float32),
         }
         row = {}
         for name, entries in self.format.numbers().items():
             if values[name].shape != (len(entries),) or not np.isfinite(values[name]).all():
                 raise PolicyObservationError(f"{name} should be {len(entries)} finite numbers but is {values[name]}")
             row[name] = values[name]
-        for camera, (height, width_px) in self.format.cameras.items():
+        for camera, (height, width) in self.format.cameras.items():
             picture = observation.images.get(camera)
-            if picture is None or picture.shape != (height, width_px, 3):
+            if picture is None or picture.shape != (height, width, 3):
                 found = None if picture is None else picture.shape
-                raise PolicyObservationError(f"camera {camera!r} should give {(height, width_px, 3)} but gives {found}")
+                raise PolicyObservationError(f"camera {camera!r} should give {(height, width, 3)} but gives {found}")
         for camera in self.format.cameras:
             self._pictures[f"observation.images.{camera}"].append(observation.images[camera].copy())
         self._frames.append(row)

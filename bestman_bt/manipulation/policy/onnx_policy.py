@@ -134,7 +134,8 @@ class OnnxPolicy(Policy):
         spec, norm = self.specification, self.card.normalization
         if observation.joint_positions.shape != (len(spec.joint_names),):
             raise PolicyObservationError(
-                f"{self._path} moves {len(spec.joint_names)} joints, the observation has {observation.joint_positions.shape}"
+                f"{self._path} moves {len(spec.joint_names)} joints, "
+                f"the observation has {observation.joint_positions.shape}"
             )
         features = feature_vector(observation, self.card.features)
         if features.shape != norm.input_mean.shape:
@@ -156,7 +157,8 @@ class OnnxPolicy(Policy):
             raise PolicyActionError(f"{self._path} gives {found}; one output {expected} is expected")
         if not np.isfinite(raw).all():
             raise PolicyActionError(f"{self._path} gives NaN or infinity")
-        return raw[0]
+        chunk: NDArray[np.float64] = raw[0]
+        return chunk
 
     @cached_property
     def _session(self) -> Any:

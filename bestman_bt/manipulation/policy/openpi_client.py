@@ -94,7 +94,7 @@ class OpenpiPolicy(Policy):
         return dict(self._metadata)
 
     def reset(self) -> None:
-        """Nothing to tell: the protocol's servers keep no episode. A broken connection is dropped."""
+        """Nothing to tell: the protocol has no word for it, its servers keep no episode."""
 
     def act(self, observation: Observation) -> ActionChunk:
         """See Policy."""

@@ -8,7 +8,7 @@ correct itself (Laskey et al., "DART: noise injection for robust imitation learn
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ class ReachingParameters:
     drift: float = 0.01
     near: float = 0.3
     margin: float = 0.10
-    speed: SpeedScale = SpeedScale(0.4, 0.25)
+    speed: SpeedScale = field(default_factory=lambda: SpeedScale(0.4, 0.25))
 
     def __post_init__(self) -> None:
         if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
@@ -91,7 +91,7 @@ class ReachingExpert:
             horizon=p.horizon,
             dt=p.dt,
             robot=robot,
-            workspace=(tuple(low.tolist()), tuple(high.tolist())),  # type: ignore[arg-type]
+            workspace=(tuple(low.tolist()), tuple(high.tolist())),
             description="moves the tool to the goal pose; trained by behaviour cloning of reaching",
         )
 
@@ -103,15 +103,15 @@ class ReachingExpert:
             if start is not None and near:
                 turn = rng.uniform(-1.0, 1.0, 3) * 0.12
                 tool = self.kinematics.tool_pose(start)
-                goal = Pose(tool.position + rng.uniform(-0.04, 0.04, 3) * rng.uniform()) @ Pose.from_xyz_rpy(
-                    np.zeros(3), turn * rng.uniform()
-                ) @ Pose(np.zeros(3), tool.quaternion)
+                goal = (
+                    Pose(tool.position + rng.uniform(-0.04, 0.04, 3) * rng.uniform())
+                    @ Pose.from_xyz_rpy(np.zeros(3), turn * rng.uniform())
+                    @ Pose(np.zeros(3), tool.quaternion)
+                )
             if start is not None and self.motion(start, goal, rng) is not None:
                 return start, goal
 
-    def motion(
-        self, start: NDArray[np.float64], goal: Pose, rng: np.random.Generator
-    ) -> JointTrajectory | None:
+    def motion(self, start: NDArray[np.float64], goal: Pose, rng: np.random.Generator) -> JointTrajectory | None:
         """The expert's motion from rest at ``start`` to the nearest solution for ``goal``; None if there is none."""
         found = self.kinematics.solve(goal, start, rng, attempts=1)
         if not found.found:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +34,9 @@ class Workspace:
         except ValueError:
             numbers = []
         if len(numbers) != 6:
-            raise ManipulationError(f"a workspace 'x;y;z;x;y;z' (metres, lower and upper corner) expected, got {text!r}")
+            raise ManipulationError(
+                f"a workspace 'x;y;z;x;y;z' (metres, lower and upper corner) expected, got {text!r}"
+            )
         return cls(np.array(numbers[:3]), np.array(numbers[3:]))
 
     def contains(self, point: NDArray[np.float64], slack: float = 0.0) -> bool:
@@ -44,7 +47,7 @@ class Workspace:
         self, path: NDArray[np.float64], kinematics: InverseKinematics, max_step: float = 0.02
     ) -> NDArray[np.float64] | None:
         """The first tool position (3,) outside along joint waypoints (N, n); looked at each ``max_step`` rad."""
-        for start, end in zip(path[:-1], path[1:], strict=True):
+        for start, end in pairwise(path):
             count = max(1, int(np.ceil(np.abs(end - start).max() / max_step)))
             for k in range(1, count + 1):
                 position = kinematics.tool_pose(start + (end - start) * k / count).position
@@ -53,5 +56,7 @@ class Workspace:
         return None
 
     def __str__(self) -> str:
-        spans = (f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", self.lower, self.upper, strict=True))
+        spans = (
+            f"{axis} {low:.2f} to {high:.2f}" for axis, low, high in zip("xyz", self.lower, self.upper, strict=True)
+        )
         return ", ".join(spans) + " m"

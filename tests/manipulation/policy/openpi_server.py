@@ -71,5 +71,6 @@ def handler(mode: str):
 
 if __name__ == "__main__":
     with serve(handler(sys.argv[1]), "127.0.0.1", 0, compression=None, max_size=None) as server:
-        print(server.socket.getsockname()[1], flush=True)
+        sys.stdout.write(f"{server.socket.getsockname()[1]}\n")
+        sys.stdout.flush()
         server.serve_forever()

@@ -1,0 +1,44 @@
+"""A reaching policy that was trained for a few seconds, for all tests of this folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.manipulation.policy import (
+    BehaviourCloningParameters,
+    ClonedPolicy,
+    Demonstration,
+    ReachingExpert,
+    clone,
+)
+from bestman_bt.robot_model import RobotModel
+
+SHORT = BehaviourCloningParameters(hidden=(96, 96), steps=2500, batch=128, rate=4e-3)
+
+
+@pytest.fixture(scope="session")
+def expert(diff_panda: RobotModel) -> ReachingExpert:
+    arm = diff_panda.arms["arm"]
+    return ReachingExpert(DampedLeastSquares(diff_panda), arm, diff_panda.posture("home", arm.joint_names))
+
+
+@pytest.fixture(scope="session")
+def demonstrations(expert: ReachingExpert) -> list[Demonstration]:
+    rng = np.random.default_rng(1)
+    return [expert.demonstrate(rng) for _ in range(300)]
+
+
+@pytest.fixture(scope="session")
+def cloned(expert: ReachingExpert, demonstrations: list[Demonstration]) -> ClonedPolicy:
+    return clone(demonstrations, expert.specification("diff_panda"), SHORT)
+
+
+@pytest.fixture(scope="session")
+def trained(cloned: ClonedPolicy, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("policy") / "reach.onnx"
+    cloned.save(path)
+    return path

@@ -1,0 +1,137 @@
+"""Behaviour cloning of reaching: what a few seconds of training are worth, and that they are worth the same again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnx
+import pytest
+
+from bestman_bt.manipulation.policy import (
+    ActionChunk,
+    BehaviourCloningParameters,
+    ClonedPolicy,
+    Demonstration,
+    Observation,
+    OnnxPolicy,
+    OnnxPolicyParameters,
+    PolicyActionError,
+    PolicyModelError,
+    PolicyObservationError,
+    ReachingExpert,
+    clone,
+    load_policy,
+    pose_vector,
+    roll_out,
+)
+
+TOLERANCE = 0.01, 0.1
+
+
+def reached(policy: OnnxPolicy, expert: ReachingExpert, wrong_goal: bool = False, count: int = 40) -> int:
+    total = 0
+    for seed in range(100, 100 + count):
+        rng = np.random.default_rng(seed)
+        start, goal = expert.task(rng)
+        other = expert.task(rng)[1]
+        rollout = roll_out(policy, expert.kinematics, expert.arm, start, other if wrong_goal else goal, goal)
+        total += rollout.reached(*TOLERANCE)
+    return total
+
+
+def test_a_few_seconds_of_training_reach_nine_goals_of_ten(trained: Path, expert: ReachingExpert) -> None:
+    assert reached(load_policy(trained), expert) >= 36
+
+
+def test_told_a_wrong_goal_the_policy_does_not_reach_the_right_one(trained: Path, expert: ReachingExpert) -> None:
+    assert reached(load_policy(trained), expert, wrong_goal=True) == 0
+
+
+def test_the_same_seed_trains_the_same_weights_and_another_seed_others(
+    expert: ReachingExpert, demonstrations: list[Demonstration]
+) -> None:
+    parameters = BehaviourCloningParameters(hidden=(16,), steps=50)
+    specification = expert.specification("diff_panda")
+    first, again, other = (
+        clone(demonstrations[:20], specification, replace(parameters, seed=seed)).layers[0][0] for seed in (3, 3, 4)
+    )
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_demonstrations_end_where_they_were_to_end(demonstrations: list[Demonstration], expert: ReachingExpert) -> None:
+    misses = []
+    for demonstration in demonstrations[:50]:
+        last = demonstration.observations[-1]
+        end = expert.kinematics.tool_pose(last.joint_positions + demonstration.chunks[-1].sum(axis=0))
+        misses.append(np.linalg.norm(end.position - last.goal[:3]))
+    assert np.median(misses) < 0.001
+
+
+def test_the_written_network_computes_what_was_trained(trained: Path, cloned: ClonedPolicy) -> None:
+    policy = load_policy(trained)
+    assert policy.specification == cloned.card.specification
+    raw = policy._run(np.full((1, 13), 0.3, dtype=np.float32))
+    value = np.full((1, 13), 0.3, dtype=np.float32)
+    for weight, bias in cloned.layers[:-1]:
+        value = value @ weight + bias
+        value = value / (1.0 + np.exp(-value))
+    np.testing.assert_allclose(raw, (value @ cloned.layers[-1][0] + cloned.layers[-1][1])[0], atol=1e-4)
+
+
+@pytest.fixture
+def copy(trained: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "reach.onnx"
+    path.write_bytes(trained.read_bytes())
+    path.with_suffix(".json").write_text(trained.with_suffix(".json").read_text())
+    return path
+
+
+@pytest.fixture
+def seen(expert: ReachingExpert) -> Observation:
+    start, goal = expert.task(np.random.default_rng(5))
+    return Observation(start, expert.kinematics.tool_pose(start), pose_vector(goal))
+
+
+def test_weights_that_give_nan_are_an_action_error(copy: Path, seen: Observation) -> None:
+    model = onnx.load(str(copy))
+    bias = model.graph.initializer[-1]
+    bias.raw_data = np.full(bias.dims, np.nan, dtype=np.float32).tobytes()
+    onnx.save(model, str(copy))
+    with pytest.raises(PolicyActionError, match="NaN"):
+        load_policy(copy).act(seen)
+
+
+def test_a_description_of_another_shape_than_the_network_is_refused(copy: Path, seen: Observation) -> None:
+    card = json.loads(copy.with_suffix(".json").read_text())
+    card["features"] = ["joint_positions"]
+    copy.with_suffix(".json").write_text(json.dumps(card))
+    with pytest.raises(PolicyModelError, match="takes"):
+        load_policy(copy).act(seen)
+    card["specification"]["horizon"] = 3
+    copy.with_suffix(".json").write_text(json.dumps(card))
+    with pytest.raises(PolicyModelError, match="3 x 7 joint actions"):
+        _ = load_policy(copy).specification
+
+
+def test_files_that_are_missing_or_something_else_are_refused(copy: Path, seen: Observation, tmp_path: Path) -> None:
+    with pytest.raises(PolicyModelError, match="no ONNX file"):
+        OnnxPolicy(OnnxPolicyParameters(str(tmp_path / "absent.onnx"))).act(seen)
+    copy.write_bytes(b"no network")
+    with pytest.raises(PolicyModelError, match="no ONNX model"):
+        load_policy(copy).act(seen)
+    copy.with_suffix(".json").unlink()
+    with pytest.raises(PolicyModelError, match="does not describe a policy"):
+        _ = load_policy(copy).specification
+
+
+def test_an_observation_of_another_arm_or_without_a_pose_as_goal_is_refused(trained: Path, seen: Observation) -> None:
+    policy = load_policy(trained)
+    assert isinstance(policy.act(seen), ActionChunk)
+    with pytest.raises(PolicyObservationError, match="7 joints"):
+        policy.act(Observation(np.zeros(6), seen.base_from_tool, seen.goal))
+    with pytest.raises(PolicyObservationError, match="unit quaternion"):
+        policy.act(Observation(seen.joint_positions, seen.base_from_tool, seen.goal[:3]))
