@@ -43,10 +43,10 @@ class ConstraintFollowingParameters:
     giving way to what still pulls. ``time_factor``: of the time that the way would take at full speed.
     """
 
-    compliance: float = 5e-4
+    compliance: float = 2.5e-4
     side_speed: float = 0.03
     acceleration: float = 0.1
-    force_filter: float = 0.04
+    force_filter: float = 0.06
     stall_time: float = 0.8
     stall_distance: float = 0.002
     moved: float = 0.015

@@ -27,10 +27,10 @@ class JointAxisParameters:
     """
 
     spacing: float = 0.002
-    bulge: float = 0.003
-    hinted_bulge: float = 0.0012
+    bulge: float = 0.0015
+    hinted_bulge: float = 0.0008
     longest_radius: float = 1.5
-    recent: float = 0.03
+    recent: float = 0.016
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ class JointAxisEstimator:
         far = np.linalg.norm(way - way[-1], axis=1) >= self._parameters.recent
         since = int(np.flatnonzero(far)[-1]) if np.any(far) else 0
         recent = way[-1] - way[since]
-        straight = self._hint == "prismatic" or deviation < 0.0005
+        straight = self._hint == "prismatic" or deviation < 0.0002
         direction = axis if straight else recent / np.linalg.norm(recent)
         direction = direction if float(direction @ (way[-1] - way[0])) >= 0.0 else -direction
         return JointAxis("prismatic", way[0], direction, 0.0, deviation)

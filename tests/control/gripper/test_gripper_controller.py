@@ -48,3 +48,13 @@ def test_a_width_beyond_the_range_is_refused(simulate):
     handle = simulated.gripper.open(0.5)
     assert handle.status is ControlStatus.FAILED
     assert handle.error.code is ControlErrorCode.REFUSED
+
+
+def test_a_slip_watch_is_silent_while_it_holds_and_speaks_when_it_does_not(simulate, world_with_bar):
+    simulated = simulate(world=world_with_bar)
+    simulated.wait(simulated.gripper.close(force=30.0))
+    watch = simulated.gripper.watch_slip()
+    simulated.robot.clock.sleep(0.5)
+    assert watch() is None
+    simulated.wait(simulated.gripper.release())
+    assert "holds nothing" in watch()

@@ -1,0 +1,65 @@
+"""The arm stops where it touches something: on purpose, and where nothing should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.messages import JointTrajectory, Pose2D
+
+DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
+
+
+def tared(scene):
+    scene.robot.clock.sleep(0.3)
+    scene.wrist.tare()
+    scene.robot.clock.sleep(0.4)
+    return scene
+
+
+def test_a_guarded_move_ends_on_what_it_meets(stand_before):
+    scene = tared(stand_before(*DRAWER, flip=True))
+    scene.wait(scene.gripper.close())  # the closed hand meets the bar
+    moved = scene.wait(scene.arm.move_until(-scene.handle.outward, 0.03, 0.15, 8.0))
+    assert moved.status is ControlStatus.SUCCEEDED
+    assert moved.result.touched
+    assert 0.02 < moved.result.distance < 0.07
+    assert float(moved.result.force @ scene.handle.outward) >= 8.0
+
+
+def test_a_guarded_move_through_free_space_goes_its_whole_way(stand_before):
+    scene = tared(stand_before(*DRAWER, flip=True))
+    start = scene.truth.frame_pose("panda_grasptarget").position
+    moved = scene.wait(scene.arm.move_until(scene.handle.outward, 0.05, 0.1, 8.0))
+    assert moved.status is ControlStatus.SUCCEEDED
+    assert not moved.result.touched
+    went = np.linalg.norm(scene.truth.frame_pose("panda_grasptarget").position - start)
+    assert went == pytest.approx(0.1, abs=0.005)
+
+
+def swing(scene, joint: int, by: float, duration: float) -> JointTrajectory:
+    times = np.linspace(0.0, duration, 41)
+    share = times / duration
+    positions = np.tile(scene.arm.positions(), (41, 1))
+    positions[:, joint] += by * (3 * share**2 - 2 * share**3)
+    velocities = np.zeros_like(positions)
+    velocities[:, joint] = by * (6 * share - 6 * share**2) / duration
+    return JointTrajectory(scene.arm.joint_names, times, positions, velocities)
+
+
+def test_contact_where_none_is_expected_stops_the_arm_and_is_told(stand_before):
+    scene = tared(stand_before(*DRAWER, flip=True))
+    scene.wait(scene.gripper.close())
+    ended = scene.wait(scene.arm.follow(swing(scene, 0, -0.5, 2.0), free=True))
+    assert (ended.status, ended.error.code) == (ControlStatus.FAILED, ControlErrorCode.COLLISION)
+    assert "contact where none is expected" in ended.error.text
+    scene.robot.clock.sleep(0.5)
+    assert np.abs(scene.robot.parts["arm"].velocities()).max() < 0.01
+
+
+def test_a_quick_swing_through_free_air_is_no_contact(stand_before):
+    scene = tared(stand_before(*DRAWER, flip=True))
+    scene.wait(scene.arm.move_until(scene.handle.outward, 0.1, 0.15, 20.0))
+    ended = scene.wait(scene.arm.follow(swing(scene, 6, 0.8, 0.8), free=True))
+    assert ended.status is ControlStatus.SUCCEEDED, ended.error

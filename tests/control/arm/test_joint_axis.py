@@ -1,0 +1,59 @@
+"""The axis of a joint is learned from places on the way."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.control.arm import JointAxisEstimator
+
+
+def arc(radius: float, angle: float, noise: float = 0.0) -> np.ndarray:
+    """Places on an arc about -z that starts at (0, radius, 1) towards +x."""
+    angles = np.linspace(0.0, angle, 120)
+    way = np.column_stack([radius * np.sin(angles), radius * np.cos(angles), np.ones(120)])
+    return way + np.random.default_rng(1).normal(0.0, noise, way.shape)
+
+
+def learn(way: np.ndarray, hint=None, direction=(1.0, 0.0, 0.0)) -> JointAxisEstimator:
+    estimator = JointAxisEstimator(np.array(direction), way[0], hint)
+    for place in way[1:]:
+        estimator.add(place)
+    return estimator
+
+
+@pytest.mark.parametrize("radius", [0.2, 0.35, 0.6])
+def test_a_door_is_told_from_a_tenth_of_its_way(radius):
+    axis = learn(arc(radius, 0.5, noise=0.0001)).axis
+    assert axis.kind == "revolute"
+    assert axis.radius == pytest.approx(radius, rel=0.05)
+    np.testing.assert_allclose(axis.direction, [0.0, 0.0, -1.0], atol=0.05)
+    np.testing.assert_allclose(axis.point[:2], [0.0, 0.0], atol=0.05 * radius)
+
+
+def test_the_angle_and_the_way_are_those_of_the_arc():
+    way = arc(0.4, 1.2)
+    axis = learn(way).axis
+    assert axis.angle(way[0], way[-1]) == pytest.approx(1.2, abs=0.01)
+    assert axis.travelled(way[0], way[-1]) == pytest.approx(0.48, abs=0.005)
+    np.testing.assert_allclose(axis.tangent(way[-1]), [math.cos(1.2), -math.sin(1.2), 0.0], atol=0.02)
+
+
+def test_a_drawer_stays_a_line_although_the_hand_creeps():
+    way = np.column_stack([np.linspace(0, 0.3, 150), np.zeros(150), np.linspace(0, 0.002, 150)])
+    axis = learn(way + np.random.default_rng(2).normal(0.0, 0.0001, way.shape), direction=(0.9, 0.1, 0.0)).axis
+    assert axis.kind == "prismatic"
+    np.testing.assert_allclose(axis.direction, [1.0, 0.0, 0.0], atol=0.02)
+    assert axis.travelled(way[0], way[-1]) == pytest.approx(0.3, abs=0.002)
+
+
+def test_before_anything_has_moved_the_guess_holds():
+    estimator = JointAxisEstimator(np.array([0.0, -1.0, 0.0]), np.zeros(3))
+    estimator.add(np.array([0.0, 0.0, 0.0005]))
+    np.testing.assert_array_equal(estimator.axis.tangent(np.zeros(3)), [0.0, -1.0, 0.0])
+
+
+def test_where_a_drawer_is_known_no_bend_makes_it_a_door():
+    assert learn(arc(0.6, 0.4), hint="prismatic").axis.kind == "prismatic"
