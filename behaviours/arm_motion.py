@@ -48,7 +48,7 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]]) -> Steps:
         speed,
         constraint,
     )
-    yield skills.arm.follow(timed.trajectory)
+    yield skills.arm.follow(timed.trajectory, free=True)
 
 
 def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0) -> Steps:

@@ -34,6 +34,7 @@ from bestman_bt.perception.segmentation import SupportSurfaces
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
@@ -65,7 +66,8 @@ class SkillContext:
     """Everything that a skill may use; the runtime puts it together.
 
     ``camera``: on the head. ``wrist_camera``: on the hand, where there is one; ``tactile``: pads of the fingers, which
-    may be none. ``observations``: what was seen of objects lately, by identity, in the map frame.
+    may be none. ``wrist_wrench``: what touches the hand, where there is a sensor.
+    ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
     oldest first. ``policies``: from the name or file of a learned policy to it.
     """
@@ -81,6 +83,7 @@ class SkillContext:
     wrist_camera: RGBDSensor | None
     tactile: Sequence[TactileSensor]
     joints: JointStateSensor
+    wrist_wrench: WristWrench | None
     algorithms: Algorithms
     computation: Computation
     costs: Mapping[str, float]
