@@ -35,7 +35,7 @@ from bestman_bt.robot_model import ArmModel, RobotModel
 # At a margin of exactly zero, coal's GJK was seen to miss an overlap of 9 mm (link 5 and hand of a Panda); any
 # positive margin made it certain.
 _SMALLEST_MARGIN = 1e-5
-_FEW_BODIES = 80
+_FEW_BODIES = 150
 
 
 class CoalCollisionModel(CollisionModel):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits
+from bestman_bt.manipulation.motion_planning.aorrtc import AORRTC
 from bestman_bt.manipulation.motion_planning.base import (
     MotionPlan,
     MotionPlanner,
@@ -18,13 +19,26 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
+from bestman_bt.manipulation.motion_planning.bit_star import BITStar
+from bestman_bt.manipulation.motion_planning.kpiece import KPIECE
+from bestman_bt.manipulation.motion_planning.prm import PRM
+from bestman_bt.manipulation.motion_planning.rrt_connect import RRTConnect
+from bestman_bt.manipulation.motion_planning.rrt_star import RRTStar
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
-from bestman_bt.registry import ALGORITHMS
+
+_MEMBERS: dict[str, Callable[[], SamplingPlanner]] = {
+    "aorrtc": AORRTC,
+    "bit_star": BITStar,
+    "kpiece": KPIECE,
+    "prm": PRM,
+    "rrt_connect": RRTConnect,
+    "rrt_star": RRTStar,
+}
 
 
 @dataclass(frozen=True)
 class PortfolioParameters:
-    """``planners``: names of sampling planners registered under ``motion_planning/``.
+    """``planners``: names of sampling planners, as they are registered.
 
     ``take``: ``first`` found, or ``best`` (shortest) of all. ``impatience``: collision checks after which the next
     planner is asked where the first path is taken; the last one may use all of its own.
@@ -37,6 +51,10 @@ class PortfolioParameters:
     def __post_init__(self) -> None:
         if not self.planners:
             raise ManipulationError("PortfolioParameters planners should name at least one planner but is empty")
+        if unknown := [name for name in self.planners if name not in _MEMBERS]:
+            raise ManipulationError(
+                f"PortfolioParameters planners should be among {', '.join(_MEMBERS)} but has {', '.join(unknown)}"
+            )
         if self.take not in ("first", "best"):
             raise ManipulationError(f"PortfolioParameters take should be 'first' or 'best' but is {self.take!r}")
         if self.impatience < 1:
@@ -87,9 +105,7 @@ class Portfolio(MotionPlanner):
 
     def _make(self) -> list[SamplingPlanner]:
         parameters = self.parameters
-        planners = [ALGORITHMS.resolve(f"motion_planning/{name}")() for name in parameters.planners]
-        if strangers := [type(planner).__name__ for planner in planners if not isinstance(planner, SamplingPlanner)]:
-            raise ManipulationError(f"a portfolio holds sampling planners but got {', '.join(strangers)}")
+        planners = [_MEMBERS[name]() for name in parameters.planners]
         if parameters.take == "first":
             for planner in planners[:-1]:
                 most = min(parameters.impatience, planner.parameters.max_checks)
