@@ -73,13 +73,13 @@ class RunPolicy(Skill):
         self.set_output("chunks", done)
         while not self._succeeded(goal):
             if skills.clock.now() >= deadline:
-                raise SkillFailure("timeout", f"not there after {done} chunks{self._distance(goal)}")
+                raise SkillFailure("timeout", f"not there in time{self._distance(goal)}")
             chunk = yield self.compute("policy", policy.act, self._observation(spec, goal))
             start = skills.arm_positions()
             trajectory = yield self.compute("trajectory", self._checked, chunk, start, box)
             moves = float(np.abs(trajectory.positions - start).max()) > STILL
             if moves:
-                yield skills.arm.follow(trajectory, guard=lambda: self._objection(box))
+                yield from self._follow(trajectory, box, deadline)
             acted = yield from self._move_gripper(chunk)
             still = 0 if moves or acted else still + 1
             if still == STILL_CHUNKS:
@@ -164,7 +164,18 @@ class RunPolicy(Skill):
             raise SkillFailure("collision", f"the policy would touch {touch}")
         return trajectory
 
-    def _objection(self, box: Workspace) -> str | None:
+    def _follow(self, trajectory: JointTrajectory, box: Workspace, deadline: float) -> Steps:
+        """Carry the chunk out; the arm is stopped in mid-motion where time is up or the tool leaves the box."""
+        try:
+            yield self.skills.arm.follow(trajectory, guard=lambda: self._objection(box, deadline))
+        except SkillFailure as failure:
+            if failure.code == "guarded" and self.skills.clock.now() >= deadline:
+                raise SkillFailure("timeout", "stopped in the middle of a chunk: not there in time") from failure
+            raise
+
+    def _objection(self, box: Workspace, deadline: float) -> str | None:
+        if self.skills.clock.now() >= deadline:
+            return "time is up"
         position = self.skills.base_from_tool().position
         if box.contains(position, OUTSIDE):
             return None

@@ -130,7 +130,17 @@ def test_a_policy_that_dithers_runs_into_the_timeout(robot: Session) -> None:
     started = robot.skills.clock.now()
     assert run(robot, timeout=4.0) == FAILURE
     assert failures_of(robot)[0][0] == "timeout"
-    assert 4.0 <= robot.skills.clock.now() - started < 8.0
+    assert 4.0 <= robot.skills.clock.now() - started < 6.0
+
+
+def test_time_that_is_up_stops_the_arm_in_the_middle_of_a_chunk(robot: Session) -> None:
+    Scripted(robot, deltas(0.004, count=100))
+    started = robot.skills.clock.now()
+    assert run(robot, timeout=2.0) == FAILURE
+    assert failures_of(robot)[0][0] == "timeout"
+    assert robot.skills.clock.now() - started < 2.5
+    robot.robot.clock.sleep(0.5)
+    assert fastest(robot) < 0.01
 
 
 def test_a_chunk_that_would_leave_the_workspace_moves_nothing(robot: Session) -> None:

@@ -33,7 +33,10 @@ def _server(path: Path, values: Any) -> OpenpiPolicyParameters:
     if not isinstance(values, dict) or not values.get("url") or set(values) - known:
         wrong = sorted(set(values) - known) if isinstance(values, dict) else "no fields"
         raise PolicyModelError(f"{path} should have 'url' and other fields of a policy server; it has {wrong}")
-    for name in ("joint_names", "image_size"):
-        if name in values:
-            values[name] = tuple(values[name])
-    return OpenpiPolicyParameters(**values)
+    try:
+        for name in ("joint_names", "image_size"):
+            if name in values:
+                values[name] = tuple(values[name])
+        return OpenpiPolicyParameters(**values)
+    except TypeError as error:
+        raise PolicyModelError(f"{path} does not describe a policy server: {error}") from error

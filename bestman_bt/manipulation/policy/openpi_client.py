@@ -21,6 +21,7 @@ from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observ
 from bestman_bt.manipulation.policy.errors import (
     MissingPolicyExtraError,
     PolicyActionError,
+    PolicyModelError,
     PolicyObservationError,
     PolicyServerError,
     PolicyUnreachableError,
@@ -57,6 +58,14 @@ class OpenpiPolicyParameters:
     dt: float = 1.0 / 15.0
     gripper_column: int | None = 7
     gripper_open: float = 0.08
+
+    def __post_init__(self) -> None:
+        if self.space not in {space.value for space in ActionSpace}:
+            known = ", ".join(space.value for space in ActionSpace)
+            raise PolicyModelError(f"space of a policy server should be one of {known} but is {self.space!r}")
+        for name in ("connect_timeout", "timeout", "dt", "gripper_open"):
+            if not getattr(self, name) > 0:
+                raise PolicyModelError(f"{name} of a policy server should be above 0 but is {getattr(self, name)}")
 
 
 class OpenpiPolicy(Policy):

@@ -136,6 +136,19 @@ def test_the_specification_can_be_read_without_a_server(tmp_path: Path) -> None:
     specification = load_policy(path).specification
     assert (specification.joint_names, specification.space) == (("a", "b"), "joint_deltas")
     assert not specification.moves_gripper
-    path.write_text("url: ws://127.0.0.1:9\njoint_name: [a, b]\n")
-    with pytest.raises(PolicyModelError, match="joint_name"):
+
+
+@pytest.mark.parametrize(
+    ("field", "told"),
+    [
+        ("joint_name: [a, b]", "joint_name"),
+        ("joint_names: 3", "not iterable"),
+        ("space: joints", "joint_deltas"),
+        ("timeout: 0", "timeout of a policy server should be above 0"),
+    ],
+)
+def test_a_server_that_is_described_wrongly_is_refused(tmp_path: Path, field: str, told: str) -> None:
+    path = tmp_path / "server.yaml"
+    path.write_text(f"url: ws://127.0.0.1:9\n{field}\n")
+    with pytest.raises(PolicyModelError, match=told):
         load_policy(path)
