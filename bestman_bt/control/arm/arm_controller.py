@@ -88,7 +88,7 @@ class ArmController:
         ``free``: nothing is to be touched on the way; a contact ends it as COLLISION.
         """
         self._end_stream(ControlErrorCode.SUPERSEDED, "a newer command took over")
-        handle = start_motion(lambda: self._arm.follow(trajectory))
+        handle: ControlHandle[None] = start_motion(lambda: self._arm.follow(trajectory))
         return self._watched(handle, guard, trajectory if free else None)
 
     def move_to(

@@ -199,7 +199,8 @@ class ConstraintFollowing:
     def _finish(self, end: FollowEnd, text: str, tool: Pose) -> None:
         axis, start = self._estimator.axis, self._start.position
         distance, angle = axis.travelled(start, tool.position), axis.angle(start, tool.position)
-        motion = FollowedMotion(end, axis, distance, angle, *map(float, self._peak), tool, self._turned)
+        pull, side = (float(value) for value in self._peak)
+        motion = FollowedMotion(end, axis, distance, angle, pull, side, tool, self._turned)
         if end is FollowEnd.REACHED:
             self._handle.succeed(motion)
         else:
