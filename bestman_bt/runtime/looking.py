@@ -26,6 +26,8 @@ from bestman_bt.world_model import MapFurniture
 
 STAND_OFFS = (0.90, 1.05, 0.75, 1.20, 0.60, 1.40)
 """Metres between the middle of the base and the front of what it looks at; the first with room is taken."""
+STAND_OFFS_AT_TABLES = (0.60, 0.75, 0.90, 1.05, 1.20, 1.40)
+"""The same for furniture on legs, which has no front to see: the nearer the better."""
 ROOM = 0.38
 """Metres that the middle of the base keeps from everything."""
 FRONT_STEP = 1.25
@@ -89,7 +91,8 @@ def standing_before(
     obstacles = [wall_rectangle(wall) for wall in world.walls]
     obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture]
     front = furniture.pose @ Pose2D(-furniture.footprint[0] / 2, 0.0, 0.0)
-    for distance in STAND_OFFS:
+    distances = STAND_OFFS if furniture.solid_at_lidar else STAND_OFFS_AT_TABLES
+    for distance in distances:
         stand = front @ Pose2D(-distance, 0.0, 0.0)
         if any(_apart(wall, stand, front) for wall in world.walls):
             continue
@@ -99,7 +102,7 @@ def standing_before(
             placed.append(f"scene.start_clearance={ROOM}")
             return load_run(tree=TREE, scene=scene, robot=robot, seed=seed, settings=[*placed, *settings])
     raise SceneError(
-        f"no room for the robot before the {furniture.name}: nowhere from {min(STAND_OFFS)} m to {max(STAND_OFFS)} m "
+        f"no room for the robot before the {furniture.name}: nowhere from {min(distances)} m to {max(distances)} m "
         f"before it are {ROOM} m free on all sides"
     )
 
