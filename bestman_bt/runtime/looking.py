@@ -27,7 +27,7 @@ from bestman_bt.world_model import MapFurniture
 STAND_OFFS = (0.90, 1.05, 0.75, 1.20, 0.60, 1.40)
 """Metres between the middle of the base and the front of what it looks at; the first with room is taken."""
 STAND_OFFS_AT_TABLES = (0.60, 0.75, 0.90, 1.05, 1.20, 1.40)
-"""The same for furniture on legs, which has no front to see: the nearer the better."""
+"""The same for furniture that is no more than its top, such as a table: the nearer the better."""
 ROOM = 0.38
 """Metres that the middle of the base keeps from everything."""
 FRONT_STEP = 1.25
@@ -57,7 +57,8 @@ def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -
         under = session.skills.world.map.standing_under(furniture.name)
         seen: list[RGBDView] = []
         session.skills.camera.subscribe(seen.append)
-        heights = {f"{furniture.name}/{s.name}": float(s.pose.position[2]) for s in furniture.surfaces}
+        still = [surface for surface in furniture.surfaces if surface.leaf is None]
+        heights = {f"{furniture.name}/{s.name}": float(s.pose.position[2]) for s in still}
         highest = max(heights.values(), default=0.0)
         session.entries |= {
             "furniture": furniture.name,
@@ -91,7 +92,7 @@ def standing_before(
     obstacles = [wall_rectangle(wall) for wall in world.walls]
     obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture]
     front = furniture.pose @ Pose2D(-furniture.footprint[0] / 2, 0.0, 0.0)
-    distances = STAND_OFFS if furniture.solid_at_lidar else STAND_OFFS_AT_TABLES
+    distances = STAND_OFFS if furniture.leaves or len(furniture.surfaces) > 1 else STAND_OFFS_AT_TABLES
     for distance in distances:
         stand = front @ Pose2D(-distance, 0.0, 0.0)
         if any(_apart(wall, stand, front) for wall in world.walls):
