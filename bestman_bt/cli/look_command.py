@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -119,11 +119,11 @@ def _document(look: Look, files: list[Path]) -> dict[str, Any]:
             {
                 "name": found.name,
                 "recognised": found.recognised,
-                "position": found.pose.position.round(4).tolist(),
+                "position": _rounded(found.pose.position),
                 "yaw": round(found.pose.yaw, 4),
                 "confidence": round(found.confidence, 4),
                 "position_std": round(found.position_std, 5),
-                "yaw_set": [[round(middle, 4), round(half, 4)] for middle, half in found.yaw_set.arcs],
+                "yaw_set": [_rounded(arc) for arc in found.yaw_set.arcs],
             }
             for found in look.marks.objects
         ],
@@ -131,15 +131,36 @@ def _document(look: Look, files: list[Path]) -> dict[str, Any]:
             {
                 "name": mark.name,
                 "kind": mark.handle.kind,
-                "position": mark.handle.pose.position.round(4).tolist(),
-                "axis": mark.handle.axis.round(4).tolist(),
+                "position": _rounded(mark.handle.pose.position),
+                "axis": _rounded(mark.handle.axis),
                 "radius": round(mark.handle.radius, 4),
+                "length": round(mark.handle.length, 4),
+                "opening_direction": _rounded(mark.handle.opening_direction),
                 "joint": mark.handle.joint,
+                "joint_confidence": round(mark.handle.joint_confidence, 4),
                 "hinge_side": mark.handle.hinge_side,
                 "confidence": round(mark.handle.confidence, 4),
             }
             for mark in look.marks.handles
         ],
+        "grasps": [
+            {
+                "target": grasp.target,
+                "position": _rounded(grasp.pose.position),
+                "quaternion": _rounded(grasp.pose.quaternion),
+                "width": round(grasp.width, 4),
+                "quality": round(grasp.quality, 4),
+            }
+            for grasp in look.marks.grasps
+        ],
+        "surfaces": [
+            {"name": surface.name, "height": round(float(surface.pose.position[2]), 4), "size": _rounded(surface.size)}
+            for surface in look.marks.surfaces
+        ],
         "failures": [{"node": f.node, "code": f.error_code, "why": f.why} for f in look.failures],
         "files": [str(file) for file in files],
     }
+
+
+def _rounded(values: Iterable[float]) -> list[float]:
+    return [round(float(value), 4) for value in values]

@@ -100,6 +100,21 @@ def test_the_document_tells_what_stands_where_with_its_uncertainty(looked: Looke
     assert (handle["name"], handle["kind"]) == ("microwave/handle_1", "bar")
     assert np.linalg.norm(handle["axis"]) == pytest.approx(1.0, abs=1e-3)
     assert 0.003 < handle["radius"] < 0.012
+    assert 0.5 <= handle["joint_confidence"] <= 1.0
+    assert np.dot(handle["axis"], handle["opening_direction"]) == pytest.approx(0.0, abs=0.05)
+
+
+def test_the_document_tells_the_best_grasp_of_each_thing_and_the_surfaces(looked: Looked) -> None:
+    grasps = {grasp["target"]: grasp for grasp in looked.look["grasps"]}
+    assert set(grasps) == {"can", "microwave/handle_1"}
+    assert 0.0 < grasps["can"]["width"] < 0.08
+    (can,) = looked.look["objects"]
+    assert np.linalg.norm(np.subtract(grasps["can"]["position"], can["position"])) < 0.1
+    assert np.linalg.norm(grasps["can"]["quaternion"]) == pytest.approx(1.0, abs=1e-3)
+    (surface,) = looked.look["surfaces"]
+    assert surface["name"] == "counter/top"
+    assert surface["height"] == pytest.approx(0.9, abs=0.01)
+    assert min(surface["size"]) > 0.4
 
 
 def test_what_was_not_found_is_among_the_failures(looked: Looked) -> None:
