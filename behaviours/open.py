@@ -19,6 +19,7 @@ from bestman_bt.manipulation.kinematics import arc_path, cartesian_path
 from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
 from bestman_bt.perception.grasp_pose import GraspCandidate, rank_grasps
+from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.world_model import HandleBelief
 
 BACK_OFF = 0.12
@@ -38,12 +39,28 @@ CODES = {
 
 @dataclass(frozen=True, eq=False)
 class _HandlePlan:
-    """``reached``: share of the way that the arm can follow on the branch of the approach, 0 to 1."""
+    """``turn``: share of a door's turn that the hand turns with it. ``reached``: share of the way that is in reach."""
 
     candidate: GraspCandidate
     approach: Approach
+    turn: float
     reached: float
     score: float
+
+
+class _Taring:
+    """Waits until the wrist has learned its offset; where the hand was not still, the older one serves."""
+
+    def __init__(self, wrist: WristWrench) -> None:
+        self._wrist = wrist
+
+    @property
+    def done(self) -> bool:
+        """Whether the readings are gathered."""
+        return not self._wrist.taring
+
+    def cancel(self) -> None:
+        """It ends by itself."""
 
 
 class Open(Skill):
@@ -81,13 +98,16 @@ class Open(Skill):
         closed = world_at_leaf(skills, opening, 0.0)
         yield skills.gripper.open(plan.candidate.opening)
         yield from self._move(plan.approach.pre, world_at_leaf(skills, opening, 0.0, touching=False))
+        if skills.wrist_wrench is not None:
+            skills.wrist_wrench.tare()
+            yield _Taring(skills.wrist_wrench)
         yield from follow_path(self, plan.approach.into, closed, speed=0.35)
         yield skills.gripper.close(self.get_input("force"))
         try:
             self._check_held()
-            motion = yield from self._pull(opening)
-        except (SkillFailure, *ALGORITHM_ERRORS):
-            yield from self._withdraw(opening)
+            motion = yield from self._pull(opening, plan.turn)
+        except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+            yield from self._withdraw_after(opening, failure)
             raise
         done = motion.angle if opening.angle is not None else motion.distance
         yield from self._withdraw(opening)
@@ -100,7 +120,7 @@ class Open(Skill):
     def _plan(self, opening: Opening, belief: HandleBelief) -> _HandlePlan | None:
         skills = self.skills
         kinematics, reference = skills.algorithms.kinematics, skills.arm_positions()
-        handle = opening.handle.seen_from(skills.map_from_base.inverse())
+        base_from_map = skills.map_from_base.inverse()
         free, contact = world_at_leaf(skills, opening, 0.0, touching=False), world_at_leaf(skills, opening, 0.0)
         plans: list[_HandlePlan] = []
         for ranked in rank_grasps(handle_grasp_candidates(skills, belief)):
@@ -116,9 +136,11 @@ class Open(Skill):
                 skills.rng,
                 count=4,
             ):
-                way = stations(handle, candidate.grasp, opening)
-                arc = arc_path(kinematics, way, approach.into[-1], skills.arm_model)
-                plans.append(_HandlePlan(candidate, approach, arc.fraction, ranked.score + 0.5 * arc.margin))
+                for turn in opening.turns():
+                    way = stations(opening, candidate.grasp, turn, base_from_map)
+                    arc = arc_path(kinematics, way, approach.into[-1], skills.arm_model)
+                    score = ranked.score + 0.5 * arc.margin
+                    plans.append(_HandlePlan(candidate, approach, turn, arc.fraction, score))
             if sum(plan.reached >= 1.0 for plan in plans) >= ENOUGH:
                 break
         return max(plans, key=lambda plan: (plan.reached, plan.score)) if plans else None
@@ -129,7 +151,7 @@ class Open(Skill):
             width = 1e3 * gripper.width()
             raise SkillFailure("grasp_failed", f"the hand closed to {width:.0f} mm and does not hold the handle")
 
-    def _pull(self, opening: Opening) -> StepsTo[FollowedMotion]:
+    def _pull(self, opening: Opening, turn: float) -> StepsTo[FollowedMotion]:
         """Go along; a following that ends early tells how far it came, too."""
         skills = self.skills
         direction = skills.map_from_base.inverse().rotation @ opening.handle.opening_direction
@@ -137,6 +159,7 @@ class Open(Skill):
         following = skills.arm.follow_constraint(
             direction,
             **asked,
+            turn=turn,
             max_pull=self.get_input("max_pull"),
             grip=skills.gripper.watch_slip(),
             hint=opening.leaf.kind,
@@ -157,18 +180,32 @@ class Open(Skill):
             raise SkillFailure(CODES.get(motion.end, failure.code), f"{opening.articulation}: {failure}") from failure
         return motion
 
+    def _withdraw_after(self, opening: Opening, failure: Exception) -> Steps:
+        """Withdraw; where that fails, too, what went wrong first is what is told."""
+        try:
+            yield from self._withdraw(opening)
+        except (SkillFailure, *ALGORITHM_ERRORS) as second:
+            self.explain("not_withdrawn", f"the hand could not be withdrawn: {second}")
+            raise failure from second
+
     def _withdraw(self, opening: Opening) -> Steps:
-        """Open the hand, go back the way that the hand came, and take the arm to its posture."""
+        """Open the hand, go straight back, and take the arm to its posture.
+
+        The leaf is where the hand has been: closer than the map's error lets any motion come.
+        """
         skills = self.skills
         yield skills.gripper.open()
         position = skills.world.articulations.get(opening.articulation, 0.0)
-        world = world_at_leaf(skills, opening, position)
+        world = world_at_leaf(skills, opening, position, ignore=opening.bodies())
         back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
         line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
         if len(line.path) > 1:
             yield from follow_path(self, line.path, world, speed=0.5)
         posture = skills.robot.posture(self.get_input("posture"), skills.arm_model.joint_names)
-        yield from self._move(posture, world_at_leaf(skills, opening, position, touching=False))
+        around = world_at_leaf(skills, opening, position, touching=False)
+        if not around.is_free(skills.arm_positions()):
+            around = world_at_leaf(skills, opening, position, touching=False, ignore=[opening.articulation])
+        yield from self._move(posture, around)
 
     def _move(self, goal: NDArray[np.float64], world: CollisionWorld) -> Steps:
         skills = self.skills

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -29,6 +29,7 @@ BASE_GAP = 0.05
 GRASPS = 3
 """Different grasps for which stands are sought."""
 SAME_STAND = 0.05
+STANDS = StandAlongParameters(enough=2, most=16)
 
 
 class FindLookStand(Skill):
@@ -92,17 +93,22 @@ class FindOpenStand(Skill):
         self.set_output("stand", best)
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
-    def _rank(self, opening: Opening, clearance: Callable[[Pose2D], float]) -> list[StandAlong]:
+    def _rank(self, opening: Opening, clearance: Callable[[Pose2D], float]) -> Sequence[StandAlong]:
         skills = self.skills
         belief = skills.world.handles[self.get_input("handle")]
         position, outward = opening.handle.pose.position, opening.handle.outward
         front = math.atan2(outward[1], outward[0])
         swept = _swept(opening)
         corners = np.array(skills.base.description.footprint)
+        shoulder, _ = skills.algorithms.kinematics.reach
+        height = opening.handle.panel_size[1] if opening.handle.panel_size is not None else 2.0 * position[2]
+        above_base = position[2] - height / 2 > shoulder[2]
 
         def is_base_free(stand: Pose2D) -> bool:
             local = stand.inverse().apply(swept)
             low, high = corners.min(axis=0) - BASE_GAP, corners.max(axis=0) + BASE_GAP
+            if above_base:
+                return clearance(stand) > 0.0
             return clearance(stand) > 0.0 and not bool(((local > low) & (local < high)).all(axis=1).any())
 
         candidates = [
@@ -110,25 +116,24 @@ class FindOpenStand(Skill):
             for stand in stands_around(position[:2], DISTANCES, [front + bearing for bearing in BEARINGS], TURNS)
             if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried) and is_base_free(stand)
         ]
-        found: list[StandAlong] = []
         for ranked in rank_grasps(handle_grasp_candidates(skills, belief))[:GRASPS]:
             grasp = skills.map_from_base @ ranked.candidate.grasp
             before = skills.map_from_base @ ranked.candidate.pre_grasp
-            way = [[before], *stations(opening.handle, grasp, opening)]
-            found += rank_stand_poses_along(
-                candidates,
-                way,
-                skills.algorithms.kinematics,
-                skills.arm_model,
-                skills.arm_positions(),
-                skills.rng,
-                is_free_at=lambda stand: self._is_free_at(opening, stand),
-                current=skills.world.base.pose,
-                parameters=StandAlongParameters(enough=2, most=16),
-            )
-            if found:
-                break
-        return sorted(found, key=lambda stand: -stand.score)
+            for turn in opening.turns():
+                found = rank_stand_poses_along(
+                    candidates,
+                    [[before], *stations(opening, grasp, turn)],
+                    skills.algorithms.kinematics,
+                    skills.arm_model,
+                    skills.arm_positions(),
+                    skills.rng,
+                    is_free_at=lambda stand: self._is_free_at(opening, stand),
+                    current=skills.world.base.pose,
+                    parameters=STANDS,
+                )
+                if found:
+                    return sorted(found, key=lambda stand: -stand.score)
+        return []
 
     def _is_free_at(self, opening: Opening, stand: Pose2D) -> Callable[[NDArray[np.float64], int], bool]:
         """Half-way and from there on the leaf counts as open, before as closed."""

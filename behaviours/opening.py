@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,9 @@ DOOR_MARGIN = 0.09
 END_STOP = 0.95
 """Share of a leaf's range that is used at most."""
 
+PARALLEL = 0.98
+"""Cosine between bar and hinge from which on the bar may turn between the fingers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Opening:
@@ -43,6 +47,14 @@ class Opening:
     def way(self) -> NDArray[np.float64]:
         """Metres from closed at which the stations are, first 0."""
         return np.linspace(0.0, self.distance, 1 + max(1, round(self.distance / STEP)))
+
+    def turns(self) -> tuple[float, ...]:
+        """Shares of the leaf's turn by which the hand may turn with it: a bar along the hinge turns between fingers."""
+        axis = self.handle.hinge_direction
+        if self.angle is None or axis is None:
+            return (1.0,)
+        parallel = self.handle.kind == "bar" and abs(float(self.handle.axis @ axis)) > PARALLEL
+        return (1.0, 0.5, 0.75, 0.25, 0.0) if parallel else (1.0,)
 
     def bodies(self) -> list[str]:
         """Names of the bodies in the planning scene that the hand works at."""
@@ -83,17 +95,31 @@ def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, 
     return Opening(articulation, furniture, leaf, handle, asked, angle * radius, angle)
 
 
-def stations(handle: Handle, grasp: Pose, opening: Opening) -> list[list[Pose]]:
-    """Tool poses along the way, one per station, in the frame of ``handle`` and ``grasp``."""
-    return [[handle_motion(handle, float(distance)) @ grasp] for distance in opening.way()]
+def stations(opening: Opening, grasp: Pose, turn: float = 1.0, base_from_map: Pose | None = None) -> list[list[Pose]]:
+    """Tool poses along the way, one per station, from ``grasp`` on; in the base frame if ``base_from_map`` is given.
+
+    ``turn``: share of the leaf's turn that the hand turns with it.
+    """
+    handle = opening.handle if base_from_map is None else opening.handle.seen_from(base_from_map)
+    poses = []
+    for distance in opening.way():
+        moved = handle_motion(handle, float(distance)) @ grasp
+        poses.append([Pose(moved.position, (handle_motion(handle, turn * float(distance)) @ grasp).quaternion)])
+    return poses
 
 
 def world_at_leaf(
-    skills: SkillContext, opening: Opening, position: float, stand: Pose2D | None = None, touching: bool = True
+    skills: SkillContext,
+    opening: Opening,
+    position: float,
+    stand: Pose2D | None = None,
+    touching: bool = True,
+    ignore: Iterable[str] = (),
 ) -> CollisionWorld:
     """What the arm has around it while the leaf is open by ``position``, radians or metres.
 
     ``stand``: where the base will be, None where it is. ``touching``: whether the hand may touch the furniture.
+    ``ignore``: names to leave out.
     """
     world = replace(skills.world, articulations={**skills.world.articulations, opening.articulation: position})
     if stand is not None:
@@ -104,6 +130,7 @@ def world_at_leaf(
         skills.robot,
         skills.joints.positions(),
         skills.arm.name,
+        ignore=ignore,
         allowed_pairs=hand_contacts(skills, *bodies) if touching else (),
         hollow=[opening.furniture.name],
     )
