@@ -71,7 +71,7 @@ class DetectHandle(Skill):
         on = min((f for f in world.map.furniture.values() if _belongs(handle, f)), key=_area, default=None)
         stem = f"{on.name}/handle" if on is not None else "handle"
         for name, belief in world.handles.items():
-            if _same(belief.handle, handle):
+            if belief.stamp < stamp and _same(belief.handle, handle):
                 world.handles[name] = HandleBelief(name, handle, stamp, belief.furniture)
                 return name
         number = 1

@@ -22,6 +22,7 @@ from bestman_bt.perception.affordance.panel_borders import PanelBorders, PanelBo
 from bestman_bt.perception.affordance.protrusions import ProtrusionsParameters, find_protrusions
 from bestman_bt.perception.affordance.rectified import RectifiedFront, rectify
 from bestman_bt.perception.affordance.relief import relief
+from bestman_bt.perception.affordance.shared_panels import parted
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.segmentation.base import SupportPlane
 from bestman_bt.perception.view import View
@@ -72,21 +73,27 @@ class FrontHandles(HandleDetector):
             found += [(front, rectified, one) for one in on_front if one.confidence >= p.min_confidence]
         # A part of a bar may look like a shorter one: the longest first.
         found.sort(key=lambda entry: -entry[2].confidence * entry[2].length)
-        handles: list[Handle] = []
+        kept: list[tuple[Front, RectifiedFront, HandleOnFront]] = []
         for front, rectified, one in found:
             position = front.frame_from_front.apply(one.centre[None])[0]
             near = np.linalg.norm(position - view.viewpoint) <= p.max_distance
-            if near and all(_distance(position, other) > p.apart for other in handles):
-                handles.append(self._handle(front, rectified, one))
+            if near and all(_distance(position, on, other) > p.apart for on, _, other in kept):
+                kept.append((front, rectified, one))
+        handles = []
+        for front, rectified, one in kept:
+            others = [other for on, _, other in kept if on is front and other is not one]
+            handles.append(self._handle(front, rectified, one, others))
         handles.sort(key=lambda handle: -handle.confidence)
         reason = "" if handles else f"no handle on the {len(fronts)} upright planes in view"
         return HandleScene(tuple(handles), tuple(_plane(front) for front in fronts), reason)
 
-    def _handle(self, front: Front, rectified: RectifiedFront, one: HandleOnFront) -> Handle:
+    def _handle(
+        self, front: Front, rectified: RectifiedFront, one: HandleOnFront, others: list[HandleOnFront]
+    ) -> Handle:
         p = self.parameters
         frame_from_front = front.frame_from_front
         turn = frame_from_front.rotation
-        borders = panel_borders(rectified, *one.rectangle, p.borders, one.borders)
+        borders = parted(panel_borders(rectified, *one.rectangle, p.borders, one.borders), one, others)
         one = one.completed(borders, p.completed_std)
         suggested = suggest_joint(one.kind, one.upright, one.centre, borders, (front.low, front.high), p.joint)
         line = None if suggested.hinge_side is None else hinge_line(suggested.hinge_side, borders, p.joint)
@@ -114,9 +121,10 @@ class FrontHandles(HandleDetector):
         )
 
 
-def _distance(point: NDArray[np.float64], handle: Handle) -> float:
-    """From the line along a handle."""
-    along, across, out = handle.pose.inverse().apply(point[None])[0]
+def _distance(point: NDArray[np.float64], front: Front, handle: HandleOnFront) -> float:
+    """From the line along a handle on ``front``."""
+    frame_from_handle = front.frame_from_front @ Pose.from_xyz_rpy(handle.centre, (0.0, 0.0, handle.angle))
+    along, across, out = frame_from_handle.inverse().apply(point[None])[0]
     return math.hypot(max(0.0, abs(along) - handle.length / 2), across, out)
 
 
