@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
 from bestman_bt.perception.affordance.panel_borders import PanelBorders, Side
 
@@ -17,7 +19,7 @@ def parted(
     A border that was sought beyond another handle is taken to be halfway to that, as in a chest of equal drawers.
     ``beside``: metres by which two handles may be off a column or a row and still be in it.
     """
-    for other in others:
+    for other in sorted(others, key=lambda other: float(np.linalg.norm(other.centre - one.centre))):
         across, along = (float(value) for value in other.centre[:2] - one.centre[:2])
         side: Side
         if abs(across) < beside and abs(along) > abs(across):
