@@ -1,0 +1,73 @@
+"""Opening a drawer by its handle: what the skill says, and where the drawer really is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import load_run
+from bestman_bt.engine import SUCCESS
+from bestman_bt.runtime import Session
+from tests.behaviours.at_the_table import tick
+from tests.behaviours.truth import audited, known_world, why_not
+
+ROOT = Path(__file__).parents[2]
+DRAWER = "drawer_chest/drawer_3"
+STAND = ("scene.robot_start.x=[0.0, 0.05]", "scene.robot_start.y=[-0.05, 0.05]", "scene.robot_start.yaw=[0.0, 0.05]")
+STIFF = """
+extends: chest_room
+description: A chest whose drawers nobody can pull.
+furniture:
+  drawer_chest: {model: CHEST, at: [1.25, 0, 0]}
+"""
+
+
+def opens(session: Session) -> bool:
+    """Run the shipped tree on the drawer."""
+    return tick(session.load("open_furniture"), 1500) == SUCCESS
+
+
+def drawer_session(scene: str | Path = "chest_room"):
+    return known_world(load_run("open_drawer", scene=scene, seed=1, settings=STAND))
+
+
+def test_a_drawer_is_opened_as_far_as_asked_and_believed_to_be_where_it_is() -> None:
+    with drawer_session() as (session, truth):
+        assert opens(session)
+        position = truth.articulation_position(DRAWER)
+        assert position >= 0.20
+        assert session.skills.world.articulations[DRAWER] == pytest.approx(position, abs=0.01)
+        assert all(truth.articulation_position(f"drawer_chest/drawer_{i}") < 1e-3 for i in (1, 2))
+        assert session.skills.gripper.width() > 0.07
+        assert not session.skills.gripper.pressing()
+        assert audited(session).honest
+
+
+def test_a_drawer_that_does_not_move_is_said_to_be_locked_and_is_let_go(tmp_path) -> None:
+    chest = (ROOT / "assets/furniture/drawer_chest.yaml").read_text()
+    (tmp_path / "stiff_chest.yaml").write_text(chest.replace("friction: 15 N", "friction: 400 N"))
+    (tmp_path / "stiff.yaml").write_text(STIFF.replace("CHEST", str(tmp_path / "stiff_chest.yaml")))
+    with drawer_session(tmp_path / "stiff.yaml") as (session, truth):
+        body = (
+            '<Sequence><FindLookStand articulation="{articulation}" stand="{s}" front="{front}"/>'
+            '<NavigateTo goal="{s}"/><MoveArm posture="look"/><LookAt point="{front}"/>'
+            '<DetectHandle furniture="{furniture}" near="{front}" handle="{handle}"/>'
+            '<FindOpenStand articulation="{articulation}" handle="{handle}" opening="{at_least}" stand="{s}"/>'
+            '<MoveArm posture="carry"/><NavigateTo goal="{s}"/>'
+            '<Open articulation="{articulation}" handle="{handle}" opening="{at_least}"/></Sequence>'
+        )
+        code, words = why_not(session, body)
+        assert code == "locked", words
+        assert truth.articulation_position(DRAWER) < 0.005
+        assert session.skills.gripper.width() > 0.07
+
+
+def test_what_is_not_on_the_map_or_was_never_seen_is_refused() -> None:
+    with drawer_session() as (session, _):
+        asked = f'articulation="{DRAWER}" opening="0.2" handle="nowhere"'
+        code, words = why_not(session, '<FindLookStand articulation="chest/drawer_9" stand="{s}" front="{f}"/>')
+        assert code == "unknown_articulation"
+        assert DRAWER in words
+        assert why_not(session, f"<Open {asked}/>")[0] == "handle_not_found"
+        assert why_not(session, f'<FindOpenStand {asked} stand="{{s}}"/>')[0] == "handle_not_found"
