@@ -59,7 +59,7 @@ def annotated_image(image: RGBDImage, frame_from_camera: Pose, marks: SceneMarks
 
 
 def _draw_surface(canvas: Canvas, surface: SurfaceMark) -> None:
-    """The outline where it is in sight, and its name at the lowest point of that."""
+    """The outline where it is in sight, and its name at the lowest point of that, rather on the right."""
     x, y = surface.size[0] / 2, surface.size[1] / 2
     corners = np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
     steps = np.arange(OUTLINE_STEPS)[:, None] / OUTLINE_STEPS
@@ -70,8 +70,8 @@ def _draw_surface(canvas: Canvas, surface: SurfaceMark) -> None:
     canvas.lines(segments[seen & np.roll(seen, -1)], SURFACE_COLOR, 1)
     if seen.any():
         pixels = canvas.project(outline[seen])
-        lowest = outline[seen][np.lexsort((pixels[:, 0], pixels[:, 1].round(-1)))[-1]]
-        canvas.label(lowest, f"{surface.name}, {surface.pose.position[2]:.3f} m high", SURFACE_COLOR)
+        corner = outline[seen][np.argmax(pixels @ [0.2, 1.0])]
+        canvas.label(corner, f"{surface.name}, {surface.pose.position[2]:.3f} m high", SURFACE_COLOR)
 
 
 def _object_in_sight(canvas: Canvas, found: ObjectMark) -> bool:

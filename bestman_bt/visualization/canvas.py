@@ -93,10 +93,12 @@ class Canvas:
         """Draw the labels, now that everything that they should not cover is known; returns ``pixels``."""
         picture = (float(self.pixels.shape[1]), float(self.pixels.shape[0]))
         places = place_labels([label for label, _, _ in self._labels], self._kept_clear, picture)
-        for (label, text, color), (left, top, right, bottom) in zip(self._labels, places, strict=True):
+        labelled = list(zip(self._labels, places, strict=True))
+        for (label, _, color), (left, top, right, bottom) in labelled:
             x, y = label.anchor
-            nearest = (min(max(x, left), right), min(max(y, top), bottom))
-            cv2.line(self.pixels, _pixel(np.array([x, y])), _pixel(np.array(nearest)), color, 1, cv2.LINE_AA)
+            nearest = np.array([min(max(x, left), right), min(max(y, top), bottom)])
+            cv2.line(self.pixels, _pixel(np.array([x, y])), _pixel(nearest), color, 1, cv2.LINE_AA)
+        for (_, text, color), (left, top, right, bottom) in labelled:
             corners = _pixel(np.array([left, top])), _pixel(np.array([right, bottom]))
             cv2.rectangle(self.pixels, *corners, PAPER, -1)
             cv2.rectangle(self.pixels, *corners, color, 1)
