@@ -27,14 +27,14 @@ class ProtrusionsParameters:
     """Lengths in metres.
 
     ``low``, ``high``: heights before the front at which bars and knobs are seen. ``layers``: of heights that are
-    searched for bars one by one, so that what stands close before a handle does not swallow it. ``significance``: a
+    searched one by one, so that what stands close before a handle does not swallow it. ``significance``: a
     pixel stands out where it is that many times the noise before the front. ``min_pixels``: with depth, of a handle.
     ``gap``, ``bar_gap``: pixels that lie so near belong together; along a bar farther, since depth drops out there.
 
     ``bar_length``, ``bar_width``: of bars, least and most. ``bar_slenderness``: least length by width, with what is
     seen of the posts; ``post_reach``: most width with these. ``level_spread``: depths of one bar differ by that at
-    most, besides the noise. ``max_slope``: of a bar against the front, radians. ``min_filled``: share of a bar's length on
-    which it is seen. ``finger_room``: least room between a bar and the front.
+    most, besides the noise. ``max_slope``: of a bar against the front, radians. ``min_filled``: share of a bar's
+    length on which it is seen. ``finger_room``: least room between a bar and the front.
 
     ``knob_size``: least and most extent of knobs with what is seen of their stems; ``knob_slenderness``: most length by
     width of that; ``knob_radius``: of the head. ``knob_height``: that a knob at least stands out, and
@@ -52,14 +52,14 @@ class ProtrusionsParameters:
     bar_width: tuple[float, float] = (0.003, 0.032)
     bar_slenderness: float = 2.5
     post_reach: float = 0.075
-    knob_size: tuple[float, float] = (0.010, 0.060)
-    knob_radius: tuple[float, float] = (0.0085, 0.025)
+    knob_size: tuple[float, float] = (0.009, 0.075)
+    knob_radius: tuple[float, float] = (0.006, 0.026)
     knob_slenderness: float = 2.4
     knob_height: float = 0.019
     knob_standoff: float = 0.7
     level_spread: float = 0.012
     max_slope: float = math.radians(10.0)
-    min_filled: float = 0.85
+    min_filled: float = 0.75
     finger_room: float = 0.008
     surround: SurroundParameters = field(default_factory=SurroundParameters)
 
@@ -78,14 +78,14 @@ def find_protrusions(relief: Relief, parameters: ProtrusionsParameters) -> list[
     flat, height = relief.on_level(pixels, 0.0), relief.height[pixels]
     found: list[HandleOnFront] = []
     free = np.ones(len(height), dtype=bool)
-    for number, (low, high) in enumerate(((p.low, p.high), *p.layers)):
+    for low, high in ((p.low, p.high), *p.layers):
         layer = np.flatnonzero(free & (height > low) & (height < high))
         if len(layer) < p.min_pixels:
             continue
         for group in _groups(flat[layer], max(0.003, relief.pixel_size()), p):
             members = layer[group]
             one = _judge(relief, (pixels[0][members], pixels[1][members]), p)
-            if one is not None and (one.kind == "bar" or number == 0):
+            if one is not None:
                 found.append(one)
                 free[members] = False
     return found
@@ -211,7 +211,9 @@ def _knob(relief: Relief, pixels: Pixels, sigma: float, p: ProtrusionsParameters
     if level < p.knob_height:
         return None
     flat = relief.on_level(pixels, level)
-    radius = 0.25 * (float(np.ptp(flat, axis=0).sum()) + relief.pixel_size())
+    # Seen aslant, the side of a knob lengthens it: its breadth tells its size.
+    breadth = float(np.ptp((flat - flat.mean(axis=0)) @ _axes(flat - flat.mean(axis=0))[1]))
+    radius = 0.5 * breadth + 0.5 * relief.pixel_size()
     if not p.knob_radius[0] <= radius <= p.knob_radius[1]:
         return None
     low, high = flat.min(axis=0), flat.max(axis=0)

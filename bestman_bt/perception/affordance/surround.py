@@ -18,6 +18,7 @@ class SurroundParameters:
     ``ring``: width of the strip around; ``edge_pixels``: between it and the thing, where depth drops out.
     ``sides``: least share of a strip that must show the front; ``ends``: least share beyond an end of a bar that lies
     ``clearance`` farther back: what stands on something touches it. ``hiding``: so much nearer is something before it.
+    ``seen_through``: most share of a bar in which something behind it is seen: between two knobs is no bar.
     """
 
     ring: float = 0.014
@@ -26,6 +27,7 @@ class SurroundParameters:
     ends: float = 0.5
     clearance: float = 0.010
     hiding: float = 0.06
+    seen_through: float = 0.12
 
 
 class Surround:
@@ -67,6 +69,9 @@ class Surround:
         s, t = (self.flat - middle) @ along, (self.flat - middle) @ across
         inner, outer = radius + self._margin, radius + self._margin + self._ring
         beside = np.abs(s) < length / 2
+        inside = beside & (np.abs(t) < 0.6 * radius)
+        if inside.sum() >= 5 and self.farther[inside].mean() > self._p.seen_through:
+            return None
         shares = []
         for sign in (-1.0, 1.0):
             side = beside & (sign * t > inner) & (sign * t < outer) & ~self.hides
