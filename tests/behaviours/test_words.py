@@ -28,7 +28,11 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
         ('<ObjectVisible object="cup"/>', "not_visible", "the cup has not been seen"),
         ('<ObjectAt object="cup" goal="0;0;0"/>', "not_at_goal", "the cup has not been seen"),
         ('<At goal="0;0;0"/>', "not_at_goal", "m and "),
-        ('<DetectObject object="spoon" surface="table"/>', "unknown_object", "nothing so called seen; models: box, can"),
+        (
+            '<DetectObject object="spoon" surface="table"/>',
+            "unknown_object",
+            "nothing so called seen; models: box, can",
+        ),
     ],
     ids=lambda value: value if value.startswith("<") else "",
 )
