@@ -123,8 +123,10 @@ class GlobalNearestNeighbour(Tracker):
         self, belief: ObjectBelief, sightings: Sequence[ObjectBelief], view: View
     ) -> Literal["removed", "replaced"] | None:
         for other in sightings:
-            apart = float(np.linalg.norm((belief.pose.position - other.pose.position)[:2]))
-            if apart < self.parameters.replaced_distance:
+            x, y, z = belief.pose.position - other.pose.position
+            # On another board of a shelf it takes no place away.
+            same_height = abs(z) < (belief.model.size[2] + other.model.size[2]) / 2
+            if same_height and math.hypot(x, y) < self.parameters.replaced_distance:
                 return "replaced"
         return "removed" if presence(belief.model, belief.pose, view) is Presence.GONE else None
 

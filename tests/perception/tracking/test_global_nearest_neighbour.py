@@ -110,6 +110,13 @@ def test_another_object_at_its_place_has_replaced_it() -> None:
     assert list(tracked.objects) == ["box"]
 
 
+def test_an_object_above_its_place_on_another_board_has_not_replaced_it() -> None:
+    below = replace(sighted(CAN, 0.5, 0.1), pose=Pose.from_xyz_rpy((0.5, 0.1, TOP - 0.3)))
+    tracked = update([below], [sighted(BOX, 0.5, 0.1, stamp=2.0)], table_with((BOX, standing(BOX, 0.5, 0.1))))
+    assert set(tracked.objects) == {"can", "box"}
+    assert {change.kind for change in tracked.changes} == {"added"}
+
+
 def test_what_the_hand_holds_is_not_the_one_on_the_table(empty_table) -> None:
     tracked = update([], [sighted(CAN, 0.5, 0.1)], empty_table, taken=["can"])
     assert list(tracked.objects) == ["can_2"]
