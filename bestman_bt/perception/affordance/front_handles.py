@@ -69,7 +69,7 @@ class FrontHandles(HandleDetector):
         for front in fronts:
             around = relief(view, front, p.fronts)
             rectified = rectify(view, front, around)
-            on_front = find_protrusions(around, p.protrusions) + find_grooves(rectified, around, p.grooves)
+            on_front = find_protrusions(around, p.protrusions) + find_grooves(rectified, around, p.grooves, p.borders)
             found += [(front, rectified, one) for one in on_front if one.confidence >= p.min_confidence]
         # A part of a bar may look like a shorter one: the longest first.
         found.sort(key=lambda entry: -entry[2].confidence * entry[2].length)
@@ -96,7 +96,7 @@ class FrontHandles(HandleDetector):
         borders = parted(panel_borders(rectified, *one.rectangle, p.borders, one.borders), one, others)
         one = one.completed(borders, p.completed_std)
         suggested = suggest_joint(one.kind, one.upright, one.centre, borders, (front.low, front.high), p.joint)
-        line = None if suggested.hinge_side is None else hinge_line(suggested.hinge_side, borders, p.joint)
+        line = None if suggested.hinge_side is None else hinge_line(suggested.hinge_side, one.kind, borders, p.joint)
         opening = np.array([0.0, 0.0, 1.0])
         if line is not None:
             opening = np.cross(line[1], one.centre - line[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import cv2
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.perception.affordance.handle_on_front import HandleOnFront
 from bestman_bt.perception.affordance.lying_front import LyingFront, Rectangle
-from bestman_bt.perception.affordance.panel_borders import PanelBorders, Side
+from bestman_bt.perception.affordance.panel_borders import PanelBorders, PanelBordersParameters, Side, seams
 from bestman_bt.perception.affordance.rectified import RectifiedFront
 from bestman_bt.perception.affordance.relief import Relief
 
@@ -44,12 +45,12 @@ class GroovesParameters:
     strip_length: float = 0.42
     strip_width: tuple[float, float] = (0.013, 0.105)
     straightness: float = 0.004
-    panel: tuple[float, float] = (0.06, 0.15)
+    panel: tuple[float, float] = (0.06, 0.10)
     flanks: float = 0.75
     ends: float = 0.6
     depth: float = 0.03
     back: tuple[float, float] = (0.025, 0.085)
-    back_slope: float = 0.4
+    back_slope: float = 0.6
     back_share: float = 0.06
     before: float = 0.15
     grip: float = 0.010
@@ -75,7 +76,9 @@ class Groove:
     end_hidden: bool
 
 
-def find_grooves(front: RectifiedFront, relief: Relief, parameters: GroovesParameters) -> list[HandleOnFront]:
+def find_grooves(
+    front: RectifiedFront, relief: Relief, parameters: GroovesParameters, borders: PanelBordersParameters
+) -> list[HandleOnFront]:
     """The lips of all grooves of a front."""
     found: list[Groove] = []
     for upright in (False, True):
@@ -83,8 +86,9 @@ def find_grooves(front: RectifiedFront, relief: Relief, parameters: GroovesParam
         kinds: tuple[Kind, ...] = ("notch", "slot", "strip") if upright else ("notch", "slot")
         for kind in kinds:
             for groove in _components(lying, kind, parameters):
-                if all(math.dist(groove.centre, other.centre) > 0.04 for other in found):
-                    found.append(groove)
+                for part in [groove] if kind == "notch" else _split_at_seams(groove, front, parameters, borders):
+                    if all(math.dist(part.centre, other.centre) > 0.04 for other in found):
+                        found.append(part)
     return [_lip(_refined(groove, relief), parameters) for groove in found]
 
 
@@ -103,7 +107,7 @@ def _openings(lying: LyingFront, kind: Kind, p: GroovesParameters) -> NDArray[np
 
 def _components(lying: LyingFront, kind: Kind, p: GroovesParameters) -> list[Groove]:
     mask = _openings(lying, kind, p).astype(np.uint8)
-    thin = lying.cells(0.5 * p.strip_width[0], 2)
+    thin = lying.cells(0.5 * p.strip_width[0] if kind == "strip" else 0.4 * p.width[0], 2)
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((thin, thin), np.uint8))
     opened = cv2.morphologyEx(opened, cv2.MORPH_CLOSE, np.ones((3, 5), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=4)
@@ -164,6 +168,29 @@ def _judge(
         breadth = 0.5 * width if pair else width
         grooves.append(Groove(centre, length, breadth, lying.upright, inward, max(0.0, confidence), hidden > 0.5))
     return grooves
+
+
+def _split_at_seams(
+    groove: Groove, front: RectifiedFront, p: GroovesParameters, borders: PanelBordersParameters
+) -> list[Groove]:
+    """A groove may run along several panels: each has its part of it."""
+    x, y = groove.centre
+    beside = sorted(groove.inward * distance for distance in (0.012, 0.9 * p.panel[0]))
+    half = groove.length / 2 - p.grip
+    along = y if groove.upright else x
+    if groove.upright:
+        low, high = np.array([x + beside[0], y - half]), np.array([x + beside[1], y + half])
+    else:
+        low, high = np.array([x - half, y + beside[0]]), np.array([x + half, y + beside[1]])
+    cuts = sorted(seams(front, low, high, groove.upright, borders))
+    ends = [along - groove.length / 2, *cuts, along + groove.length / 2]
+    parts = []
+    for first, last in pairwise(ends):
+        if last - first >= p.min_length:
+            middle = 0.5 * (first + last)
+            centre = (x, middle) if groove.upright else (middle, y)
+            parts.append(replace(groove, centre=centre, length=last - first))
+    return parts
 
 
 def _has_measures(kind: Kind, pair: bool, length: float, width: float, p: GroovesParameters) -> bool:

@@ -43,15 +43,22 @@ class HandleOnFront:
         return self.centre[:2] - half, self.centre[:2] + half
 
     def completed(self, borders: PanelBorders, position_std: float) -> HandleOnFront:
-        """A level handle with a hidden end, supplemented: such handles sit in the middle of their panels.
+        """The handle, supplemented where the part that is seen tells the whole.
 
-        Itself, where no end is hidden, the borders are not known, or it cannot be in the middle.
+        A recessed edge along most of a border goes along all of it; a level handle with a hidden end sits in the middle
+        of its panel, where it can.
         """
+        first, last = (borders.bottom, borders.top) if self.upright else (borders.left, borders.right)
+        if self.kind == "edge" and first is not None and last is not None and self.length > 0.75 * (last - first):
+            middle = np.array([self.centre[0], 0.5 * (first + last), self.centre[2]])
+            if not self.upright:
+                middle = np.array([0.5 * (first + last), *self.centre[1:]])
+            return replace(self, centre=middle, length=last - first)
         if not self.end_hidden or self.upright or borders.left is None or borders.right is None:
             return self
-        middle = 0.5 * (borders.left + borders.right)
-        half = abs(float(self.centre[0]) - middle) + 0.5 * self.length
+        x = 0.5 * (borders.left + borders.right)
+        half = abs(float(self.centre[0]) - x) + 0.5 * self.length
         if half > 0.5 * (borders.right - borders.left) or half > 1.2 * self.length:
             return self
-        centre = np.array([middle, self.centre[1] + (middle - self.centre[0]) * math.tan(self.angle), self.centre[2]])
+        centre = np.array([x, self.centre[1] + (x - self.centre[0]) * math.tan(self.angle), self.centre[2]])
         return replace(self, centre=centre, length=2 * half, position_std=position_std)

@@ -21,7 +21,7 @@ class JointSuggestionParameters:
 
     ``drawer_height``: metres, of the highest drawers. ``folding_place``: share of the half height beyond which the
     handle of a folding panel is; ``folding_slenderness``: most height by width of one. ``leaf``: metres, half the
-    thickness of doors: their hinges lie that far behind the front.
+    thickness of doors: their hinges lie that far behind the front. ``hollow_leaf``: the same of doors with a recess.
     """
 
     centred: float = 0.2
@@ -29,6 +29,7 @@ class JointSuggestionParameters:
     folding_place: float = 0.6
     folding_slenderness: float = 1.8
     leaf: float = 0.010
+    hollow_leaf: float = 0.030
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ def suggest_joint(
 
 
 def hinge_line(
-    side: HingeSide, borders: PanelBorders, p: JointSuggestionParameters
+    side: HingeSide, kind: HandleKind, borders: PanelBorders, p: JointSuggestionParameters
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """A point (3,) on the hinge's axis and its direction (3,), in the front's frame; None where its border is unknown.
 
@@ -84,9 +85,10 @@ def hinge_line(
         return None
     first, second = (borders.bottom, borders.top) if side in ("left", "right") else (borders.left, borders.right)
     middle = 0.0 if first is None or second is None else 0.5 * (first + second)
+    behind = -p.hollow_leaf if kind == "edge" else -p.leaf
     if side in ("left", "right"):
-        return np.array([at, middle, -p.leaf]), np.array([0.0, -1.0 if side == "left" else 1.0, 0.0])
-    return np.array([middle, at, -p.leaf]), np.array([1.0 if side == "bottom" else -1.0, 0.0, 0.0])
+        return np.array([at, middle, behind]), np.array([0.0, -1.0 if side == "left" else 1.0, 0.0])
+    return np.array([middle, at, behind]), np.array([1.0 if side == "bottom" else -1.0, 0.0, 0.0])
 
 
 def _first(border: float | None, otherwise: float) -> float:

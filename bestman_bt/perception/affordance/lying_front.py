@@ -108,7 +108,7 @@ class LyingFront:
             warnings.simplefilter("ignore", RuntimeWarning)  # rows without any depth
             profile = np.nanmedian(self.height[place.top : place.bottom, place.start : place.stop], axis=1)
         heights = profile[np.isfinite(profile)]
-        lag = self.cells(0.010, 2)
+        lag = self.cells(0.007, 2)
         if len(heights) <= lag:
             return None
         level = (heights[lag:] + heights[:-lag]) / 2

@@ -73,6 +73,31 @@ def panel_borders(
     return found
 
 
+def seams(
+    front: RectifiedFront,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    level: bool,
+    parameters: PanelBordersParameters,
+) -> list[float]:
+    """Where level (else upright) seams run through the whole rectangle ``low`` to ``high``: their y (x), metres."""
+    shown, telling = _evidence(front, parameters)["lying" if level else "upright"]
+    rows = slice(max(0, round(front.row_of(high[1]))), max(0, round(front.row_of(low[1])) + 1))
+    columns = slice(max(0, round(front.column_of(low[0]))), max(0, round(front.column_of(high[0])) + 1))
+    part, told = shown[rows, columns], telling[rows, columns]
+    if not level:
+        part, told = part.T, told.T
+    if not part.size:
+        return []
+    counts = told.sum(axis=1)
+    seen = (part & told).sum(axis=1) >= parameters.share[1] * np.maximum(counts, 1)
+    hits = np.flatnonzero(seen & (counts >= 0.5 * part.shape[1]))
+    first = rows.start if level else columns.start
+    groups = np.split(hits, np.flatnonzero(np.diff(hits) > 2) + 1) if len(hits) else []
+    middles = [first + float(group.mean()) for group in groups]
+    return [front.y_of(middle) if level else front.x_of(middle) for middle in middles]
+
+
 def _span(side: Side, found: PanelBorders, low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[float, float]:
     """The part of a border to look at: between its neighbours, where these are known."""
     if side in ("left", "right"):

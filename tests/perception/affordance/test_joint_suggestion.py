@@ -44,7 +44,7 @@ def test_without_borders_the_suggestion_is_less_sure() -> None:
 @pytest.mark.parametrize("side", ["left", "right", "bottom", "top"])
 def test_a_positive_turn_about_the_hinge_moves_the_far_border_out_of_the_front(side: str) -> None:
     borders = PanelBorders(-0.2, 0.3, -0.4, 0.5)
-    line = hinge_line(side, borders, PARAMETERS)  # type: ignore[arg-type]
+    line = hinge_line(side, "bar", borders, PARAMETERS)  # type: ignore[arg-type]
     assert line is not None
     point, direction = line
     far = {"left": (0.3, 0.0), "right": (-0.2, 0.0), "bottom": (0.0, 0.5), "top": (0.0, -0.4)}[side]
@@ -53,4 +53,4 @@ def test_a_positive_turn_about_the_hinge_moves_the_far_border_out_of_the_front(s
 
 
 def test_a_hinge_on_a_border_that_was_not_seen_is_unknown() -> None:
-    assert hinge_line("left", PanelBorders(right=0.3), PARAMETERS) is None
+    assert hinge_line("left", "bar", PanelBorders(right=0.3), PARAMETERS) is None
