@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from bestman_bt.messages.handle import HandleKind
 from bestman_bt.perception.affordance.panel_borders import PanelBorders
 
+NEAR_BORDER = 0.06
+"""Metres from its panel's border to the end of an edge that is taken to go up to it."""
+
 
 @dataclass(frozen=True, eq=False)
 class HandleOnFront:
@@ -45,15 +48,15 @@ class HandleOnFront:
     def completed(self, borders: PanelBorders, position_std: float) -> HandleOnFront:
         """The handle, supplemented where the part that is seen tells the whole.
 
-        A recessed edge along most of a border goes along all of it; a level handle with a hidden end sits in the middle
-        of its panel, where it can.
+        A recessed edge that comes near a border of its panel goes up to it, and, where its other end is hidden, up to
+        the other one; a level handle with a hidden end sits in the middle of its panel, where it can.
         """
-        first, last = (borders.bottom, borders.top) if self.upright else (borders.left, borders.right)
-        if self.kind == "edge" and first is not None and last is not None and self.length > 0.75 * (last - first):
-            middle = np.array([self.centre[0], 0.5 * (first + last), self.centre[2]])
-            if not self.upright:
-                middle = np.array([0.5 * (first + last), *self.centre[1:]])
-            return replace(self, centre=middle, length=last - first)
+        if self.kind == "edge":
+            along = self._up_to_borders(borders)
+            if along is not None:
+                centre = self.centre.copy()
+                centre[1 if self.upright else 0] = 0.5 * (along[0] + along[1])
+                return replace(self, centre=centre, length=along[1] - along[0])
         if not self.end_hidden or self.upright or borders.left is None or borders.right is None:
             return self
         x = 0.5 * (borders.left + borders.right)
@@ -62,3 +65,16 @@ class HandleOnFront:
             return self
         centre = np.array([x, self.centre[1] + (x - self.centre[0]) * math.tan(self.angle), self.centre[2]])
         return replace(self, centre=centre, length=2 * half, position_std=position_std)
+
+    def _up_to_borders(self, borders: PanelBorders) -> tuple[float, float] | None:
+        """From where to where an edge goes that comes near a border of its panel; else None."""
+        first, last = (borders.bottom, borders.top) if self.upright else (borders.left, borders.right)
+        middle = float(self.centre[1 if self.upright else 0])
+        low, high = middle - self.length / 2, middle + self.length / 2
+        near_first = first is not None and abs(low - first) < NEAR_BORDER
+        near_last = last is not None and abs(high - last) < NEAR_BORDER
+        if not (near_first or near_last):
+            return None
+        low = first if first is not None and (near_first or self.end_hidden) else low
+        high = last if last is not None and (near_last or self.end_hidden) else high
+        return low, high

@@ -66,16 +66,21 @@ class LyingFront:
         return result
 
     def beside(self, place: Rectangle, *, above: bool) -> tuple[float, float]:
-        """Share of a strip along one long side that shows the front, and how far the front goes on there, metres."""
+        """Share of a strip along one long side that shows the front, and how far the front goes on there, metres.
+
+        It is taken to go on behind what hides it.
+        """
+        with np.errstate(invalid="ignore"):
+            solid = self.shown | (self.height > 0.01)
         margin, reach = self.cells(0.006), self.cells(0.010, 2)
         if above:
             strip = self.shown[
                 max(0, place.top - margin - reach) : max(0, place.top - margin), place.start : place.stop
             ]
-            rest = self.shown[: place.top, place.start : place.stop][::-1]
+            rest = solid[: place.top, place.start : place.stop][::-1]
         else:
             strip = self.shown[place.bottom + margin : place.bottom + margin + reach, place.start : place.stop]
-            rest = self.shown[place.bottom :, place.start : place.stop]
+            rest = solid[place.bottom :, place.start : place.stop]
         if not rest.size:
             return share(strip), 0.0
         smooth = cv2.morphologyEx(rest.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 1), np.uint8)) > 0
@@ -108,7 +113,7 @@ class LyingFront:
             warnings.simplefilter("ignore", RuntimeWarning)  # rows without any depth
             profile = np.nanmedian(self.height[place.top : place.bottom, place.start : place.stop], axis=1)
         heights = profile[np.isfinite(profile)]
-        lag = self.cells(0.007, 2)
+        lag = self.cells(0.005, 2)
         if len(heights) <= lag:
             return None
         level = (heights[lag:] + heights[:-lag]) / 2
