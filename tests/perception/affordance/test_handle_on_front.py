@@ -39,3 +39,24 @@ def test_without_the_borders_nothing_is_supplemented() -> None:
 def test_the_rectangle_of_an_upright_bar_is_high_and_narrow() -> None:
     low, high = bar(0.1, 0.2, angle=math.pi / 2).rectangle
     np.testing.assert_allclose(high - low, [0.012, 0.2], atol=1e-9)
+
+
+def edge(x: float, length: float, end_hidden: bool = False) -> HandleOnFront:
+    return HandleOnFront("edge", np.array([x, 0.08, -0.01]), 0.0, 0.008, length, 0.9, 0.004, end_hidden=end_hidden)
+
+
+def test_an_edge_that_comes_near_the_borders_of_its_panel_goes_up_to_them() -> None:
+    whole = edge(0.01, 0.72).completed(PANEL, 0.015)
+    assert whole.centre[0] == pytest.approx(0.0)
+    assert whole.length == pytest.approx(0.8)
+
+
+def test_an_edge_from_a_border_to_what_hides_it_goes_along_the_whole_panel() -> None:
+    whole = edge(-0.17, 0.4, end_hidden=True).completed(PANEL, 0.015)
+    assert whole.centre[0] == pytest.approx(0.0)
+    assert whole.length == pytest.approx(0.8)
+
+
+def test_an_edge_amid_its_panel_stays_as_it_was_seen() -> None:
+    seen = edge(0.0, 0.2)
+    assert seen.completed(PANEL, 0.015) is seen
