@@ -16,12 +16,14 @@ from tests.behaviours.at_the_table import AT_THE_TABLE
 @pytest.fixture
 def without_retries(tmp_path: Path) -> Path:
     """The shipped tree, but everything is tried once."""
-    text = (data_root() / "trees" / "fetch_cup.xml").read_text()
-    once, count = re.subn(r'num_attempts="\d+"', 'num_attempts="1"', text)
-    assert count >= 4
-    path = tmp_path / "fetch_cup_once.xml"
-    path.write_text(once)
-    return path
+    attempts = 0
+    for name in ("fetch_cup.xml", "subtrees/pick_and_place.xml"):
+        once, count = re.subn(r'num_attempts="\d+"', 'num_attempts="1"', (data_root() / "trees" / name).read_text())
+        attempts += count
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(once)
+    assert attempts >= 4
+    return tmp_path / "fetch_cup.xml"
 
 
 def assert_failed(result: RunResult, node: str, code: str) -> str:
