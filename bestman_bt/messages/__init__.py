@@ -2,6 +2,7 @@
 
 from bestman_bt.messages.handle import Handle, HandleKind, HingeSide, JointKind
 from bestman_bt.messages.image import CameraIntrinsics, RGBDImage
+from bestman_bt.messages.joint_motion import joint_motion
 from bestman_bt.messages.joint_trajectory import JointTrajectory
 from bestman_bt.messages.laser_scan import LaserScan
 from bestman_bt.messages.object_model import ObjectGrasp, ObjectModel
@@ -46,5 +47,6 @@ __all__ = [
     "Wrench",
     "YawSet",
     "distance_to_shape",
+    "joint_motion",
     "wrap_angle",
 ]

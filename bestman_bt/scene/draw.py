@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
-from bestman_bt.messages import ObjectModel, Pose, Pose2D
+from bestman_bt.messages import Box, ObjectModel, Pose, Pose2D
 from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
@@ -80,7 +82,7 @@ def _furniture(scene: SceneConfig, seed: int) -> tuple[PlacedFurniture, ...]:
             in_furniture = surface.pose.to_pose2d()
             nominal, actual = below.nominal @ in_furniture @ nominal, below.actual @ in_furniture @ actual
             elevation, on = below.elevation + float(surface.pose.position[2]), below.name
-        pieces.append(PlacedFurniture(name, scene.furniture[name], nominal, actual, elevation, on))
+        pieces.append(PlacedFurniture(name, scene.furniture[name], nominal, actual, elevation, on, placement.open))
     return tuple(pieces)
 
 
@@ -157,11 +159,22 @@ def _start(
     generator = _generator(seed, attempt, "robot_start")
     obstacles = [wall_rectangle(wall) for wall in walls]
     obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in furniture]
+    obstacles += [outline for piece in furniture for outline in _open_leaves(piece)]
     for _ in range(_TRIES):
         pose = _sample(generator, scene.file.robot_start)
         if min(distance_to_polygon(obstacle, pose.xy) for obstacle in obstacles) >= scene.file.start_clearance:
             return pose
     raise _NoRoomError("no room for the robot's start")
+
+
+def _open_leaves(piece: PlacedFurniture) -> Iterator[NDArray[np.float64]]:
+    """What the boards of open doors and drawers cover, seen from above: convex polygons, counter-clockwise."""
+    for leaf in piece.model.articulations:
+        moved = piece.pose @ leaf.moved(piece.open.get(leaf.name, 0.0))
+        for part in leaf.parts if piece.open.get(leaf.name, 0.0) > 0.0 else ():
+            if isinstance(part.shape, Box):
+                corners = (moved @ part.pose).apply(np.array(list(product((-0.5, 0.5), repeat=3))) * part.shape.size)
+                yield corners[ConvexHull(corners[:, :2]).vertices, :2]
 
 
 def _standing(
@@ -173,7 +186,7 @@ def _standing(
 
 def _on_surface(piece: PlacedFurniture, surface: Surface, on_surface: Pose2D, model: ObjectModel) -> Pose:
     lower = float(model.bounds()[0, 2])
-    return piece.pose @ surface.pose @ on_surface.to_pose(-lower)
+    return piece.surface_pose(surface) @ on_surface.to_pose(-lower)
 
 
 def planar_radius(model: ObjectModel) -> float:

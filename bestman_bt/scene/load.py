@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -123,6 +124,10 @@ def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]
         elif placement.region is not None and placement.at is not None:
             message = "'region' is given too; 'region: null' takes it away"
             problems.append(document.problem(("objects", thing, "at"), message))
+    for piece in scene.file.furniture:
+        problems += [
+            document.problem(("furniture", piece, "open", name), why) for name, why in _misopened(scene, piece)
+        ]
     surfaces = [("objects", key, "surface", item.surface) for key, item in scene.file.objects.items()]
     surfaces += [("goals", key, "surface", item.surface) for key, item in scene.file.goals.items()]
     surfaces += [("furniture", key, "on", item.on) for key, item in scene.file.furniture.items() if item.on]
@@ -137,3 +142,15 @@ def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]
             message = f"{standing_on!r} should be named above what stands on it, got {surface!r}"
             problems.append(document.problem((field, key, attribute), message))
     return problems
+
+
+def _misopened(scene: SceneConfig, piece: str) -> Iterator[tuple[str, str]]:
+    """Names of doors and drawers that cannot stand open as asked, and why."""
+    leaves = {leaf.name: leaf for leaf in scene.furniture[piece].articulations}
+    for name, position in scene.file.furniture[piece].open.items():
+        if name not in leaves:
+            yield name, f"{piece!r} has no door or drawer {name!r}; {suggestion(name, list(leaves))}"
+        elif not 0.0 <= position <= leaves[name].upper:
+            scale, unit = (math.degrees(1.0), " deg") if leaves[name].kind == "revolute" else (100.0, " cm")
+            upper, asked = scale * leaves[name].upper, scale * position
+            yield name, f"opens from 0 to {upper:.4g}{unit}, got {asked:.4g}{unit}"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape, Pose, Pose2D, joint_motion
 
 LATCH_TRAVEL = {"revolute": math.radians(1.5), "prismatic": 0.008}
 """How far a latch holds on, radians or metres from closed."""
@@ -56,6 +56,10 @@ class Articulation:
     surfaces: tuple[Surface, ...] = ()
     latch: float = 0.0
 
+    def moved(self, position: float) -> Pose:
+        """furniture_from_closed: where the points of the closed leaf are when it is open by ``position``."""
+        return joint_motion(self.kind, self.origin, self.axis, position)
+
 
 @dataclass(frozen=True)
 class FurnitureModel:
@@ -86,7 +90,8 @@ class FurnitureModel:
 class PlacedFurniture:
     """Furniture in a world: where the semantic map has it (``nominal``) and where it is (``actual``).
 
-    ``elevation``: metres above the floor, of a piece that stands on another. ``on``: the name of that other.
+    ``elevation``: metres above the floor, of a piece that stands on another. ``on``: the name of that other. ``open``:
+    how far its doors and drawers are open at the start, radians or metres by their names; the others are closed.
     """
 
     name: str
@@ -95,11 +100,18 @@ class PlacedFurniture:
     actual: Pose2D
     elevation: float = 0.0
     on: str | None = None
+    open: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def pose(self) -> Pose:
         """Where it is, map_from_furniture."""
         return self.actual.to_pose(self.elevation)
+
+    def surface_pose(self, surface: Surface) -> Pose:
+        """Where a surface of it is at the start, map_from_surface."""
+        leaf = self.model.leaf_of(surface.name)
+        moved = Pose() if leaf is None else leaf.moved(self.open.get(leaf.name, 0.0))
+        return self.pose @ moved @ surface.pose
 
 
 @dataclass(frozen=True)

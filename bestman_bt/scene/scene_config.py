@@ -10,6 +10,7 @@ from bestman_bt.configuration.quantity import (
     Angle,
     Distance,
     Friction,
+    JointPosition,
     Length,
     PositiveLength,
     Share,
@@ -43,7 +44,8 @@ class FurniturePlacement:
     """``model``: the furniture's file; ``at``: x, y, yaw in the map, or in the surface that it stands ``on``.
 
     The furniture really stands within ``offset`` metres (each axis) and ``turn`` radians of that. ``on``: a surface of
-    furniture that is named above it (``counter/top``); None: the floor.
+    furniture that is named above it (``counter/top``); None: the floor. ``open``: how far doors and drawers are open at
+    the start, by their names.
     """
 
     model: str
@@ -51,6 +53,7 @@ class FurniturePlacement:
     on: str | None = None
     offset: Distance = 0.03
     turn: Angle = _TWO_DEGREES
+    open: Mapping[str, JointPosition] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import JointKind, PlacedShape, Pose, Pose2D
+from bestman_bt.messages import JointKind, PlacedShape, Pose, Pose2D, joint_motion
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,7 @@ class MapLeaf:
 
     def moved(self, position: float) -> Pose:
         """furniture_from_closed: where the points of the closed leaf are when it is open by ``position``."""
-        if self.kind == "prismatic":
-            return Pose(position * np.array(self.axis))
-        origin, axis = np.array(self.origin), np.array(self.axis)
-        turn = Pose(np.zeros(3), np.append(math.sin(position / 2) * axis, math.cos(position / 2)))
-        return Pose(origin) @ turn @ Pose(-origin)
+        return joint_motion(self.kind, self.origin, self.axis, position)
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ def _wall(client: PhysicsClient, name: str, box: Box, pose: Pose, folder: Path) 
 
 
 def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> tuple[int, dict[str, tuple[int, int]]]:
-    """A piece that stands fixed, its doors and drawers closed: only the friction of their joints holds them so."""
+    """A piece that stands fixed, its leaves open as the scene says: only the friction of their joints holds them."""
     model = piece.model
     urdf = furniture_urdf(piece.name, model, folder)
     body = _load(client, piece.name, urdf, piece.pose, folder, fixed=True, flags=FURNITURE_FLAGS)
@@ -127,6 +127,7 @@ def _furniture(client: PhysicsClient, piece: PlacedFurniture, folder: Path) -> t
     for articulation in model.articulations:
         joint = joints[joint_name(articulation)]
         client.changeDynamics(body, joint, lateralFriction=model.friction)
+        client.resetJointState(body, joint, piece.open.get(articulation.name, 0.0))
         # A motor that wants speed 0 with a bounded effort is dry friction; pybullet's default one would hold them shut.
         client.setJointMotorControl2(
             body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=articulation.friction

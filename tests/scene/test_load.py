@@ -139,3 +139,12 @@ def test_what_no_world_can_be_made_of_is_refused_with_its_place(text: str, told:
     path = variant(tmp_path, text)
     (problem,) = problems(path)
     assert problem.startswith(f"{path}:2: {told}")
+
+
+def test_a_door_that_shall_stand_open_has_to_be_there_and_to_open_so_far() -> None:
+    (unknown,) = problems("fridge_room", {"furniture.fridge.open": {"uper_door": "85 deg"}})
+    assert "'fridge' has no door or drawer 'uper_door'; did you mean 'upper_door'?" in unknown
+    (beyond,) = problems("fridge_room", {"furniture.fridge.open": {"upper_door": "150 deg"}})
+    assert "opens from 0 to 108.9 deg, got 150 deg" in beyond
+    (inwards,) = problems("chest_room", {"furniture.drawer_chest.open": {"drawer_1": "-2 cm"}})
+    assert "opens from 0 to 32.8 cm, got -2 cm" in inwards

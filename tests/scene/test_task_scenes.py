@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import ObjectModel
-from bestman_bt.scene import draw_world, load_scene, planar_radius, read_object
+from bestman_bt.scene import SceneConfig, draw_world, load_scene, planar_radius, read_object, semantic_map
 from bestman_bt.scene.plane_geometry import polygons_overlap, rectangle
 
 SCENES = (
@@ -87,3 +87,32 @@ def thickness_at(plate: ObjectModel, z: float) -> float:
     thickness = float(solid.sum()) * float(samples[1] - samples[0])
     assert thickness > 0.003
     return thickness
+
+
+def test_what_lies_in_a_drawer_that_is_open_at_the_start_has_gone_out_with_it_and_the_map_tells_nothing() -> None:
+    closed = draw_world(load_scene("cup_in_drawer"), 3)
+    pulled = draw_world(load_scene("cup_in_drawer", {"furniture.drawer_chest.open": {"drawer_3": "20 cm"}}), 3)
+    way = pulled.objects[0].pose.position - closed.objects[0].pose.position
+    (chest,) = (piece for piece in pulled.furniture if piece.name == "drawer_chest")
+    np.testing.assert_allclose(way, chest.pose.rotation @ [-0.2, 0.0, 0.0], atol=1e-9)
+    in_maps = [semantic_map(world).furniture["drawer_chest"].leaves for world in (closed, pulled)]
+    for before, after in zip(*in_maps, strict=True):
+        assert [shape.pose.position.tolist() for shape in before.shapes] == [
+            shape.pose.position.tolist() for shape in after.shapes
+        ]
+
+
+def test_the_robot_does_not_start_where_an_open_door_stands() -> None:
+    scene = load_scene("fridge_room", {"furniture.fridge.open": {"lower_door": "85 deg"}, "robot_start.x": [0.0, 0.7]})
+    closed = load_scene("fridge_room", {"robot_start.x": [0.0, 0.7]})
+
+    def nearest(scene: SceneConfig, seed: int) -> float:
+        """Metres from the start to the middle of the door that stands open."""
+        world = draw_world(scene, seed)
+        (fridge,) = world.furniture
+        (leaf,) = (leaf for leaf in fridge.model.articulations if leaf.name == "lower_door")
+        middle = (fridge.pose @ leaf.moved(np.radians(85)) @ leaf.parts[0].pose).position[:2]
+        return float(np.linalg.norm(middle - world.robot_start.xy))
+
+    assert min(nearest(scene, seed) for seed in SEEDS) > scene.file.start_clearance
+    assert min(nearest(closed, seed) for seed in SEEDS) < scene.file.start_clearance

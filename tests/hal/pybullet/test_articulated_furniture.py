@@ -75,6 +75,20 @@ def pull(robot: PyBulletRobot, articulation: Articulation, name: str, share: flo
         robot.clock.sleep(1 / 240)
 
 
+def test_what_stands_open_at_the_start_stays_so_without_a_reset_on_record(
+    robot_model: RobotModel, world: World
+) -> None:
+    opened = {"drawer_chest": {"drawer_2": 0.2}, "fridge": {"upper_door": 1.3}, "dishwasher": {"door": 1.0}}
+    pieces = tuple(dataclasses.replace(p, open=opened.get(p.name, {})) for p in world.furniture)
+    with PyBulletRobot(robot_model, dataclasses.replace(world, furniture=pieces)) as robot:
+        truth = GroundTruth(robot)
+        robot.clock.sleep(1.0)
+        for name in LEAVES:
+            piece, _, part = name.partition("/")
+            assert truth.articulation_position(name) == pytest.approx(opened.get(piece, {}).get(part, 0.0), abs=2e-3)
+        assert robot.simulation.client.counts["resets"] == 0
+
+
 def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: GroundTruth) -> None:
     assert set(truth.articulation_names) == set(LEAVES)
     robot.clock.sleep(2.0)
