@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.skill import Explained, SkillCondition
 from bestman_bt.engine import SyncAction
-from bestman_bt.messages import Pose
+from bestman_bt.messages import Pose, wrap_angle
 
 
 class BelievedSurface(Explained, SyncAction):
@@ -56,6 +56,7 @@ class ObjectAt(SkillCondition):
         "object": PortInformation(str, description="the object"),
         "goal": PortInformation(Pose, description="where it should be, in the map frame"),
         "tolerance": PortInformation(float, required=False, default_value=0.02, description="metres, horizontally"),
+        "yaw_tolerance": PortInformation(float, required=False, description="radians; any yaw without it"),
     }
 
     def check(self) -> tuple[str, str] | None:
@@ -70,4 +71,15 @@ class ObjectAt(SkillCondition):
             return "not_at_goal", f"the {name} stands {1e3 * distance:.0f} mm from the goal"
         if belief.pose.tilt > np.radians(10):
             return "not_at_goal", f"the {name} has fallen over"
+        tolerance: float | None = self.get_input("yaw_tolerance")
+        turned = yaw_difference(belief.pose.yaw, goal.yaw, belief.model.symmetry_order)
+        if tolerance is not None and turned > tolerance:
+            return "not_at_goal", f"the {name} is turned by {np.degrees(turned):.0f}°"
         return None
+
+
+def yaw_difference(yaw: float, other: float, symmetry_order: int) -> float:
+    """Radians between two yaws of an object; turns by ``symmetry_order`` look the same, 0: any turn does."""
+    if symmetry_order == 0:
+        return 0.0
+    return abs(wrap_angle((yaw - other) * symmetry_order)) / symmetry_order

@@ -136,6 +136,7 @@ BEHAVIOURS = Registry(
         "RunPolicy": "behaviours.run_policy:RunPolicy",
         "ScanScene": "behaviours.scan:ScanScene",
         "SecondLook": "behaviours.second_look:SecondLook",
+        "TakeGoal": "behaviours.task_goals:TakeGoal",
     },
 )
 """Skill leaves by the name that trees use."""

@@ -19,7 +19,8 @@ class HandPlacementParameters:
     ``clearance``: between each finger and the object before closing; ``least_clearance``: the same for objects so wide
     that the hand cannot open farther. ``max_depth``: of the tool frame below the object's top, less where the palm
     would touch it; ``palm_clearance``: between palm and object.
-    ``support_clearance``: between fingers (from above) or hand (from the side) and the surface.
+    ``support_clearance``: between fingers (from above) or hand (from the side) and the surface;
+    ``least_support_clearance``: the same from above, for objects so flat that the fingers would pass over them.
     ``hand_half_thickness``: of the hand across the closing direction. ``approach_distance``: from pre-grasp to grasp.
     ``lift_height``: from grasp to lift.
     """
@@ -29,6 +30,7 @@ class HandPlacementParameters:
     max_depth: float = 0.030
     palm_clearance: float = 0.008
     support_clearance: float = 0.006
+    least_support_clearance: float = 0.003
     hand_half_thickness: float = 0.035
     approach_distance: float = 0.10
     lift_height: float = 0.12
@@ -53,8 +55,11 @@ class HandPlacementParameters:
         """z of the tool frame for a grasp from above an object with its top at ``top``; None where too flat."""
         half_pad = gripper.pad_size[1] / 2
         lowest = support_height + half_pad + self.support_clearance
-        height = max(top - self.reach(gripper), lowest)
-        return height if height <= top - 0.4 * half_pad else None
+        least = support_height + half_pad + self.least_support_clearance
+        highest = top - 0.4 * half_pad
+        if highest < least:
+            return None
+        return max(top - self.reach(gripper), min(lowest, highest))
 
     def candidate(
         self,
