@@ -3,6 +3,7 @@
 from bestman_bt.control.arm.arm_controller import ArmController
 from bestman_bt.control.arm.constraint_following import ConstraintFollowingParameters
 from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
+from bestman_bt.control.arm.follow_guide import FollowGuide
 from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
 from bestman_bt.control.arm.guarded_move import GuardedMoveParameters, GuardedOutcome
 from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
@@ -14,6 +15,7 @@ __all__ = [
     "ContactMonitor",
     "ContactMonitorParameters",
     "FollowEnd",
+    "FollowGuide",
     "FollowedMotion",
     "GuardedMoveParameters",
     "GuardedOutcome",

@@ -15,8 +15,10 @@ from bestman_bt.control.arm.constraint_following import (
     FollowGoal,
 )
 from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
+from bestman_bt.control.arm.follow_guide import FollowGuide
 from bestman_bt.control.arm.followed_motion import FollowedMotion
 from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedMoveParameters, GuardedOutcome
+from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.control.arm.tool_stream import ToolStream, ToolStreamParameters
 from bestman_bt.control.handle import ControlErrorCode, ControlHandle
 from bestman_bt.control.motion_handle import start_motion
@@ -80,6 +82,10 @@ class ArmController:
         """Measured positions, (n,) radians."""
         return self._arm.positions()
 
+    def velocities(self) -> NDArray[np.float64]:
+        """Measured velocities, (n,) rad/s."""
+        return self._arm.velocities()
+
     def follow(
         self, trajectory: JointTrajectory, guard: Guard | None = None, free: bool = False
     ) -> ControlHandle[None]:
@@ -129,25 +135,29 @@ class ArmController:
         turn: float = 1.0,
         grip: Guard | None = None,
         hint: JointKind | None = None,
+        guide: FollowGuide | None = None,
+        axis: JointAxis | None = None,
     ) -> ControlHandle[FollowedMotion]:
-        """Go along with a door or drawer whose handle the hand holds.
+        """Go along with a door or drawer whose handle the hand holds, or that it pushes.
 
         ``direction``: (3,) base frame, in which the handle is thought to start to move. ``speed``: m/s. It ends well
         after ``distance`` metres along the way or ``angle`` radians about the hinge that it finds, of which at least
         one is to be given. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``: share of a door's
         turn by which the hand turns with it; at 0 the bar turns between the fingers. ``grip``: answers with a text when
         the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known.
+        ``guide``: a planned way for hand and arm, which goes before ``turn``. ``axis``: the joint's axis in the base
+        frame; the hand then keeps to it instead of learning (a pushing hand is not led by what it pushes).
         The result, also of a following that failed, is a FollowedMotion. ValueError for values that make no sense.
         """
-        axis = _unit(direction)
+        start = _unit(direction)
         _check_positive(speed=speed, distance=distance, angle=angle, max_pull=max_pull, max_side=max_side)
         if math.isinf(distance) and math.isinf(angle):
             raise ValueError("follow_constraint needs a distance or an angle to end at")
         kinematics, wrist = self._feeling("follow_constraint")
         handle: ControlHandle[FollowedMotion] = ControlHandle(self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
-        goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn)
-        following = ConstraintFollowing(stream, wrist, axis, goal, handle, grip, hint, self._following)
+        goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis)
+        following = ConstraintFollowing(stream, wrist, start, goal, handle, grip, hint, self._following)
         self._run(following, handle, stream)
         return handle
 

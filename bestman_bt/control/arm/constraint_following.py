@@ -14,8 +14,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.control.arm.follow_guide import FollowGuide
 from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
-from bestman_bt.control.arm.joint_axis import JointAxisEstimator, JointAxisParameters
+from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
 from bestman_bt.control.handle import ControlErrorCode, ControlHandle
 from bestman_bt.messages import JointKind, Pose
@@ -61,7 +62,8 @@ class FollowGoal:
     """Until when to follow: ``distance`` metres along the way or ``angle`` radians, whichever is given and comes first.
 
     ``max_pull``, ``max_side``: newtons along and across. ``turn``: share of the door's turn that the hand turns with
-    it; 0 keeps the hand's direction, and the bar turns between the fingers.
+    it; 0 keeps the hand's direction, and the bar turns between the fingers. ``guide``: a plan that says this in more
+    detail. ``axis``: about or along which to go, base frame, instead of what the hand's own way tells.
     """
 
     speed: float
@@ -70,6 +72,8 @@ class FollowGoal:
     max_pull: float = 45.0
     max_side: float = 40.0
     turn: float = 1.0
+    guide: FollowGuide | None = None
+    axis: JointAxis | None = None
 
 
 class ConstraintFollowing:
@@ -89,7 +93,7 @@ class ConstraintFollowing:
         self._stream, self._wrist, self._goal, self._handle, self._grip = stream, wrist, goal, handle, grip
         self._parameters = parameters or ConstraintFollowingParameters()
         self._start = stream.measured()
-        self._estimator = JointAxisEstimator(direction, self._start.position, hint, self._parameters.axis)
+        self._estimator = JointAxisEstimator(direction, self._start.position, hint, self._parameters.axis, goal.axis)
         self._force: Array = np.zeros(3)
         self._speed = self._turned = self._time = 0.0
         self._peak = np.zeros(2)
@@ -163,7 +167,7 @@ class ConstraintFollowing:
         for slower in (1.0, 0.5, 0.2):
             velocity = slower * self._speed * tangent + self._giving_way(side)
             for turn in self._turns(tool, slower):
-                step = self._stream.send(self._next_pose(velocity, turn))
+                step = self._stream.send(self._next_pose(velocity, turn), self._posture(tool))
                 if step is StreamStep.SENT:
                     self._turned += turn
                     return None
@@ -177,9 +181,16 @@ class ConstraintFollowing:
         """By what angle to turn the hand in this period: with the door, or, where the arm cannot, not at all."""
         axis = self._estimator.axis
         most = slower * self._parameters.turn_speed * self._stream.parameters.period
-        wanted = self._goal.turn * axis.angle(self._start.position, tool.position) - self._turned
-        with_door = float(np.clip(wanted, -most, most)) if axis.kind == "revolute" else 0.0
+        if self._goal.guide is not None:
+            wanted = self._goal.guide.turn(axis.travelled(self._start.position, tool.position))
+        else:
+            wanted = self._goal.turn * axis.angle(self._start.position, tool.position)
+        with_door = float(np.clip(wanted - self._turned, -most, most)) if axis.kind == "revolute" else 0.0
         return (with_door, 0.0) if with_door else (0.0,)
+
+    def _posture(self, tool: Pose) -> Array | None:
+        guide, axis = self._goal.guide, self._estimator.axis
+        return None if guide is None else guide.posture(axis.travelled(self._start.position, tool.position))
 
     def _next_pose(self, velocity: Array, turn: float) -> Pose:
         pose, axis = self._stream.pose, self._estimator.axis.direction

@@ -70,7 +70,7 @@ class JointAxis:
 
 
 class JointAxisEstimator:
-    """Takes the places of the hand one after another; ``axis`` is the best guess up to now."""
+    """Takes the places of the hand one after another; ``axis`` is the best guess up to now, or the ``known`` one."""
 
     def __init__(
         self,
@@ -78,15 +78,17 @@ class JointAxisEstimator:
         start: Array,
         hint: JointKind | None = None,
         parameters: JointAxisParameters | None = None,
+        known: JointAxis | None = None,
     ) -> None:
         self._parameters = parameters or JointAxisParameters()
         self._hint = hint
         self._way = [np.array(start, dtype=float)]
-        self.axis = JointAxis("prismatic", self._way[0], np.array(direction, dtype=float), 0.0, 0.0)
+        self._known = known is not None
+        self.axis = known or JointAxis("prismatic", self._way[0], np.array(direction, dtype=float), 0.0, 0.0)
 
     def add(self, position: Array) -> None:
         """Take in where the hand is."""
-        if float(np.linalg.norm(position - self._way[-1])) < self._parameters.spacing:
+        if self._known or float(np.linalg.norm(position - self._way[-1])) < self._parameters.spacing:
             return
         self._way.append(np.array(position, dtype=float))
         if len(self._way) >= 5:

@@ -18,11 +18,13 @@ class ToolStreamParameters:
     """``period``: seconds between two set-points. ``speed_share``: of the joints' speed limits.
 
     ``min_manipulability``: Yoshikawa's measure below which the arm goes no further towards a singularity.
+    ``posture_rate``: 1/s, how fast redundancy brings the arm to a posture that is asked for.
     """
 
     period: float = 1.0 / 60.0
     speed_share: float = 0.6
     min_manipulability: float = 0.01
+    posture_rate: float = 3.0
 
 
 class StreamStep(Enum):
@@ -49,9 +51,13 @@ class ToolStream:
         """Where the tool is, by encoders."""
         return self._kinematics.tool_pose(self._arm.positions())
 
-    def send(self, base_from_tool: Pose) -> StreamStep:
-        """Ask for the next pose; CommandRefusedError if the arm takes no commands."""
-        positions = self._kinematics.track(base_from_tool, self._positions)
+    def send(self, base_from_tool: Pose, posture: NDArray[np.float64] | None = None) -> StreamStep:
+        """Ask for the next pose; CommandRefusedError if the arm takes no commands.
+
+        ``posture``: (n,), which the arm comes nearer to without moving the tool for it (Liégeois, 1977).
+        """
+        start = self._positions if posture is None else self._positions + self._towards(posture)
+        positions = self._kinematics.track(base_from_tool, start)
         if positions is None:
             return StreamStep.UNREACHABLE
         if np.any(np.abs(positions - self._positions) > self._largest_step):
@@ -62,3 +68,11 @@ class ToolStream:
         self._arm.servo(positions)
         self._positions, self.pose, self._manipulability = positions, base_from_tool, manipulability
         return StreamStep.SENT
+
+    def _towards(self, posture: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A step (n,) in the null space of the tool's motion, of at most a third of what the joints may do."""
+        wanted = self.parameters.posture_rate * self.parameters.period * (posture - self._positions)
+        wanted = wanted * min(1.0, 1.0 / max(float(np.abs(3.0 * wanted / self._largest_step).max()), 1e-9))
+        jacobian = self._kinematics.jacobian(self._positions)
+        step: NDArray[np.float64] = wanted - np.linalg.pinv(jacobian, rcond=1e-3) @ (jacobian @ wanted)
+        return step
