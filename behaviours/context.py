@@ -24,7 +24,7 @@ from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
-from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner
 from bestman_bt.perception.affordance import HandleDetector
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
@@ -38,7 +38,7 @@ from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model import WorldModel, open_leaves
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,11 @@ class SkillContext:
         return planning_scene_from_world_model(
             self.world, self.robot, self.joints.positions(), self.arm.name, ignore, allowed_pairs
         )
+
+    def costmap(self) -> Costmap:
+        """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open."""
+        footprint = Footprint(np.array(self.base.description.footprint))
+        return Costmap.from_map(self.world.map, footprint, open_leaves(self.world))
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:
         """The collision world of the arm in ``scene``."""

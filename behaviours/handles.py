@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
+from behaviours.furniture_place import believe_place
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.affordance import HandleScene
@@ -48,6 +49,9 @@ class DetectHandle(Skill):
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
+        for name in chosen:
+            if (on := skills.world.handles[name].furniture) is not None:
+                believe_place(skills, on, skills.world.handles[name].handle)
         self.set_output("count", len(chosen))
         if not chosen:
             where = f" on the {furniture.name}" if furniture is not None else ""

@@ -38,7 +38,7 @@ class LookAt(Skill):
         if not name:
             raise SkillFailure("no_target", "nothing to look at: no point, no surface, and the object was never seen")
         try:
-            furniture, surface = world.map.surface(name)
+            furniture, surface = world.surface(name)
         except KeyError as error:
             raise SkillFailure("unknown_surface", str(error.args[0])) from error
         return furniture.pose.to_pose() @ surface.pose

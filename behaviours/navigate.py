@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
+from bestman_bt.navigation.global_planning import PlanningFailure
 
 
 class NavigateTo(Skill):
@@ -43,9 +42,7 @@ class NavigateTo(Skill):
 
     def _plan(self, goal: Pose2D) -> Path2D | PlanningFailure:
         skills = self.skills
-        footprint = Footprint(np.array(skills.base.description.footprint))
-        costmap = Costmap.from_map(skills.world.map, footprint)
-        return skills.algorithms.global_planning.plan(skills.world.base.pose, goal, costmap)
+        return skills.algorithms.global_planning.plan(skills.world.base.pose, goal, skills.costmap())
 
 
 class At(SkillCondition):

@@ -175,7 +175,7 @@ class Open(Skill):
             raise failure
         done = motion.angle if opening.angle is not None else motion.distance
         if motion.end is not FollowEnd.GRIP_LOST:
-            skills.world.articulations[opening.articulation] = max(0.0, min(done, opening.leaf.upper))
+            skills.world.believe_articulation(opening.articulation, max(0.0, min(done, opening.leaf.upper)))
         if failure is not None and (done < opening.asked or motion.end is FollowEnd.GRIP_LOST):
             raise SkillFailure(CODES.get(motion.end, failure.code), f"{opening.articulation}: {failure}") from failure
         return motion

@@ -15,7 +15,6 @@ from behaviours.opening import Opening, find_leaf, leaf_front, plan_opening, sta
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.kinematics import StandAlong, StandAlongParameters, rank_stand_poses_along, stands_around
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.perception.grasp_pose import handle_motion, rank_grasps
 
 LOOK_DISTANCES = (0.90, 1.05, 0.75, 1.20)
@@ -146,9 +145,7 @@ class FindOpenStand(Skill):
 
 
 def _clearance(skill: Skill) -> Callable[[Pose2D], float]:
-    skills = skill.skills
-    costmap = Costmap.from_map(skills.world.map, Footprint(np.array(skills.base.description.footprint)))
-    return costmap.clearance_at
+    return skill.skills.costmap().clearance_at
 
 
 def _swept(opening: Opening) -> NDArray[np.float64]:

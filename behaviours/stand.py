@@ -13,11 +13,10 @@ from py_trees.ports import PortInformation
 from behaviours.grasp import grasp_candidates
 from behaviours.place import place_tool_poses
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from behaviours.surfaces import find_surface
+from behaviours.surfaces import find_surface, with_open_drawers
 from bestman_bt.manipulation.collision import CollisionWorld, planning_scene_from_world_model
 from bestman_bt.manipulation.kinematics import StandPose, rank_stand_poses, stands_along
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.world_model import BasePose, MapFurniture
 
 SAME_STAND = 0.05
@@ -100,10 +99,10 @@ class FindStandPose(Skill):
     ) -> tuple[StandPose, ...]:
         skills = self.skills
         corners = np.array(skills.base.description.footprint)
-        costmap = Costmap.from_map(skills.world.map, Footprint(corners))
+        costmap = skills.costmap()
         candidates = [
             stand
-            for stand in stands_along(furniture, target, float(corners[:, 0].max()))
+            for stand in stands_along(with_open_drawers(skills, furniture), target, float(corners[:, 0].max()))
             if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
         ]
         return rank_stand_poses(

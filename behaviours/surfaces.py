@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
-from bestman_bt.messages import Box, PlacedShape, Pose
+from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.perception.segmentation import Region, SupportPlane, surface_regions
 from bestman_bt.sensing.rgbd import RGBDView
-from bestman_bt.world_model import MapFurniture, MapSurface, Obstacle
+from bestman_bt.world_model import MapFurniture, MapSurface, Obstacle, leaf_shapes
 
 MARGIN = 0.08
 """Metres beyond the mapped rectangle in which a surface is sought: the map is off by up to 3 cm and 2°."""
@@ -19,16 +21,34 @@ BOARD = 0.06
 """Metres below the next surface at which things on this one end: the thickness of a board, and the map's error."""
 RIM = 0.015
 """Metres of an enclosed surface next to its walls that are left out."""
+INNER_BOARD = 0.008
+"""Metres that a board within furniture is thick at least."""
 SLAB_GROWTH = 0.02
 """Metres by which a measured surface is taken to be larger on each side than what was seen of it."""
 
 
 def find_surface(skills: SkillContext, name: str) -> tuple[MapFurniture, MapSurface]:
-    """The mapped surface; SkillFailure names what there is."""
+    """The mapped surface, of a drawer where that is believed to be; SkillFailure names what there is."""
     try:
-        return skills.world.map.surface(name)
+        return skills.world.surface(name)
     except KeyError as error:
         raise SkillFailure("unknown_surface", str(error.args[0])) from error
+
+
+def with_open_drawers(skills: SkillContext, furniture: MapFurniture) -> MapFurniture:
+    """The piece with a footprint that ends where the drawer that stands open farthest, and its handle, do."""
+    frame = furniture.pose.to_pose().inverse()
+    front = -furniture.footprint[0] / 2
+    reach = front
+    for leaf in furniture.leaves:
+        if leaf.kind == "prismatic" and skills.world.articulations.get(f"{furniture.name}/{leaf.name}", 0.0) > 0.0:
+            handles = [belief.handle.pose for belief in skills.world.handles_of(furniture, leaf)]
+            boards = [placed.pose for placed in leaf_shapes(skills.world, furniture, leaf)]
+            reach = min(
+                [reach, *(float((frame @ p).position[0]) for p in handles), *(float(p.position[0]) for p in boards)]
+            )
+    middle = furniture.pose @ Pose2D((reach - front) / 2, 0.0, 0.0)
+    return replace(furniture, pose=middle, footprint=(furniture.footprint[0] + front - reach, furniture.footprint[1]))
 
 
 def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
@@ -59,9 +79,12 @@ def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: Sup
     """The furniture below a measured surface as an obstacle.
 
     A slab where the surface was seen, and the mapped body of the furniture, grown by the map's error, up to just
-    below the slab.
+    below the slab. Within furniture that opens it is a thin slab alone: the map knows the boards around it.
     """
     furniture, surface = find_surface(skills, name)
+    if furniture.is_inside(surface):
+        board = plane.slab(thickness=INNER_BOARD)
+        return Obstacle(f"{name}/surface", (PlacedShape(board.shape, view.map_from_base @ board.pose),), view.stamp)
     slab = plane.slab(thickness=0.04, grow=SLAB_GROWTH)
     map_from_surface = furniture.pose.to_pose() @ surface.pose
     measured_height = plane.height_at(*(view.map_from_base.inverse() @ map_from_surface).position[:2])

@@ -1,5 +1,6 @@
 """What the robot believes: the semantic map, seen objects, what it holds, where it is."""
 
+from bestman_bt.world_model.open_leaves import handle_shape, leaf_shapes, open_leaves
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 from bestman_bt.world_model.world_model import (
     BasePose,
@@ -23,4 +24,7 @@ __all__ = [
     "Obstacle",
     "SemanticMap",
     "WorldModel",
+    "handle_shape",
+    "leaf_shapes",
+    "open_leaves",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +47,12 @@ class MapLeaf:
 
 @dataclass(frozen=True)
 class MapFurniture:
-    """A named piece of furniture, believed at ``pose`` (off by up to 3 cm and 2°); its front faces -x.
+    """A named piece of furniture, believed at ``pose``; its front faces -x.
 
     ``footprint``: (x, y) extents in metres. ``height``: metres. ``solid_at_lidar``: whether a lidar sees its footprint
     (a counter) or only legs (a table). ``shapes``: the boards that it is made of, in the furniture frame, and
-    ``leaves``: its doors and drawers; empty where the map has the outline alone.
+    ``leaves``: its doors and drawers; empty where the map has the outline alone. ``position_error`` (metres, each way)
+    and ``heading_error`` (radians): how far off ``pose`` may be: less once measured.
     """
 
     name: str
@@ -62,6 +63,20 @@ class MapFurniture:
     solid_at_lidar: bool
     shapes: tuple[PlacedShape, ...] = ()
     leaves: tuple[MapLeaf, ...] = ()
+    position_error: float = 0.03
+    heading_error: float = math.radians(2.0)
+
+    def leaf(self, name: str) -> MapLeaf:
+        """The door or drawer of this name; KeyError if there is none."""
+        for leaf in self.leaves:
+            if leaf.name == name:
+                return leaf
+        raise KeyError(f"{self.name} has no door or drawer {name!r}")
+
+    def is_inside(self, surface: MapSurface) -> bool:
+        """Whether a surface lies within this piece: in a drawer, or behind a door."""
+        highest = max(float(other.pose.position[2]) for other in self.surfaces)
+        return bool(self.leaves) and float(surface.pose.position[2]) < highest
 
     def covers(self, point: NDArray[np.float64], margin: float = 0.0) -> bool:
         """Whether a point (2,) of the map lies on the footprint, grown by ``margin`` metres on each side."""
@@ -94,6 +109,10 @@ class SemanticMap:
                     return furniture, surface
         known = [f"{f.name}/{s.name}" for f in self.furniture.values() for s in f.surfaces]
         raise KeyError(f"no surface {name!r} in the map; there are {', '.join(known)}")
+
+    def with_furniture(self, piece: MapFurniture) -> SemanticMap:
+        """The map with this piece instead of the one of its name."""
+        return replace(self, furniture={**self.furniture, piece.name: piece})
 
     def standing_under(self, name: str) -> MapFurniture | None:
         """The lower piece of furniture on which the piece called ``name`` stands; None where that is the floor."""

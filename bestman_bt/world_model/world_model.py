@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Handle, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, VoxelGrid, YawSet
-from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.messages import Box, Handle, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, VoxelGrid, YawSet
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
+
+HANDLE_STANDOFF = 0.10
+"""Metres that a handle stands before the front that it is on, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +38,16 @@ class ObjectBelief:
     recognised: bool = True
     cloud: PointCloud | None = None
     viewpoint: NDArray[np.float64] | None = None
+
+    def moved(self, map_from_before: Pose) -> ObjectBelief:
+        """The object as it is after what it stands on has moved, and it with that."""
+        return replace(
+            self,
+            pose=map_from_before @ self.pose,
+            yaw_set=self.yaw_set.turned(map_from_before.yaw),
+            cloud=None if self.cloud is None else self.cloud.transformed(map_from_before),
+            viewpoint=None if self.viewpoint is None else map_from_before.apply(self.viewpoint[None])[0],
+        )
 
 
 @dataclass(frozen=True)
@@ -114,3 +127,54 @@ class WorldModel:
     def as_at_the_start(self) -> WorldModel:
         """What is known before anything has been seen: the map, the models, and roughly where the base stands."""
         return WorldModel(map=self.map, models=dict(self.models), base=self.base)
+
+    def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
+        """As ``SemanticMap.surface``, but that of a drawer where the drawer is believed to be."""
+        furniture, surface = self.map.surface(name)
+        if surface.leaf is None:
+            return furniture, surface
+        opened = self.opening_of(furniture, furniture.leaf(surface.leaf))
+        return furniture, replace(surface, pose=opened @ surface.pose)
+
+    def opening_of(self, furniture: MapFurniture, leaf: MapLeaf) -> Pose:
+        """furniture_from_closed: where the points of the closed leaf are believed to be."""
+        return leaf.moved(self.articulations.get(f"{furniture.name}/{leaf.name}", 0.0))
+
+    def believe_articulation(self, name: str, position: float) -> tuple[str, ...]:
+        """Believe that the door or drawer ``furniture/leaf`` is open by ``position``, radians or metres.
+
+        Its handle, what was believed to be in a drawer, and what was measured of its board, are believed to have gone
+        with it. Returns the names of these objects.
+        """
+        piece_name, _, part = name.partition("/")
+        piece = self.map.furniture[piece_name]
+        leaf, frame = piece.leaf(part), piece.pose.to_pose()
+        before, handles = self.opening_of(piece, leaf), self.handles_of(piece, leaf)
+        self.articulations[name] = position
+        moved = frame @ self.opening_of(piece, leaf) @ before.inverse() @ frame.inverse()
+        boards = {f"{piece_name}/{surface.name}" for surface in piece.surfaces if surface.leaf == part}
+        for on_leaf in handles:
+            self.handles[on_leaf.name] = replace(on_leaf, handle=on_leaf.handle.seen_from(moved))
+        carried = [belief for belief in self.objects.values() if belief.surface in boards]
+        for belief in carried:
+            self.objects[belief.name] = belief.moved(moved)
+        for board in boards:
+            measured = self.obstacles.get(f"{board}/surface")
+            if measured is not None:
+                shapes = tuple(PlacedShape(placed.shape, moved @ placed.pose) for placed in measured.shapes)
+                self.obstacles[measured.name] = replace(measured, shapes=shapes)
+        return tuple(belief.name for belief in carried)
+
+    def handles_of(self, furniture: MapFurniture, leaf: MapLeaf) -> tuple[HandleBelief, ...]:
+        """The believed handles on the front of a door or drawer."""
+        front = leaf.shapes[0]
+        if not isinstance(front.shape, Box):
+            return ()
+        map_from_front = furniture.pose.to_pose() @ self.opening_of(furniture, leaf) @ front.pose
+        room = np.array(front.shape.size) / 2 + (HANDLE_STANDOFF, 0.0, 0.0)
+        return tuple(
+            belief
+            for belief in self.handles.values()
+            if belief.furniture == furniture.name
+            and bool(np.all(np.abs(map_from_front.inverse().apply(belief.handle.pose.position[None])[0]) < room))
+        )

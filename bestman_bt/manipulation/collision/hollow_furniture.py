@@ -9,7 +9,7 @@ import numpy as np
 
 from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.world_model import MapFurniture, WorldModel
+from bestman_bt.world_model import MapFurniture, WorldModel, handle_shape, leaf_shapes
 
 _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of a box's corners
 
@@ -23,32 +23,36 @@ def hollow_furniture(
     turn: float,
     reach: float,
 ) -> list[SceneObstacle]:
-    """Obstacles ``furniture`` (its boards) and ``furniture/leaf``, in the base frame.
+    """Obstacles ``furniture`` (its boards) and ``furniture/leaf`` (with its handle where it stands open), base frame.
 
-    ``offset``, ``turn``: how far the piece may be from where the map has it, metres and radians: boards are thickened
-    sideways by that; heights are exact. ``reach``: metres from the base beyond which pieces are left out.
+    ``offset``, ``turn``: how far any piece may be from where the map has it at most, metres and radians; boards are
+    thickened sideways by that, or by the errors of a piece that is known better; heights are exact. ``reach``: metres
+    from the base beyond which pieces are left out.
     """
     obstacles = []
     for name in names:
         piece = world_model.map.furniture[name]
-        base_from_piece = base_from_map @ piece.pose.to_pose()
+        base_from_piece, piece_from_map = base_from_map @ piece.pose.to_pose(), piece.pose.to_pose().inverse()
         if float(np.linalg.norm(base_from_piece.position[:2])) - math.hypot(*piece.footprint) / 2 >= reach:
             continue
-        bodies = {name: (piece.shapes, Pose())}
+        errors = min(offset, piece.position_error), min(turn, piece.heading_error)
+        bodies = {name: [_grown(shape, piece, errors) for shape in piece.shapes]}
         for leaf in piece.leaves:
-            moved = leaf.moved(world_model.articulations.get(f"{name}/{leaf.name}", 0.0))
-            bodies[f"{name}/{leaf.name}"] = (leaf.shapes, moved)
-        for body, (shapes, moved) in bodies.items():
+            boards = [_grown(shape, piece, errors) for shape in leaf_shapes(world_model, piece, leaf)]
+            if world_model.articulations.get(f"{name}/{leaf.name}", 0.0) > 0.0:
+                seen = [handle_shape(belief.handle) for belief in world_model.handles_of(piece, leaf)]
+                boards += [PlacedShape(bar.shape, piece_from_map @ bar.pose) for bar in seen]
+            bodies[f"{name}/{leaf.name}"] = boards
+        for body, shapes in bodies.items():
             if body not in world_model.obstacles:
-                placed = (PlacedShape(shape.shape, moved @ shape.pose) for shape in shapes)
-                grown = (_grown(shape, piece, offset, turn) for shape in placed)
-                in_base = tuple(PlacedShape(shape.shape, base_from_piece @ shape.pose) for shape in grown)
+                in_base = tuple(PlacedShape(shape.shape, base_from_piece @ shape.pose) for shape in shapes)
                 obstacles.append(SceneObstacle(body, in_base))
     return obstacles
 
 
-def _grown(placed: PlacedShape, piece: MapFurniture, offset: float, turn: float) -> PlacedShape:
+def _grown(placed: PlacedShape, piece: MapFurniture, errors: tuple[float, float]) -> PlacedShape:
     """A board that covers where it may be: moved by ``offset`` along x and y of the map, turned with its piece."""
+    offset, turn = errors
     if not isinstance(placed.shape, Box):
         return placed
     corners = placed.pose.apply(_SIGNS * np.array(placed.shape.size) / 2)[:, :2]

@@ -23,7 +23,8 @@ FLOOR = "floor"
 class SceneParameters:
     """``padding``: metres kept from everything. ``reach``: metres from the base beyond which nothing matters.
 
-    ``furniture_offset``, ``furniture_turn``: how far furniture may be from where the map has it, metres and radians.
+    ``furniture_offset``, ``furniture_turn``: how far furniture may be from where the map has it, metres and radians;
+    a piece that is known better (``MapFurniture.position_error``) is as far off as that.
     ``wall_height``, ``wall_thickness``: metres. ``object_deviations``: standard deviations of an object's position
     that are kept clear, at most ``max_object_padding`` metres. ``unknown_is_obstacle``: whether space that no view has
     shown counts as filled. ``voxel_slack``: metres from a believed body within which it explains what was seen.
@@ -162,7 +163,14 @@ def _with_boards(world_model: WorldModel, hollow: Iterable[str]) -> list[str]:
     if unknown:
         message = f"the map has no furniture {', '.join(map(repr, unknown))} to work in"
         raise ManipulationError(f"{message}; there is {', '.join(known) or 'none'}")
-    return [name for name in wanted if known[name].shapes]
+    seen_inside = (name for name, piece in known.items() if _open_or_measured_inside(world_model, piece))
+    return [name for name in dict.fromkeys([*wanted, *seen_inside]) if known[name].shapes]
+
+
+def _open_or_measured_inside(world_model: WorldModel, piece: MapFurniture) -> bool:
+    opened = any(world_model.articulations.get(f"{piece.name}/{leaf.name}", 0.0) > 0.0 for leaf in piece.leaves)
+    inner = (f"{piece.name}/{surface.name}/surface" for surface in piece.surfaces if piece.is_inside(surface))
+    return opened or any(name in world_model.obstacles for name in inner)
 
 
 def _furniture(
@@ -180,10 +188,11 @@ def _furniture(
 
 def _grown(furniture: MapFurniture, parameters: SceneParameters) -> tuple[float, float, float]:
     x, y = furniture.footprint
-    turn = math.sin(parameters.furniture_turn)
+    offset = min(parameters.furniture_offset, furniture.position_error)
+    turn = math.sin(min(parameters.furniture_turn, furniture.heading_error))
     return (
-        x + 2 * parameters.furniture_offset + y * turn,
-        y + 2 * parameters.furniture_offset + x * turn,
+        x + 2 * offset + y * turn,
+        y + 2 * offset + x * turn,
         furniture.height,
     )
 

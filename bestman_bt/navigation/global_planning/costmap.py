@@ -27,7 +27,8 @@ class CostmapParameters:
     """How the map is rasterised.
 
     ``resolution``: metres per cell. ``clearance``: metres kept from every outline. ``furniture_position_error``
-    (metres, each way) and ``furniture_heading_error`` (radians): how far furniture may be from where the map has it.
+    (metres, each way) and ``furniture_heading_error`` (radians): how far furniture may be from where the map has it; a
+    piece that is known better (``MapFurniture.position_error``) is as far off as that.
     ``cost_weight``: extra cost of a metre driven at the lethal distance, ``cost_decay``: metres beyond it at which
     that has fallen to 1/e. ``floor_height``: metres; obstacles that end below or begin above ``robot_height`` are left
     out.
@@ -82,8 +83,10 @@ class Costmap:
             np.minimum(squared, _squared_distance_to_segment(centres, segment[:2], segment[2:]), out=squared)
         distance = np.sqrt(squared)
         for furniture in semantic_map.furniture.values():
-            for outline in _possible_outlines(furniture, parameters.furniture_heading_error):
-                outside = _distance_to_polygon(centres, outline) - parameters.furniture_position_error
+            heading_error = min(parameters.furniture_heading_error, furniture.heading_error)
+            position_error = min(parameters.furniture_position_error, furniture.position_error)
+            for outline in _possible_outlines(furniture, heading_error):
+                outside = _distance_to_polygon(centres, outline) - position_error
                 np.minimum(distance, outside, out=distance)
         for obstacle in obstacles:
             for placed in obstacle.shapes:
