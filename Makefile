@@ -3,11 +3,14 @@
 BIN := .venv/bin
 JOBS ?= 2
 
-.PHONY: help install demo test lint format docs lock dist clean
+.PHONY: help install demo test eval eval-full gallery lint format docs lock dist clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and tests"
+	@echo "make eval      20 seeds of every judged task, and the controls (about an hour; goes on where it stopped)"
+	@echo "make eval-full the same with 50 seeds"
+	@echo "make gallery   pictures and a short film of every task into docs/gallery"
 	@echo "make install   .venv/ with .venv/bin/bestman-bt (locked; quick when up to date)"
 	@echo "make lint      ruff, mypy and the import contracts alone"
 	@echo "make format    let ruff rewrite the code"
@@ -24,6 +27,15 @@ demo: install
 
 test: lint
 	$(BIN)/python -m pytest -n $(JOBS)
+
+eval: install
+	$(BIN)/bestman-bt eval manipulation --jobs $(JOBS)
+
+eval-full: install
+	$(BIN)/bestman-bt eval manipulation --jobs $(JOBS) --episodes 50
+
+gallery: install
+	$(BIN)/python scripts/gallery.py --jobs $(JOBS)
 
 lint: install
 	$(BIN)/ruff check .

@@ -11,6 +11,7 @@ from bestman_bt.registry import suggestion
 _FOLDERS = {
     "robot": ("configs/robots", (".yaml",)),
     "task": ("configs/tasks", (".yaml",)),
+    "evaluation": ("configs/evaluations", (".yaml",)),
     "algorithms": ("configs/algorithms", (".yaml",)),
     "part": ("assets/robots", (".yaml",)),
     "scene": ("assets/scenes", (".yaml",)),

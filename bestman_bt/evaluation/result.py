@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -60,6 +61,20 @@ class RunResult:
         versions = document.pop("versions")
         plain: dict[str, Any] = _plain({**document, "versions": versions})
         return plain
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> RunResult:
+        """The result that ``to_document`` told; KeyError or TypeError for anything else."""
+        fields = {key: value for key, value in document.items() if key != "real_time_factor"}
+        failure = fields["failure"]
+        return cls(
+            **{
+                **fields,
+                "outcome": Outcome(fields["outcome"]),
+                "failure": None if failure is None else FailureReport(**failure),
+                "metrics": {key: math.nan if value is None else value for key, value in fields["metrics"].items()},
+            }
+        )
 
     def write(self, path: Path) -> None:
         """Write ``result.json``."""

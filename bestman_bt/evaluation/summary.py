@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,12 +19,16 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
 
     ``false_successes``: runs whose tree reported success while the predicate does not hold.
     ``audit_clean``: no cheat in any run; a run that could not be audited is not clean. ``interval``: Wilson, 95 %.
-    ``metrics``: median and 95th percentile over the runs that have the metric.
+    ``metrics``: median and 95th percentile over the runs that have the metric; ``accuracy``: over those of them whose
+    tree reported success. ``causes``: error code → how many failed so, the most frequent
+    first. ``slowest``: in simulated time.
     """
     succeeded = sum(result.success for result in results)
     sim_time = sum(result.sim_time_s for result in results)
     busy = sum(result.wall_time_s for result in results)
-    names = sorted({name for result in results for name in result.metrics})
+    failures = [_failure(result) for result in results if not result.success]
+    unclean = [r.seed for r in results if any(r.audit.get(cheat) != 0 for cheat in CHEATS)]
+    slowest = max(results, key=lambda result: result.sim_time_s, default=None)
     return {
         "task": task,
         "episodes": len(results),
@@ -30,13 +36,30 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
         "succeeded": succeeded,
         "success_rate": round(succeeded / len(results), 4) if results else 0.0,
         "interval": [round(bound, 4) for bound in wilson_interval(succeeded, len(results))],
-        "audit_clean": all(result.audit.get(cheat) == 0 for result in results for cheat in CHEATS),
+        "audit_clean": not unclean,
+        "unclean_seeds": unclean,
         "false_successes": sum(r.tree_status == "SUCCESS" and r.predicate is False for r in results),
-        "failures": [_failure(result) for result in results if not result.success],
+        "failures": failures,
+        "causes": dict(Counter(failure["error_code"] for failure in failures).most_common()),
+        "slowest": {"seed": slowest.seed, "sim_time_s": slowest.sim_time_s} if slowest else None,
         "sim_time_s": round(sim_time, 3),
         "wall_time_s": round(wall_time_s, 3),
         "real_time_factor": round(sim_time / busy, 3) if busy > 0 else 0.0,
-        "metrics": {name: _spread([r.metrics[name] for r in results if name in r.metrics]) for name in names},
+        "metrics": spreads(results),
+        "accuracy": spreads([result for result in results if result.tree_status == "SUCCESS"]),
+    }
+
+
+def spreads(results: Sequence[RunResult]) -> dict[str, dict[str, float]]:
+    """Metric → median and 95th percentile over the runs that measured it."""
+    measured: dict[str, list[float]] = {}
+    for result in results:
+        for name, value in result.metrics.items():
+            if math.isfinite(value):
+                measured.setdefault(name, []).append(value)
+    return {
+        name: {"median": round(float(np.median(values)), 3), "p95": round(float(np.percentile(values, 95)), 3)}
+        for name, values in sorted(measured.items())
     }
 
 
@@ -48,7 +71,3 @@ def _failure(result: RunResult) -> dict[str, Any]:
         "error_code": failure.error_code if failure else str(result.outcome),
         "why": failure.why if failure else "the run was not judged a success",
     }
-
-
-def _spread(values: list[float]) -> dict[str, float]:
-    return {"median": round(float(np.median(values)), 3), "p95": round(float(np.percentile(values, 95)), 3)}

@@ -48,8 +48,9 @@ class Stop(StatefulAction):
         return RUNNING
 '''
 DOCUMENT = [
-    "task", "episodes", "first_seed", "succeeded", "success_rate", "interval", "audit_clean", "false_successes",
-    "failures", "sim_time_s", "wall_time_s", "real_time_factor", "metrics",
+    "task", "episodes", "first_seed", "succeeded", "success_rate", "interval", "audit_clean", "unclean_seeds",
+    "false_successes", "failures", "causes", "slowest", "sim_time_s", "wall_time_s", "real_time_factor", "metrics",
+    "accuracy",
 ]  # fmt: skip
 WALL_TIMES = ("wall_time_s", "real_time_factor")
 

@@ -63,3 +63,27 @@ def test_the_result_document_is_strict_json():
 def test_a_run_without_an_audit_is_not_clean():
     blind = replace(result(0), audit={})
     assert summarize("t", 0, [blind], 1.0)["audit_clean"] is False
+
+
+def test_accuracy_is_that_of_the_runs_whose_tree_claims_success_true_or_not():
+    results = [result(3), result(5, predicate=False), result(2000, tree="FAILURE")]
+    document = summarize("t", 0, results, 1.0)
+    assert document["metrics"]["place_error_mm"]["median"] == 5.0
+    assert document["accuracy"]["place_error_mm"] == {"median": 4.0, "p95": 4.9}
+
+
+def test_causes_are_counted_the_most_frequent_first_and_the_slowest_run_is_named():
+    failed = [result(seed, predicate=False) for seed in range(3)]
+    other = replace(failed[0], seed=9, failure=FailureReport("a", "no_grasp", "…"), sim_time_s=90.0)
+    document = summarize("t", 0, [other, *failed], 1.0)
+    assert document["causes"] == {"missed": 3, "no_grasp": 1}
+    assert document["slowest"] == {"seed": 9, "sim_time_s": 90.0}
+
+
+def test_the_seeds_of_unclean_audits_are_named():
+    assert summarize("t", 0, [result(0), result(1, teleports=1)], 1.0)["unclean_seeds"] == [1]
+
+
+def test_a_result_is_read_back_from_its_document():
+    there = result(4, predicate=False).to_document()
+    assert RunResult.from_document(json.loads(json.dumps(there))).to_document() == there

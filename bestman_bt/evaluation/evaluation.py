@@ -1,0 +1,135 @@
+"""An evaluation: all episodes of a suite, gone on with where it was interrupted, judged by the suite's targets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing, suppress
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from bestman_bt.configuration import RunConfig
+from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint
+from bestman_bt.evaluation.journal import EpisodeKey, Journal
+from bestman_bt.evaluation.parallel import run_episodes
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.suite import Entry, Suite
+from bestman_bt.evaluation.summary import summarize
+from bestman_bt.evaluation.targets import check_targets
+from bestman_bt.evaluation.versions import versions
+
+OnResult = Callable[[Entry, RunResult], None]
+
+
+class Evaluation:
+    """A suite and what is known of its episodes; used as a context, which holds the journal.
+
+    ``folder``: of the journal ``episodes.jsonl`` and, below ``runs``, of a run folder per episode; None keeps nothing.
+    ``keep_old``: finished episodes of other code count, too, where their configuration is the same.
+    """
+
+    def __init__(self, suite: Suite, folder: Path | None = None, keep_old: bool = False) -> None:
+        self.suite = suite
+        self.results: dict[str, dict[int, RunResult]] = {entry.name: {} for entry in suite.entries}
+        """Entry → seed → result."""
+        self.notes: list[str] = []
+        """What a reader of the figures has to know, in words."""
+        self._folder, self._keep_old = folder, keep_old
+        self._code, self._commit = code_fingerprint(), commit()
+        self._configs = {entry.name: config_fingerprint(entry.config) for entry in suite.entries}
+        self._journal: Journal | None = None
+        self._stack = ExitStack()
+        self._interrupted = False
+
+    def __enter__(self) -> Evaluation:
+        """Open the journal and count what was finished; ConfigurationError where it cannot be used."""
+        if self._folder is not None:
+            self._journal = self._stack.enter_context(Journal(self._folder / "episodes.jsonl"))
+            self._take_finished(self._journal)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def run(self, jobs: int = 1, on_result: OnResult | None = None) -> dict[str, Any]:
+        """Run what is not finished, and tell how all stands; Ctrl-C or a stopped episode ends it early."""
+        planned = list(self._missing())
+        configs = [config for _, config in planned]
+        runs = None if self._folder is None else self._folder / "runs"
+        self._interrupted = True
+        with suppress(KeyboardInterrupt), closing(run_episodes(configs, jobs, runs)) as running:
+            for index, result in running:
+                if result.outcome is Outcome.CANCELLED:
+                    break
+                entry = planned[index][0]
+                self._finish(entry, result)
+                if on_result is not None:
+                    on_result(entry, result)
+            else:
+                self._interrupted = False
+        if planned and code_fingerprint() != self._code:
+            self.notes.append("the code was changed while the evaluation ran: run it again for figures that count")
+        return self.document()
+
+    def document(self) -> dict[str, Any]:
+        """How it stands: totals, and each entry's summary with its targets, met or missed."""
+        entries = [self.entry_document(entry) for entry in self.suite.entries]
+        return {
+            "evaluation": self.suite.name,
+            "description": self.suite.description,
+            "met": all(entry["met"] for entry in entries),
+            "interrupted": self._interrupted,
+            "episodes": sum(entry["episodes"] for entry in entries),
+            "false_successes": sum(entry["false_successes"] for entry in entries),
+            "audit_clean": all(entry["audit_clean"] for entry in entries),
+            "code": self._code,
+            "commit": self._commit,
+            "notes": list(self.notes),
+            "entries": entries,
+            "versions": versions(),
+        }
+
+    def entry_document(self, entry: Entry) -> dict[str, Any]:
+        """The summary of one entry; ``met``: all its episodes are done, and its targets met or else all successful."""
+        results = [result for _, result in sorted(self.results[entry.name].items())]
+        busy = sum(result.wall_time_s for result in results)
+        summary = summarize(entry.config.name, entry.config.seed, results, busy)
+        targets = check_targets(entry.asked, summary) if entry.asked is not None else []
+        met = all(target.met for target in targets) if targets else not summary["failures"]
+        return {
+            "name": entry.name,
+            "control": entry.control,
+            "asked_episodes": entry.episodes,
+            "met": met and len(results) == entry.episodes,
+            "targets": [asdict(target) for target in targets],
+            **summary,
+        }
+
+    def _missing(self) -> Iterator[tuple[Entry, RunConfig]]:
+        for entry in self.suite.entries:
+            for config in entry.configs():
+                if config.seed not in self.results[entry.name]:
+                    yield entry, config
+
+    def _take_finished(self, journal: Journal) -> None:
+        old: dict[tuple[str, int], RunResult] = {
+            (key.config, key.seed): result for key, result in journal.results.items() if key.code != self._code
+        }
+        kept = 0
+        for entry, config in list(self._missing()):
+            where = (self._configs[entry.name], config.seed)
+            result = journal.results.get(EpisodeKey(*where, self._code))
+            if result is None and where in old:
+                kept += 1
+                result = old[where] if self._keep_old else None
+            if result is not None:
+                self.results[entry.name][config.seed] = result
+        if kept:
+            end = "and count all the same" if self._keep_old else "and are run again; --keep-old counts them"
+            self.notes.append(f"{kept} finished episodes were run with other code {end}")
+
+    def _finish(self, entry: Entry, result: RunResult) -> None:
+        self.results[entry.name][result.seed] = result
+        if self._journal is not None:
+            key = EpisodeKey(self._configs[entry.name], result.seed, self._code)
+            self._journal.add(key, self._commit, result)

@@ -1,0 +1,90 @@
+"""The document of an evaluation as a page for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+
+def markdown(document: dict[str, Any]) -> str:
+    """Markdown text: the verdict, a table of all tasks, one of the controls, then what was missed and what failed."""
+    return "\n".join(_lines(document)) + "\n"
+
+
+def _lines(document: dict[str, Any]) -> Iterator[str]:
+    yield f"# Evaluation: {document['evaluation']}"
+    yield ""
+    if document["description"]:
+        yield document["description"]
+        yield ""
+    clean = "clean" if document["audit_clean"] else "NOT CLEAN"
+    yield (
+        f"{_verdict(document)} {document['episodes']} episodes, {document['false_successes']} false successes, "
+        f"audit {clean}. Code {document['code']}" + (f", commit {document['commit']}." if document["commit"] else ".")
+    )
+    for note in document["notes"]:
+        yield f"\n**Note:** {note}."
+    for title, control in (("Tasks", False), ("Controls: they shall fail", True)):
+        entries = [entry for entry in document["entries"] if entry["control"] is control]
+        if entries:
+            yield ""
+            yield f"## {title}"
+            yield ""
+            yield from _table(entries)
+    yield from _details(document["entries"])
+
+
+def _verdict(document: dict[str, Any]) -> str:
+    if document["interrupted"]:
+        return "**Interrupted.**"
+    return "**All targets met.**" if document["met"] else "**Not all targets met.**"
+
+
+def _table(entries: list[dict[str, Any]]) -> Iterator[str]:
+    yield "| | succeeded | 95 % interval | accuracy (median / p95) | false | audit | × real time | slowest | targets |"
+    yield "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+    for entry in entries:
+        low, high = entry["interval"]
+        cells = [
+            entry["name"],
+            f"{entry['succeeded']} of {entry['episodes']}",
+            f"{low:.0%} to {high:.0%}",
+            accuracy_words(entry["accuracy"]) or "–",
+            str(entry["false_successes"]),
+            "clean" if entry["audit_clean"] else "NOT CLEAN",
+            f"{entry['real_time_factor']:.1f}",
+            f"{entry['slowest']['sim_time_s']:.0f} s (seed {entry['slowest']['seed']})" if entry["slowest"] else "–",
+            target_words(entry),
+        ]
+        yield "| " + " | ".join(cells) + " |"
+
+
+def accuracy_words(accuracy: dict[str, dict[str, float]]) -> str:
+    """``place_error_mm 3.1 / 7.9``: metrics of single objects are left out where there is one over all."""
+    shown = [name for name in accuracy if not any(name.startswith(f"{other}_") for other in accuracy if other != name)]
+    return ", ".join(f"{name} {accuracy[name]['median']:.1f} / {accuracy[name]['p95']:.1f}" for name in shown)
+
+
+def target_words(entry: dict[str, Any]) -> str:
+    """``met``, or what is missed; with how many episodes are still to come."""
+    if entry["episodes"] < entry["asked_episodes"]:
+        return f"{entry['episodes']} of {entry['asked_episodes']} run"
+    missed = [t for t in entry["targets"] if not t["met"]]
+    if not missed:
+        return "met" if entry["targets"] else "none asked"
+    return "missed: " + "; ".join(f"{t['what']} {t['found']}, asked {t['asked']}" for t in missed)
+
+
+def _details(entries: list[dict[str, Any]]) -> Iterator[str]:
+    failed = [entry for entry in entries if entry["failures"] and not entry["control"]]
+    if failed:
+        yield ""
+        yield "## What failed"
+    for entry in failed:
+        causes = ", ".join(f"{code} {count}" for code, count in entry["causes"].items())
+        yield ""
+        yield f"**{entry['name']}**: {causes}"
+        yield ""
+        for failure in entry["failures"]:
+            where = f"`{failure['node']}`: " if failure["node"] else ""
+            yield f"- seed {failure['seed']}: {where}{failure['why']} ({failure['error_code']})"

@@ -1,0 +1,128 @@
+"""Evaluations: a suite goes on where it was interrupted, notices changed code, and tells what was met."""
+
+from __future__ import annotations
+
+import os
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.evaluation import evaluation as evaluation_module
+from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.markdown import markdown
+from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.suite import Entry, is_suite, load_suite
+
+NOTHING = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysFailure/></BehaviorTree></root>'
+SUITE = """
+description: A suite of a tree that does nothing.
+first_seed: 3
+episodes: 3
+tasks:
+  fail:
+    task: fetch_cup
+    settings: [tree={folder}/nothing.xml]
+    successes: {{at_least: 2, of: 3}}
+controls:
+  control:
+    task: fetch_cup
+    settings: [tree={folder}/nothing.xml, scene.finger_friction=0.001]
+    episodes: 1
+    successes: {{at_most: 0, of: 1}}
+"""
+
+
+@pytest.fixture
+def suite_file(tmp_path: Path) -> Path:
+    (tmp_path / "nothing.xml").write_text(NOTHING)
+    path = tmp_path / "mine.yaml"
+    path.write_text(SUITE.format(folder=tmp_path))
+    return path
+
+
+def evaluate(path: Path, folder: Path, stop_after: int = 99, **options: Any) -> tuple[list[str], dict[str, Any]]:
+    """Which episodes were run, and the document."""
+    ran: list[str] = []
+
+    def told(entry: Entry, result: RunResult) -> None:
+        ran.append(f"{entry.name} {result.seed}")
+        if len(ran) == stop_after:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with Evaluation(load_suite(path), folder, **options) as evaluation:
+        return ran, evaluation.run(on_result=told)
+
+
+def test_an_interrupted_evaluation_goes_on_where_it_stopped(suite_file: Path, tmp_path: Path) -> None:
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        ran, document = evaluate(suite_file, tmp_path / "out", stop_after=2)
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert ran == ["fail 3", "fail 4"]
+    assert (document["interrupted"], document["met"], document["episodes"]) == (True, False, 2)
+    assert "**Interrupted.**" in markdown(document)
+    ran, document = evaluate(suite_file, tmp_path / "out")
+    assert ran == ["fail 5", "control 3"]
+    assert (document["interrupted"], document["episodes"], document["notes"]) == (False, 4, [])
+    task, control = document["entries"]
+    assert [(entry["episodes"], entry["succeeded"], entry["met"]) for entry in (task, control)] == [
+        (3, 0, False),
+        (1, 0, True),
+    ]
+    assert [failure["seed"] for failure in task["failures"]] == [3, 4, 5]
+    assert evaluate(suite_file, tmp_path / "out")[0] == []
+    text = markdown(document)
+    assert "**Not all targets met.** 4 episodes, 0 false successes, audit clean." in text
+    assert "missed: successes 0 of 3, asked ≥ 2 of 3" in text
+
+
+def test_episodes_of_other_code_are_told_and_run_again_unless_they_are_kept(
+    suite_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evaluate(suite_file, tmp_path / "out")
+    monkeypatch.setattr(evaluation_module, "code_fingerprint", lambda: "other")
+    ran, document = evaluate(suite_file, tmp_path / "out", keep_old=True)
+    assert ran == []
+    assert document["notes"] == ["4 finished episodes were run with other code and count all the same"]
+    ran, document = evaluate(suite_file, tmp_path / "out")
+    assert len(ran) == 4
+    assert document["notes"] == [
+        "4 finished episodes were run with other code and are run again; --keep-old counts them"
+    ]
+
+
+def test_another_tree_is_another_episode(suite_file: Path, tmp_path: Path) -> None:
+    evaluate(suite_file, tmp_path / "out")
+    (tmp_path / "nothing.xml").write_text(NOTHING.replace("AlwaysFailure", "AlwaysSuccess"))
+    ran, document = evaluate(suite_file, tmp_path / "out")
+    assert len(ran) == 4
+    assert document["false_successes"] == 4
+    assert not any(entry["met"] for entry in document["entries"])
+
+
+def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(
+        "tasks:\n"
+        "  fetch_cop: {successes: {at_least: 1, of: 2}}\n"
+        "  fetch_cup: {successes: {at_least: 3, of: 2}}\n"
+        "  other: {task: fetch_cup, successes: {of: 2}}\n"
+        "controls:\n"
+        "  other: {task: fetch_cup, settings: [scene.finger_fraction=1], successes: {at_most: 0, of: 2}}\n"
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load_suite(path)
+    told = str(caught.value)
+    assert "unknown task 'fetch_cop'; did you mean 'fetch_cup'?" in told
+    assert "bad.yaml:3: tasks.fetch_cup.successes: more than all 2 are asked" in told
+    assert "bad.yaml:4: tasks.other.successes: one of 'at_least' and 'at_most' should be given" in told
+    assert "bad.yaml:6: controls.other: is the name of a task of this suite, too" in told
+    assert "finger_fraction" in told
+
+
+def test_a_suite_is_told_from_a_task() -> None:
+    assert [is_suite(name) for name in ("manipulation", "fetch_cup")] == [True, False]

@@ -1,0 +1,55 @@
+"""Targets: met or missed, by share where the number of runs is another one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from bestman_bt.evaluation.suite import EntryConfig, Spread, Successes
+from bestman_bt.evaluation.targets import check_targets
+
+
+def summary(succeeded: int, episodes: int, **other: Any) -> dict[str, Any]:
+    there = {
+        "succeeded": succeeded,
+        "episodes": episodes,
+        "accuracy": {},
+        "real_time_factor": 7.0,
+        "false_successes": 0,
+        "audit_clean": True,
+        "unclean_seeds": [],
+    }
+    return {**there, **other}
+
+
+def missed(asked: EntryConfig, found: dict[str, Any]) -> list[str]:
+    return [target.what for target in check_targets(asked, found) if not target.met]
+
+
+@pytest.mark.parametrize(
+    ("succeeded", "episodes", "met"), [(19, 20, True), (18, 20, False), (48, 50, True), (47, 50, False), (0, 0, False)]
+)
+def test_at_least_19_of_20_is_95_percent_of_any_number(succeeded: int, episodes: int, met: bool) -> None:
+    asked = EntryConfig(Successes(20, at_least=19))
+    assert missed(asked, summary(succeeded, episodes)) == ([] if met else ["successes"])
+
+
+@pytest.mark.parametrize(("succeeded", "episodes", "met"), [(0, 10, True), (1, 10, False), (0, 0, False)])
+def test_a_control_that_succeeds_once_is_missed(succeeded: int, episodes: int, met: bool) -> None:
+    asked = EntryConfig(Successes(10, at_most=0))
+    assert missed(asked, summary(succeeded, episodes)) == ([] if met else ["successes"])
+
+
+def test_accuracy_is_held_to_median_and_p95_and_missed_where_it_was_not_measured() -> None:
+    asked = EntryConfig(Successes(20, at_least=0), accuracy={"place_error_mm": Spread(8.0, 20.0)})
+    close, far = ({"place_error_mm": {"median": 7.9, "p95": p95}} for p95 in (19.0, 21.0))
+    assert missed(asked, summary(20, 20, accuracy=close)) == []
+    assert missed(asked, summary(20, 20, accuracy=far)) == ["place_error_mm p95"]
+    assert missed(asked, summary(20, 20)) == ["place_error_mm median", "place_error_mm p95"]
+
+
+def test_false_successes_and_cheats_are_missed_targets_of_every_entry() -> None:
+    asked = EntryConfig(Successes(20, at_least=19), real_time_factor=6.0)
+    found = summary(20, 20, false_successes=1, audit_clean=False, real_time_factor=5.9)
+    assert missed(asked, found) == ["real-time factor", "false successes", "audit"]
