@@ -8,44 +8,50 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
+from behaviours.arm_motion import hand_contacts
+from behaviours.policy_motion import PolicyMotion
+from behaviours.skill import Skill, SkillFailure, Steps
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.policy import (
-    ActionChunk,
     Observation,
     Policy,
     PolicySpecification,
+    StaleChunkError,
+    StreamedMotion,
     Workspace,
     chunk_path,
-    chunk_trajectory,
     pose_error,
     pose_vector,
 )
-from bestman_bt.manipulation.trajectory import SpeedScale, first_touch
-from bestman_bt.messages import JointTrajectory, Pose
+from bestman_bt.manipulation.trajectory import first_touch
+from bestman_bt.messages import Pose
+from bestman_bt.world_model import HeldObject
 
-POLICY_SPEED = SpeedScale(0.5, 0.35)
 STILL = 1e-3
 """Radians below which a chunk moves nothing."""
 STILL_CHUNKS = 3
-OUTSIDE = 0.02
-"""Metres by which the measured tool may leave the box before the arm is stopped: its plans may not leave it at all."""
-CLOSED = 0.002
-"""Metres of gripper width below which a policy means: close."""
+LEAD = 0.15
+"""Seconds from the policy's answer to where its chunk takes over: until then it has to be checked."""
+SUCCESSES = ("goal", "holding", "lifted")
 
 
 class RunPolicy(Skill):
-    """Act by a learned policy until the tool is at the goal, or the gripper holds something.
+    """Act by a learned policy until the tool is at the goal, or the gripper holds something, or has lifted it.
 
-    Each chunk is checked against the workspace and against everything that is believed to be there before it moves, and
-    runs at its own pace within half of the arm's speed. Fails with ``timeout``, ``stalled``, ``workspace``,
-    ``collision``, or with what the policy itself is to blame for, such as ``bad_action`` or ``policy_unreachable``.
+    The policy is asked again half-way through each chunk, and the motion goes on without a stop. Each chunk is checked
+    against the workspace and against everything that is believed to be there before it moves anything. Fails with
+    ``timeout``, ``stalled``, ``workspace``, ``collision``, or with what the policy itself is to blame for, such as
+    ``bad_action`` or ``policy_unreachable``. The hand may touch ``object``, which is believed to be held at the end.
     """
 
     INPUT_PORTS: ClassVar = {
         "policy": PortInformation(str, description="a shipped name, an .onnx file or the .yaml of a policy server"),
-        "goal": PortInformation(Pose, required=False, description="where the tool shall be, in the map frame"),
-        "success": PortInformation(str, required=False, default_value="goal", description="goal or holding"),
+        "goal": PortInformation(
+            Pose, required=False, description="where the tool shall be, or what it shall pick, in the map frame"
+        ),
+        "object": PortInformation(str, required=False, description="a seen object that the policy picks"),
+        "success": PortInformation(str, required=False, default_value="goal", description="goal, holding or lifted"),
+        "lift": PortInformation(float, required=False, default_value=0.1, description="metres, for lifted"),
         "timeout": PortInformation(float, required=False, default_value=20.0, description="seconds"),
         "position_tolerance": PortInformation(float, required=False, default_value=0.01, description="metres"),
         "rotation_tolerance": PortInformation(float, required=False, default_value=0.1, description="radians"),
@@ -56,36 +62,50 @@ class RunPolicy(Skill):
     OUTPUT_PORTS: ClassVar = {"chunks": PortInformation(int, required=False, description="how many were carried out")}
 
     def execute(self) -> Steps:
-        """Ask, check, move, look again."""
+        """Ask, check, move, look again while it moves."""
         policy = self.skills.policies(self.get_input("policy"))
         try:
-            yield from self._run(policy)
+            goal = self._goal()
+            box = self._check(policy.specification, goal)
+            deadline = self.skills.clock.now() + self.get_input("timeout")
+            motion = PolicyMotion(self.skills, box, deadline)
+            try:
+                yield from self._run(policy, motion, goal)
+            finally:
+                motion.cancel()
         finally:
             policy.close()
 
-    def _run(self, policy: Policy) -> Steps:
-        skills = self.skills
-        spec, goal = policy.specification, self._goal()
-        box = self._check(spec, goal)
-        deadline = skills.clock.now() + self.get_input("timeout")
+    def _run(self, policy: Policy, motion: PolicyMotion, goal: Pose | None) -> Steps:
+        clock, spec = self.skills.clock, policy.specification
         policy.reset()
         done, still = 0, 0
         self.set_output("chunks", done)
-        while not self._succeeded(goal):
-            if skills.clock.now() >= deadline:
+        while True:
+            if self._succeeded(motion, goal):
+                yield from motion.finish()
+                if self._succeeded(motion, goal):
+                    break
+            if clock.now() >= motion.deadline:
                 raise SkillFailure("timeout", f"not there in time{self._distance(goal)}")
+            seen, start = clock.now(), motion.asked_positions()
             chunk = yield self.compute("policy", policy.act, self._observation(spec, goal))
-            start = skills.arm_positions()
-            trajectory = yield self.compute("trajectory", self._checked, chunk, start, box)
-            moves = float(np.abs(trajectory.positions - start).max()) > STILL
+            path = chunk_path(chunk, start, self.skills.algorithms.kinematics, self.skills.arm_model)
+            moves = bool(np.abs(path - start).max() > STILL) or motion.stream.moving(seen)
             if moves:
-                yield from self._follow(trajectory, box, deadline)
-            acted = yield from self._move_gripper(chunk)
+                begin = clock.now() + LEAD if motion.stream.moving(seen) else clock.now()
+                try:
+                    spliced = yield self.compute("trajectory", self._checked, motion, path, chunk.dt, seen, begin)
+                    motion.follow(spliced)
+                except StaleChunkError:
+                    continue  # the arm has come to rest meanwhile, or does so now: look again
+            acted = yield from motion.carry_out(chunk, seen)
             still = 0 if moves or acted else still + 1
             if still == STILL_CHUNKS:
                 raise SkillFailure("stalled", f"the policy does not move any more{self._distance(goal)}")
             done += 1
             self.set_output("chunks", done)
+        self._believe_held(motion, goal)
         self.feedback_message = f"{done} chunks"
 
     def _goal(self) -> Pose | None:
@@ -97,9 +117,11 @@ class RunPolicy(Skill):
         skills = self.skills
         if spec.joint_names != skills.arm_model.joint_names or spec.robot not in ("", skills.robot.name):
             raise SkillFailure("other_robot", f"the policy moves {spec.robot} {spec.joint_names}, not this arm")
-        success = self.get_input("success")
-        if success not in ("goal", "holding"):
-            raise SkillFailure("bad_input", f"success should be goal or holding but is {success!r}")
+        success, name = self.get_input("success"), self.get_input("object")
+        if success not in SUCCESSES:
+            raise SkillFailure("bad_input", f"success should be one of {', '.join(SUCCESSES)} but is {success!r}")
+        if name and name not in skills.world.objects:
+            raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
         if goal is None and (spec.goal_size or success == "goal"):
             raise SkillFailure("no_goal", "the policy, or the condition of success, needs a goal")
         if spec.goal_size not in (0, 7):
@@ -117,9 +139,16 @@ class RunPolicy(Skill):
                 raise SkillFailure("workspace", f"the {what} at {where} is outside the workspace {box}")
         return box
 
-    def _succeeded(self, goal: Pose | None) -> bool:
-        if self.get_input("success") == "holding":
-            return self.skills.gripper.pressing()
+    def _succeeded(self, motion: PolicyMotion, goal: Pose | None) -> bool:
+        success = self.get_input("success")
+        if success != "goal":
+            if not self.skills.gripper.pressing():
+                return False
+            closed_at = motion.closed_at
+            if success == "holding":
+                return True
+            height = self.skills.base_from_tool().position[2]
+            return closed_at is not None and bool(height - closed_at.position[2] >= self.get_input("lift"))
         assert goal is not None
         error = pose_error(goal, self.skills.base_from_tool())
         return bool(
@@ -128,7 +157,7 @@ class RunPolicy(Skill):
         )
 
     def _distance(self, goal: Pose | None) -> str:
-        if goal is None:
+        if goal is None or self.get_input("success") != "goal":
             return ""
         error = pose_error(goal, self.skills.base_from_tool())
         return f": {np.linalg.norm(error[:3]):.3f} m and {np.linalg.norm(error[3:]):.2f} rad from the goal"
@@ -148,49 +177,34 @@ class RunPolicy(Skill):
             np.zeros(0) if goal is None else pose_vector(goal),
             skills.gripper.width(),
             images,
+            skills.arm.velocities(),
         )
 
-    def _checked(self, chunk: ActionChunk, start: NDArray[np.float64], box: Workspace) -> JointTrajectory:
-        """The chunk as a motion from ``start`` (n,) that keeps to the box and touches nothing."""
+    def _checked(
+        self, motion: PolicyMotion, path: NDArray[np.float64], dt: float, seen: float, begin: float
+    ) -> StreamedMotion:
+        """The motion along ``path`` (H + 1, n) from the clock's ``begin`` on: in the box, and it touches nothing."""
         skills = self.skills
-        kinematics = skills.algorithms.kinematics
-        path = chunk_path(chunk, start, kinematics, skills.arm_model)
-        outside = box.first_outside(path, kinematics)
-        if outside is not None:
-            raise SkillFailure("workspace", f"the policy would leave the workspace at {np.round(outside, 3).tolist()}")
-        trajectory = chunk_trajectory(path, chunk.dt, skills.arm_model, POLICY_SPEED)
-        touch = first_touch(trajectory, skills.arm_world(skills.planning_scene()))
+        outside = motion.box.first_outside(path, skills.algorithms.kinematics)
+        spliced = None if outside is not None else motion.stream.splice(path, dt, seen, begin)
+        if spliced is not None:
+            outside = motion.box.first_outside(spliced.trajectory.positions, skills.algorithms.kinematics)
+        if spliced is None or outside is not None:
+            where = np.round(outside, 3).tolist()
+            raise SkillFailure("workspace", f"the policy would leave the workspace at {where}")
+        name = self.get_input("object")
+        allowed = hand_contacts(skills, name) if name else ()
+        touch = first_touch(spliced.trajectory, skills.arm_world(skills.planning_scene(allowed_pairs=allowed)))
         if touch is not None:
             raise SkillFailure("collision", f"the policy would touch {touch}")
-        return trajectory
+        return spliced
 
-    def _follow(self, trajectory: JointTrajectory, box: Workspace, deadline: float) -> Steps:
-        """Carry the chunk out; the arm is stopped in mid-motion where time is up or the tool leaves the box."""
-        try:
-            yield self.skills.arm.follow(trajectory, guard=lambda: self._objection(box, deadline))
-        except SkillFailure as failure:
-            if failure.code == "guarded" and self.skills.clock.now() >= deadline:
-                raise SkillFailure("timeout", "stopped in the middle of a chunk: not there in time") from failure
-            raise
-
-    def _objection(self, box: Workspace, deadline: float) -> str | None:
-        if self.skills.clock.now() >= deadline:
-            return "time is up"
-        position = self.skills.base_from_tool().position
-        if box.contains(position, OUTSIDE):
-            return None
-        return f"the tool has left the workspace at {np.round(position, 3).tolist()}"
-
-    def _move_gripper(self, chunk: ActionChunk) -> StepsTo[bool]:
-        """Bring the gripper where the chunk ends; returns whether that was a command."""
-        gripper = self.skills.gripper
-        if chunk.gripper_widths is None:
-            return False
-        width = float(np.clip(chunk.gripper_widths[-1], 0.0, gripper.description.max_width))
-        if width < CLOSED and not gripper.pressing() and gripper.width() > CLOSED:
-            yield gripper.close()
-            return True
-        if width >= CLOSED and abs(width - gripper.width()) > CLOSED:
-            yield gripper.open(width)
-            return True
-        return False
+    def _believe_held(self, motion: PolicyMotion, goal: Pose | None) -> None:
+        """The object that was picked is in the hand, as it was seen, but centred between the fingers."""
+        skills, name = self.skills, self.get_input("object")
+        if not name or goal is None or motion.closed_at is None or self.get_input("success") == "goal":
+            return
+        tool_from_object = motion.closed_at.inverse() @ goal
+        centred = Pose(tool_from_object.position * [1.0, 0.0, 1.0], tool_from_object.quaternion)
+        belief = skills.world.objects.pop(name)
+        skills.world.held = HeldObject(name, belief.model, centred, skills.gripper.width())

@@ -3,7 +3,8 @@
 from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
 from bestman_bt.manipulation.policy.behaviour_cloning import BehaviourCloningParameters, ClonedPolicy, clone
 from bestman_bt.manipulation.policy.chunk_path import chunk_path
-from bestman_bt.manipulation.policy.chunk_trajectory import chunk_trajectory
+from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, ChunkStreamParameters, StreamedMotion
+from bestman_bt.manipulation.policy.demonstration import Demonstration
 from bestman_bt.manipulation.policy.demonstrations import DatasetError, DemonstrationFormat, DemonstrationRecorder
 from bestman_bt.manipulation.policy.errors import (
     MissingPolicyExtraError,
@@ -13,6 +14,7 @@ from bestman_bt.manipulation.policy.errors import (
     PolicyObservationError,
     PolicyServerError,
     PolicyUnreachableError,
+    StaleChunkError,
 )
 from bestman_bt.manipulation.policy.features import feature_vector, pose_error, pose_vector
 from bestman_bt.manipulation.policy.load import load_policy
@@ -23,15 +25,26 @@ from bestman_bt.manipulation.policy.onnx_policy import (
     PolicyNormalization,
 )
 from bestman_bt.manipulation.policy.openpi_client import OpenpiPolicy, OpenpiPolicyParameters
-from bestman_bt.manipulation.policy.reaching import Demonstration, ReachingExpert, ReachingParameters
+from bestman_bt.manipulation.policy.picking import (
+    PICKING_FEATURES,
+    PickedObject,
+    PickingExpert,
+    PickingParameters,
+    PickState,
+)
+from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES, ReachingExpert, ReachingParameters
 from bestman_bt.manipulation.policy.rollout import Rollout, roll_out
 from bestman_bt.manipulation.policy.specification import PolicySpecification
 from bestman_bt.manipulation.policy.workspace import Workspace
 
 __all__ = [
+    "PICKING_FEATURES",
+    "REACHING_FEATURES",
     "ActionChunk",
     "ActionSpace",
     "BehaviourCloningParameters",
+    "ChunkStream",
+    "ChunkStreamParameters",
     "ClonedPolicy",
     "DatasetError",
     "Demonstration",
@@ -43,6 +56,10 @@ __all__ = [
     "OnnxPolicyParameters",
     "OpenpiPolicy",
     "OpenpiPolicyParameters",
+    "PickState",
+    "PickedObject",
+    "PickingExpert",
+    "PickingParameters",
     "Policy",
     "PolicyActionError",
     "PolicyCard",
@@ -56,9 +73,10 @@ __all__ = [
     "ReachingExpert",
     "ReachingParameters",
     "Rollout",
+    "StaleChunkError",
+    "StreamedMotion",
     "Workspace",
     "chunk_path",
-    "chunk_trajectory",
     "clone",
     "feature_vector",
     "load_policy",

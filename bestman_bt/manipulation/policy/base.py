@@ -32,7 +32,8 @@ class Observation:
 
     ``joint_positions``: (n,) radians. ``base_from_tool``: by encoders. ``gripper_width``: metres, or None.
     ``goal``: (g,) what is asked, as the specification says; for a reach x, y, z and the quaternion xyzw of the tool,
-    in the base frame. ``images``: (H, W, 3) uint8 RGB by the camera's role. Raises PolicyObservationError.
+    in the base frame, for a pick the object's pose as perception has it. ``images``: (H, W, 3) uint8 RGB by the
+    camera's role. ``joint_velocities``: (n,) rad/s by encoders, or None. Raises PolicyObservationError.
     """
 
     joint_positions: NDArray[np.float64]
@@ -40,9 +41,12 @@ class Observation:
     goal: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
     gripper_width: float | None = None
     images: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    joint_velocities: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("joint_positions", "goal"):
+        for name in ("joint_positions", "goal", "joint_velocities"):
+            if getattr(self, name) is None:
+                continue
             values = np.array(getattr(self, name), dtype=float)
             if values.ndim != 1 or not np.isfinite(values).all():
                 raise PolicyObservationError(f"Observation {name} should be a finite (n,) array but is {values}")

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from bestman_bt.manipulation.policy.demonstration import Demonstration
 from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyError
 from bestman_bt.manipulation.policy.features import feature_vector
 from bestman_bt.manipulation.policy.onnx_policy import PolicyCard, PolicyNormalization
-from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES, Demonstration
+from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES
 from bestman_bt.manipulation.policy.specification import PolicySpecification
 
 Array = NDArray[np.float32]
@@ -103,7 +104,8 @@ def clone(
     )
     inputs = ((seen - norm.input_mean) / norm.input_scale).astype(np.float32)
     targets = (done / norm.output_scale).astype(np.float32)
-    weights = (1.0 / (np.sqrt((targets**2).mean(axis=1)) + p.precision)).astype(np.float32)
+    moved = targets.reshape(len(seen), specification.horizon, -1)[:, :, : len(specification.joint_names)]
+    weights = (1.0 / (np.sqrt((moved**2).mean(axis=(1, 2))) + p.precision)).astype(np.float32)
     layers, loss = _fit(inputs, targets, weights / weights.mean(), p)
     training = {"chunks": len(seen), "episodes": len(demonstrations), "loss": round(loss, 6), **asdict(p)}
     return ClonedPolicy(layers, PolicyCard(specification, tuple(features), norm, training), loss)

@@ -29,6 +29,12 @@ class PolicyActionError(PolicyError):
     code = "bad_action"
 
 
+class StaleChunkError(PolicyError):
+    """A chunk came so late that the arm is no longer where it goes on from; ask again."""
+
+    code = "stale_chunk"
+
+
 class PolicyUnreachableError(PolicyError):
     """A policy server gave no answer in time; the message has the address and the reason."""
 

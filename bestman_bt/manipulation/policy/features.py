@@ -13,6 +13,8 @@ from bestman_bt.manipulation.policy.errors import PolicyModelError, PolicyObserv
 from bestman_bt.messages import Pose
 
 Feature = Callable[[Observation], NDArray[np.float64]]
+NEAR = 0.03
+"""Metres within which ``goal_offset_near`` tells distances apart."""
 
 
 def pose_vector(pose: Pose) -> NDArray[np.float64]:
@@ -39,14 +41,31 @@ def _width(observation: Observation) -> NDArray[np.float64]:
     return np.array([observation.gripper_width])
 
 
+def _velocities(observation: Observation) -> NDArray[np.float64]:
+    if observation.joint_velocities is None:
+        raise PolicyObservationError("the policy needs the joints' velocities, which the observation lacks")
+    return observation.joint_velocities
+
+
+def _offset(observation: Observation) -> NDArray[np.float64]:
+    offset: NDArray[np.float64] = _goal_pose(observation).position - observation.base_from_tool.position
+    return offset
+
+
 FEATURES: Mapping[str, Feature] = {
     "joint_positions": lambda observation: observation.joint_positions,
+    "joint_velocities": _velocities,
     "gripper_width": _width,
     "tool_pose": lambda observation: pose_vector(observation.base_from_tool),
     "goal": lambda observation: observation.goal,
     "goal_error": lambda observation: pose_error(_goal_pose(observation), observation.base_from_tool),
+    "goal_offset": _offset,
+    "goal_offset_near": lambda observation: np.tanh(_offset(observation) / NEAR),
+    "tool_axes": lambda observation: observation.base_from_tool.rotation[:, [0, 2]].T.ravel(),
 }
-"""``goal_error``: (6,), see ``pose_error``; the others are the observation's own."""
+"""``goal_error``: (6,), see ``pose_error``. ``goal_offset``: (3,) metres from the tool to the goal in the base frame;
+``goal_offset_near``: the same where it is small, squashed beyond. ``tool_axes``: (6,) the tool's x and z axis in the
+base frame. The others are the observation's own."""
 
 
 def feature_vector(observation: Observation, names: Sequence[str]) -> NDArray[np.float64]:

@@ -1,6 +1,7 @@
 """Policies in ONNX files, run by onnxruntime on the CPU; a JSON file of the same name says what goes in and comes out.
 
-The network takes normalised features [1, f] and gives a normalised chunk [1, H · n].
+The network takes normalised features [1, f] and gives a normalised chunk [1, H · n], or [1, H · (n + 1)] with the
+gripper: above 0 open, else closed.
 """
 
 from __future__ import annotations
@@ -114,9 +115,10 @@ class OnnxPolicy(Policy):
         card = PolicyCard.read(self._path.with_suffix(".json"))
         spec, outputs = card.specification, len(card.normalization.output_mean)
         spaces = (ActionSpace.JOINT_POSITIONS.value, ActionSpace.JOINT_DELTAS.value)
-        if spec.space not in spaces or outputs != spec.horizon * len(spec.joint_names) or outputs == 0:
+        columns = len(spec.joint_names) + spec.moves_gripper
+        if spec.space not in spaces or outputs != spec.horizon * columns or outputs == 0:
             raise PolicyModelError(
-                f"{self._path} should give {spec.horizon} x {len(spec.joint_names)} joint actions "
+                f"{self._path} should give {spec.horizon} x {columns} joint actions "
                 f"but is described as {outputs} numbers of {spec.space!r}"
             )
         return card
@@ -141,8 +143,12 @@ class OnnxPolicy(Policy):
         if features.shape != norm.input_mean.shape:
             raise PolicyModelError(f"{self._path} takes {norm.input_mean.shape} features, these are {features.shape}")
         raw = self._run(((features - norm.input_mean) / norm.input_scale).astype(np.float32)[None])
-        chunk = (raw * norm.output_scale + norm.output_mean).reshape(spec.horizon, len(spec.joint_names))
-        return ActionChunk(chunk, spec.dt, ActionSpace(spec.space))
+        chunk = (raw * norm.output_scale + norm.output_mean).reshape(spec.horizon, -1)
+        joints, space = len(spec.joint_names), ActionSpace(spec.space)
+        if not spec.moves_gripper:
+            return ActionChunk(chunk, spec.dt, space)
+        widths = np.where(chunk[:, joints] > 0.0, spec.open_width, 0.0)
+        return ActionChunk(chunk[:, :joints], spec.dt, space, widths)
 
     def _run(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
         session = self._session

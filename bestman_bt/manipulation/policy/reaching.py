@@ -1,7 +1,7 @@
 """Demonstrations of reaching: our own inverse kinematics and jerk-limited motions, without a simulator.
 
-An expert stands at rest, looks at where the tool should be, and shows the first H steps of the straight joint motion to
-the nearest solution; then it looks again from where it has come, a little off its way, so that the imitator sees how to
+An expert looks at where the tool should be, and shows the first H steps of the motion to the nearest solution; then it
+looks again, still moving, from where it has come, a little off its way, so that the imitator sees how to
 correct itself (Laskey et al., "DART: noise injection for robust imitation learning", CoRL 2017).
 """
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.demonstration import Demonstration
 from bestman_bt.manipulation.policy.errors import PolicyError
 from bestman_bt.manipulation.policy.features import pose_vector
 from bestman_bt.manipulation.policy.specification import PolicySpecification
@@ -23,7 +24,7 @@ from bestman_bt.manipulation.trajectory import RuckigStateToState, SpeedScale
 from bestman_bt.messages import JointTrajectory, Pose
 from bestman_bt.robot_model import ArmModel
 
-REACHING_FEATURES = ("joint_positions", "goal_error")
+REACHING_FEATURES = ("joint_positions", "joint_velocities", "goal_error")
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,9 @@ class ReachingParameters:
 
     ``lower``, ``upper``: corners for the tool in the base frame, metres. ``max_yaw``, ``max_tilt``: how far the tool
     turns from ``posture``'s direction, radians. ``posture_noise``: rad on the joints at which a search begins.
-    ``horizon`` actions of ``dt`` seconds per chunk. ``chunks``: per episode. ``drift``: rad off the way after each
-    chunk. ``near``: share of the episodes that begin next to their goal. ``margin``: metres around the goals' box in
-    which the tool may be on its way.
+    ``horizon`` actions of ``dt`` seconds per chunk, of which ``executed`` are carried out. ``chunks``: per episode.
+    ``drift``: rad off the way after each, at most. ``near``: share of the episodes that begin next to their goal.
+    ``margin``: metres around the goals' box in which the tool may be on its way.
     """
 
     lower: tuple[float, float, float] = (0.42, -0.30, 0.82)
@@ -45,8 +46,9 @@ class ReachingParameters:
     posture_noise: float = 0.1
     horizon: int = 10
     dt: float = 0.08
-    chunks: int = 4
-    drift: float = 0.01
+    executed: int = 5
+    chunks: int = 8
+    drift: float = 0.015
     near: float = 0.3
     margin: float = 0.10
     speed: SpeedScale = field(default_factory=lambda: SpeedScale(0.4, 0.25))
@@ -54,17 +56,9 @@ class ReachingParameters:
     def __post_init__(self) -> None:
         if not all(low < high for low, high in zip(self.lower, self.upper, strict=True)):
             raise ManipulationError(f"ReachingParameters lower {self.lower} should lie below upper {self.upper}")
-        for name in ("horizon", "dt", "chunks"):
+        for name in ("horizon", "dt", "executed", "chunks"):
             if not getattr(self, name) > 0:
                 raise ManipulationError(f"ReachingParameters {name} should be above 0 but is {getattr(self, name)}")
-
-
-@dataclass(frozen=True, eq=False)
-class Demonstration:
-    """One episode of N chunks: what was seen before each, and the H · n joint deltas that followed, (N, H, n)."""
-
-    observations: tuple[Observation, ...]
-    chunks: NDArray[np.float64]
 
 
 class ReachingExpert:
@@ -111,13 +105,22 @@ class ReachingExpert:
             if start is not None and self.motion(start, goal, rng) is not None:
                 return start, goal
 
-    def motion(self, start: NDArray[np.float64], goal: Pose, rng: np.random.Generator) -> JointTrajectory | None:
-        """The expert's motion from rest at ``start`` to the nearest solution for ``goal``; None if there is none."""
+    def motion(
+        self,
+        start: NDArray[np.float64],
+        goal: Pose,
+        rng: np.random.Generator,
+        velocity: NDArray[np.float64] | None = None,
+    ) -> JointTrajectory | None:
+        """The expert's motion from ``start`` to the nearest solution for ``goal``; None if there is none.
+
+        ``velocity``: (n,) rad/s at the start (default: at rest).
+        """
         found = self.kinematics.solve(goal, start, rng, attempts=1)
         if not found.found:
             return None
         try:
-            return self._motion.plan(start, found.best, self.arm, self.parameters.speed)
+            return self._motion.plan(start, found.best, self.arm, self.parameters.speed, start_velocity=velocity)
         except ManipulationError:
             return None
 
@@ -125,21 +128,32 @@ class ReachingExpert:
         """One episode."""
         p = self.parameters
         positions, goal = self.task(rng, near=bool(rng.uniform() < p.near))
+        velocities = np.zeros(len(positions))
         observations, chunks = [], []
         for _ in range(p.chunks):
-            motion = self.motion(positions, goal, rng)
+            motion = self.motion(positions, goal, rng, velocities)
             if motion is None:
                 break
-            observations.append(Observation(positions, self.kinematics.tool_pose(positions), pose_vector(goal)))
+            tool = self.kinematics.tool_pose(positions)
+            observations.append(Observation(positions, tool, pose_vector(goal), joint_velocities=velocities))
             times = np.arange(p.horizon + 1) * p.dt
             samples = np.array([motion.sample(float(time))[0] for time in times])
             chunks.append(np.diff(samples, axis=0))
-            positions = np.clip(
-                samples[-1] + rng.normal(0.0, p.drift, len(positions)), self.arm.lower + 0.03, self.arm.upper - 0.03
-            )
+            positions, velocities = self._pushed(*motion.sample(float(times[p.executed])), rng)
         if not chunks:
             raise PolicyError("the expert found no motion to a goal that it had reached before")
         return Demonstration(tuple(observations), np.array(chunks))
+
+    def _pushed(
+        self, positions: NDArray[np.float64], velocities: NDArray[np.float64], rng: np.random.Generator
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A little off, most often very little."""
+        push = self.parameters.drift * rng.uniform() ** 2
+        fastest = self.arm.velocity * self.parameters.speed.velocity
+        return (
+            np.clip(positions + rng.normal(0.0, push, len(positions)), self.arm.lower + 0.03, self.arm.upper - 0.03),
+            np.clip(velocities + rng.normal(0.0, 2.0 * push, len(positions)), -fastest, fastest),
+        )
 
     def _pose(self, rng: np.random.Generator) -> Pose:
         p = self.parameters

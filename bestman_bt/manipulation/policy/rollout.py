@@ -1,4 +1,4 @@
-"""Trying a policy in kinematics alone: each chunk is carried out exactly, then it is asked again."""
+"""Trying a policy in kinematics alone: the first half of each chunk is carried out exactly, then it is asked again."""
 
 from __future__ import annotations
 
@@ -34,16 +34,21 @@ def roll_out(
     start: NDArray[np.float64],
     told: Pose,
     judged: Pose | None = None,
-    chunks: int = 8,
+    chunks: int = 16,
 ) -> Rollout:
     """From ``start`` (n,) with the goal ``told``; errors are those to ``judged`` (default: the same)."""
     judged = judged or told
     path, errors = [start], []
+    velocities = np.zeros(len(start))
     policy.reset()
     for _ in range(chunks):
         tool = kinematics.tool_pose(path[-1])
-        steps = chunk_path(policy.act(Observation(path[-1], tool, pose_vector(told))), path[-1], kinematics, arm)
-        path.extend(steps[1:])
+        chunk = policy.act(Observation(path[-1], tool, pose_vector(told), joint_velocities=velocities))
+        steps = chunk_path(chunk, path[-1], kinematics, arm)
+        half = max(1, (len(steps) - 1) // 2)
+        path.extend(steps[1 : half + 1])
+        following = steps[min(half + 1, len(steps) - 1)]
+        velocities = (following - steps[half - 1]) / (2.0 * chunk.dt)
         error = pose_error(judged, kinematics.tool_pose(path[-1]))
         errors.append((np.linalg.norm(error[:3]), np.linalg.norm(error[3:])))
     return Rollout(np.array(path), np.array(errors))

@@ -17,7 +17,8 @@ class PolicySpecification:
     ``robot``: the robot model it was trained on; empty: any that fits. ``joint_names``: the n joints, in the order of
     positions and actions. ``space``: value of an ``ActionSpace``. ``horizon``: H; 0: it varies. ``dt``: seconds per
     action. ``goal_size``: entries of the goal vector. ``images``: camera → (H, W) pixels. ``needs_gripper``: whether it
-    looks at the gripper's width. ``moves_gripper``: whether its chunks have widths.
+    looks at the gripper's width. ``moves_gripper``: whether its chunks have widths; ``open_width``: metres, that of
+    an open gripper, where it only opens and closes.
     ``workspace``: lower and upper corner of the box, in the base frame, in which the tool may be while it acts: where
     it was trained; None: not known.
     """
@@ -31,6 +32,7 @@ class PolicySpecification:
     images: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     needs_gripper: bool = False
     moves_gripper: bool = False
+    open_width: float = 0.0
     workspace: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
     description: str = ""
 

@@ -1,0 +1,138 @@
+"""The arm and the gripper under a policy: one motion that goes on from chunk to chunk, watched and stopped."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.computation import TimeSource
+from behaviours.context import SkillContext
+from behaviours.skill import SkillFailure, Steps, StepsTo
+from bestman_bt.control import ControlHandle, ControlStatus
+from bestman_bt.manipulation.policy import (
+    ActionChunk,
+    ChunkStream,
+    ChunkStreamParameters,
+    StreamedMotion,
+    Workspace,
+)
+from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.messages import Pose
+
+POLICY_STREAM = ChunkStreamParameters(speed=SpeedScale(0.5, 0.35))
+OUTSIDE = 0.02
+"""Metres by which the measured tool may leave the box before the arm is stopped: its plans may not leave it at all."""
+CLOSED = 0.002
+"""Metres of gripper width below which a policy means: close; also by how much another width differs."""
+
+
+class PolicyMotion:
+    """What a policy has set in motion, by the clock's ``deadline`` and with the tool in ``box``.
+
+    ``closed_at``: base_from_tool when the gripper was last told to close. Nothing moves after ``cancel``.
+    """
+
+    def __init__(self, skills: SkillContext, box: Workspace, deadline: float) -> None:
+        self._skills, self.box, self.deadline = skills, box, deadline
+        self.stream = ChunkStream(skills.arm_model, POLICY_STREAM)
+        self.closed_at: Pose | None = None
+        self._arm: ControlHandle[None] | None = None
+        self._fingers: ControlHandle[object] | None = None
+        self._width = skills.gripper.width()
+        self._chunk: tuple[ActionChunk, float] | None = None
+
+    def asked_positions(self) -> NDArray[np.float64]:
+        """Where the arm is asked to be now, (n,) radians; at rest, where it is.
+
+        Deltas that are added to what was asked make up for what gravity and lag take away.
+        """
+        now, motion = self._skills.clock.now(), self.stream.motion
+        if motion is not None and self.stream.moving(now):
+            return motion.state(now).positions
+        return self._skills.arm_positions()
+
+    def follow(self, spliced: StreamedMotion) -> None:
+        """Go on along a checked motion; StaleChunkError where it is too late for it."""
+        trajectory = self.stream.accept(spliced, self._skills.clock.now())
+        self._arm = self._skills.arm.follow(trajectory, guard=self._objection)
+
+    def carry_out(self, chunk: ActionChunk, seen: float) -> StepsTo[bool]:
+        """Until half of the chunk is over, which began at ``seen``; returns whether the gripper did something."""
+        self._chunk = chunk, seen
+        half = seen + max(1, len(chunk.actions) // 2) * chunk.dt
+        return (yield from self._until(half))
+
+    def finish(self) -> Steps:
+        """Until the motion under way is at rest."""
+        if self.stream.motion is not None:
+            yield from self._until(self.stream.motion.end)
+        while self._arm is not None and not self._arm.done:
+            yield from self._until(self._skills.clock.now() + 1e-3)
+
+    def cancel(self) -> None:
+        """Bring arm and fingers to rest; what is held stays held."""
+        for handle in (self._arm, self._fingers):
+            if handle is not None:
+                handle.cancel()
+
+    def _until(self, time: float) -> StepsTo[bool]:
+        clock, acted = self._skills.clock, False
+        while True:
+            self._watch()
+            acted = self._move_gripper() or acted
+            if clock.now() >= time - 1e-9:
+                return acted
+            yield NextTick(clock)
+
+    def _watch(self) -> None:
+        """Raise where arm or gripper has failed."""
+        for handle in (self._arm, self._fingers):
+            if handle is not None and handle.done and handle.status is not ControlStatus.SUCCEEDED:
+                error = handle.error
+                assert error is not None
+                if error.code.value == "guarded" and self._skills.clock.now() >= self.deadline:
+                    raise SkillFailure("timeout", "stopped in the middle of a chunk: not there in time")
+                raise SkillFailure(error.code.value, error.text)
+
+    def _objection(self) -> str | None:
+        if self._skills.clock.now() >= self.deadline:
+            return "time is up"
+        position = self._skills.base_from_tool().position
+        if self.box.contains(position, OUTSIDE):
+            return None
+        return f"the tool has left the workspace at {np.round(position, 3).tolist()}"
+
+    def _move_gripper(self) -> bool:
+        """Tell the gripper what the chunk says for now, where that is new; returns whether it moves."""
+        gripper = self._skills.gripper
+        moving = self._fingers is not None and not self._fingers.done
+        if self._chunk is None or self._chunk[0].gripper_widths is None:
+            return moving
+        chunk, seen = self._chunk
+        widths = self._chunk[0].gripper_widths
+        index = min(int((self._skills.clock.now() - seen) / chunk.dt), len(widths) - 1)
+        width = float(np.clip(widths[index], 0.0, gripper.description.max_width))
+        if abs(width - self._width) <= CLOSED:
+            return moving
+        self._width = width
+        if width < CLOSED:
+            self.closed_at = self._skills.base_from_tool()
+            self._fingers = gripper.close()
+        else:
+            self._fingers = gripper.open(width)
+        return True
+
+
+class NextTick:
+    """Waits until time has passed."""
+
+    def __init__(self, clock: TimeSource) -> None:
+        self._clock, self._since = clock, clock.now()
+
+    @property
+    def done(self) -> bool:
+        """Whether it is later than when the wait began."""
+        return self._clock.now() > self._since
+
+    def cancel(self) -> None:
+        """It ends by itself."""

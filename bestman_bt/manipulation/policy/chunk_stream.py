@@ -1,0 +1,247 @@
+"""Chunks as one motion that goes on: each is blended into the one under way while that still moves.
+
+Where two chunks speak of the same time, the older one's weight falls from 1 to 0: the temporal ensembling of Zhao et
+al. (ACT, RSS 2023), with weights along the chunk as in Black et al., "Real-time execution of action chunking flow
+policies", NeurIPS 2025. Between waypoints the motion is ruckig's, so velocity, acceleration and jerk keep their limits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import ruckig
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.joint_values import JointLimits, joint_path
+from bestman_bt.manipulation.policy.errors import PolicyActionError, PolicyError, StaleChunkError
+from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.messages import JointTrajectory
+
+Array = NDArray[np.float64]
+MAX_SLOWDOWN = 20.0
+"""A chunk that would have to be slower than this has no sense as a motion: a jump, not a step."""
+_INSIDE = 1.0 - 1e-6
+_TARGET_SHARE = 0.9
+"""Share of the limits that a waypoint may ask for: ruckig needs some room to arrive in time."""
+_SKIP = 4
+"""How many waypoints ahead the motion looks when it cannot be in time at the next one."""
+
+
+@dataclass(frozen=True)
+class ChunkStreamParameters:
+    """``speed``: share of the arm's limits. ``jerk_time``: seconds from rest to full acceleration.
+
+    ``blend``: seconds in which the weight of the chunk under way falls to 0. ``period``: between samples, seconds.
+    """
+
+    speed: SpeedScale = field(default_factory=lambda: SpeedScale(0.5, 0.35))
+    jerk_time: float = 0.1
+    blend: float = 0.4
+    period: float = 0.02
+
+    def __post_init__(self) -> None:
+        for name in ("jerk_time", "blend", "period"):
+            if not getattr(self, name) > 0:
+                raise PolicyError(f"ChunkStreamParameters {name} should be above 0 but is {getattr(self, name)}")
+
+
+@dataclass(frozen=True, eq=False)
+class StreamState:
+    """Where the arm is asked to be: positions, velocities and accelerations, each (n,)."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
+
+
+@dataclass(frozen=True, eq=False)
+class StreamedMotion:
+    """A motion that begins at the clock's ``start`` and ends at rest; ``accelerations``: (N, n) at its samples."""
+
+    start: float
+    trajectory: JointTrajectory
+    accelerations: Array
+
+    @property
+    def end(self) -> float:
+        """When it is at rest, by the clock."""
+        return self.start + self.trajectory.duration
+
+    def state(self, time: float) -> StreamState:
+        """At ``time`` by the clock; at rest after its end."""
+        positions, velocities = self.trajectory.sample(time - self.start)
+        times = self.trajectory.times + self.start
+        accelerations = np.array([np.interp(time, times, column) for column in self.accelerations.T])
+        return StreamState(positions, velocities, accelerations * (time < self.end))
+
+
+class ChunkStream:
+    """The motion under way and how the next chunk goes on from it.
+
+    ``splice`` proposes; nothing changes until ``accept``, so that the proposal can be checked first. Whatever has been
+    accepted ends at rest: an arm whose policy says nothing more comes to rest by itself.
+    """
+
+    def __init__(self, limits: JointLimits, parameters: ChunkStreamParameters | None = None) -> None:
+        self.parameters = parameters or ChunkStreamParameters()
+        self._limits = limits
+        p = self.parameters
+        self._speed = limits.velocity * p.speed.velocity
+        self._acceleration = limits.acceleration * p.speed.acceleration
+        self._jerk = self._acceleration / p.jerk_time
+        self._ruckig = ruckig.Ruckig(len(limits.joint_names))
+        self.motion: StreamedMotion | None = None
+
+    @property
+    def jerk_limits(self) -> Array:
+        """(n,) rad/s³."""
+        return self._jerk
+
+    def moving(self, time: float) -> bool:
+        """Whether a motion is under way at ``time``."""
+        return self.motion is not None and time < self.motion.end - 1e-9
+
+    def splice(self, path: Array, dt: float, seen: float, at: float) -> StreamedMotion:
+        """The motion from the clock's ``at`` on: first as the one under way, then along ``path``, then at rest.
+
+        ``path``: (H + 1, n) radians, ``dt`` seconds apart, beginning at ``seen``, when the policy looked. Where it is
+        quicker than the limits it is stretched. Raises PolicyActionError where it would take 20 times as long,
+        StaleChunkError where it is over by then.
+        """
+        path = joint_path(path, len(self._limits.joint_names), "path")
+        times = seen + dt * np.arange(len(path))
+        if self.moving(seen) and self.motion is not None:
+            state = self.motion.state(at)
+            waypoints = np.array([self._blended(point, t, at) for point, t in zip(path, times, strict=True)])
+        else:
+            # What was seen at rest is true whenever it begins.
+            times = times + (at - seen)
+            state = StreamState(path[0], np.zeros(path.shape[1]), np.zeros(path.shape[1]))
+            waypoints = path
+        ahead = times > at + 0.5 * dt
+        if not ahead.any():
+            raise StaleChunkError(f"the chunk of {dt * (len(path) - 1):.2f} s is over before it could begin")
+        times, waypoints = np.append(at, times[ahead]), np.vstack([state.positions, waypoints[ahead]])
+        slowdown = self._slowdown(times, waypoints)
+        if slowdown > MAX_SLOWDOWN:
+            raise PolicyActionError(f"the chunk jumps: within the limits it would take {slowdown:.0f} times its time")
+        return self._timed((times - at) * slowdown, waypoints, state, at)
+
+    def accept(self, spliced: StreamedMotion, now: float) -> JointTrajectory:
+        """Take the proposal; returns what is to be followed from ``now`` on: the motion under way up to it, then it.
+
+        StaleChunkError where that is too late: an arm in motion cannot go back.
+        """
+        if self.motion is None or not self.moving(min(now, spliced.start)):
+            # At rest, a late start changes nothing.
+            self.motion = StreamedMotion(now, spliced.trajectory, spliced.accelerations)
+            return spliced.trajectory
+        if spliced.start < now - 1e-9:
+            raise StaleChunkError(f"the motion should have begun {now - spliced.start:.3f} s ago")
+        old, new, wait = self.motion, spliced.trajectory, spliced.start - now
+        if wait > 1e-6:
+            between = old.trajectory.times - (now - old.start)
+            marks = np.concatenate([[0.0], between[(between > 1e-6) & (between < wait - 1e-6)]])
+            states = [old.state(now + float(mark)) for mark in marks]
+            joined = JointTrajectory(
+                new.joint_names,
+                np.concatenate([marks, new.times + wait]),
+                np.vstack([[state.positions for state in states], new.positions]),
+                np.vstack([[state.velocities for state in states], new.velocities]),
+            )
+            accelerations = np.vstack([[state.accelerations for state in states], spliced.accelerations])
+        else:
+            joined, accelerations = new, spliced.accelerations
+        self.motion = StreamedMotion(now, joined, accelerations)
+        return joined
+
+    def _blended(self, point: Array, time: float, at: float) -> Array:
+        assert self.motion is not None
+        u = min(max((time - at) / self.parameters.blend, 0.0), 1.0)
+        share = u * u * (3.0 - 2.0 * u)
+        blended: Array = share * point + (1.0 - share) * self.motion.state(time).positions
+        return blended
+
+    def _slowdown(self, times: Array, waypoints: Array) -> float:
+        velocities = np.diff(waypoints, axis=0) / np.diff(times)[:, None]
+        turns = np.diff(velocities[1:], axis=0) / np.diff(times)[2:, None]
+        fastest = float((np.abs(velocities) / self._speed).max())
+        hardest = float((np.abs(turns) / self._acceleration).max()) if len(turns) else 0.0
+        return max(1.0, fastest / _TARGET_SHARE, math.sqrt(hardest / _TARGET_SHARE))
+
+    def _timed(self, times: Array, waypoints: Array, state: StreamState, at: float) -> StreamedMotion:
+        """Ruckig from waypoint to waypoint, each passed in motion; ``times`` count from ``at``."""
+        targets = self._targets(times, waypoints, state)
+        now, late, index = 0.0, 0.0, 1
+        sampled: list[tuple[float, StreamState]] = [(0.0, state)]
+        while index < len(times):
+            best: tuple[float, int, ruckig.Trajectory] | None = None
+            for ahead in range(index, min(index + _SKIP, len(times))):
+                span = float(times[ahead]) + late - now
+                segment = self._segment(sampled[-1][1], targets[ahead], span)
+                if segment is not None and (best is None or segment.duration - span < best[0] - 1e-3):
+                    best = segment.duration - span, ahead, segment
+                if best is not None and best[0] < 1e-3:
+                    break
+            if best is None:
+                raise PolicyActionError("there is no motion within the limits that goes on along the chunk")
+            lateness, reached, segment = best
+            late += max(0.0, lateness)
+            count = max(1, math.ceil(segment.duration / self.parameters.period - 1e-9))
+            for k in range(1, count + 1):
+                time = segment.duration * k / count
+                position, velocity, acceleration = segment.at_time(time)
+                sampled.append((now + time, StreamState(*map(np.array, (position, velocity, acceleration)))))
+            now, index = now + segment.duration, reached + 1
+        return self._motion(sampled, at)
+
+    def _targets(self, times: Array, waypoints: Array, start: StreamState) -> list[StreamState]:
+        """Waypoints with the velocities and accelerations at which they are passed; the last one at rest."""
+        velocities = np.zeros(waypoints.shape)
+        velocities[0] = start.velocities
+        spans = np.diff(times)[:, None]
+        slopes = np.diff(waypoints, axis=0) / spans
+        velocities[1:-1] = (slopes[:-1] * spans[1:] + slopes[1:] * spans[:-1]) / (spans[:-1] + spans[1:])
+        accelerations = np.zeros(waypoints.shape)
+        accelerations[1:-1] = 2.0 * (slopes[1:] - slopes[:-1]) / (spans[:-1] + spans[1:])
+        accelerations[1:-1] = np.clip(
+            accelerations[1:-1], -_TARGET_SHARE * self._acceleration, _TARGET_SHARE * self._acceleration
+        )
+        # Beyond this velocity the acceleration could not be taken back before the limit is met.
+        room = (self._speed - accelerations**2 / (2.0 * self._jerk)) * _INSIDE
+        velocities[1:] = np.clip(velocities[1:], -room[1:], room[1:])
+        return [StreamState(*row) for row in zip(waypoints, velocities, accelerations, strict=True)]
+
+    def _segment(self, start: StreamState, target: StreamState, span: float) -> ruckig.Trajectory | None:
+        request = ruckig.InputParameter(len(start.positions))
+        # Ruckig fails on numbers as small as rounding errors: each state is rounded to what has a meaning.
+        start, target = _rounded(start), _rounded(target)
+        request.current_position, request.target_position = start.positions.tolist(), target.positions.tolist()
+        request.current_velocity, request.target_velocity = start.velocities.tolist(), target.velocities.tolist()
+        request.current_acceleration = start.accelerations.tolist()
+        request.target_acceleration = target.accelerations.tolist()
+        request.max_velocity, request.max_acceleration = self._speed.tolist(), self._acceleration.tolist()
+        request.max_jerk = self._jerk.tolist()
+        request.minimum_duration = max(span, 1e-3)
+        segment = ruckig.Trajectory(len(start.positions))
+        try:
+            result = self._ruckig.calculate(request, segment)
+        except ruckig.RuckigError:
+            return None
+        return segment if result in (ruckig.Result.Working, ruckig.Result.Finished) else None
+
+    def _motion(self, sampled: list[tuple[float, StreamState]], at: float) -> StreamedMotion:
+        names, limits = self._limits.joint_names, self._limits
+        trajectory = JointTrajectory(
+            names,
+            np.array([time for time, _ in sampled]),
+            np.clip(np.array([state.positions for _, state in sampled]), limits.lower, limits.upper),
+            np.array([state.velocities for _, state in sampled]),
+        )
+        return StreamedMotion(at, trajectory, np.array([state.accelerations for _, state in sampled]))
+
+
+def _rounded(state: StreamState) -> StreamState:
+    return StreamState(*(np.round(values, 9) for values in (state.positions, state.velocities, state.accelerations)))

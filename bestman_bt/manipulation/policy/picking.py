@@ -1,0 +1,311 @@
+"""Demonstrations of picking: grasps of our planner, inverse kinematics and jerk-limited motions, without a simulator.
+
+The expert decides anew at each step from what is seen alone: go above the object, come down the more the better the
+hand is aligned (a funnel: Burridge, Rizzi and Koditschek, "Sequential composition of dynamically dexterous robot
+behaviors", IJRR 1999), close, lift. After some steps it is pushed off its way (DART, Laskey et al., CoRL 2017).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import ruckig
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.policy.base import Observation
+from bestman_bt.manipulation.policy.demonstration import Demonstration
+from bestman_bt.manipulation.policy.errors import PolicyError
+from bestman_bt.manipulation.policy.features import pose_error, pose_vector
+from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel
+
+Array = NDArray[np.float64]
+PICKING_FEATURES = (
+    "joint_positions",
+    "joint_velocities",
+    "tool_axes",
+    "goal_offset",
+    "goal_offset_near",
+    "gripper_width",
+)
+OPEN, CLOSED = 1.0, -1.0
+_STILL = 1e-7
+"""rad, rad/s and rad/s² below which there is no motion to plan: ruckig fails on numbers as small as rounding errors."""
+_LEVER = 0.05
+"""Metres at which a wrong turn of the hand counts as much as a wrong place."""
+
+
+@dataclass(frozen=True)
+class PickingParameters:
+    """Where the object stands and how the expert moves; metres, radians and seconds in the base frame.
+
+    ``lower``, ``upper``: corners of the box of the object's middle; ``tool_lower``, ``tool_upper``: of the tool's
+    starts, turned by ``max_yaw`` and ``max_tilt`` at most. ``slow``: rad/s below which the arm may close the gripper.
+    ``hover``: above the grasp; ``lift``: by how much it lifts. ``aligned``: how far aside the hand may be to go all the
+    way down, ``astray``: from where on it stays above. ``at_grasp``: how near it closes. ``carrot``: how far ahead the
+    arm aims. ``horizon`` actions of ``dt`` per chunk, of which ``executed`` are carried out; ``chunks`` at most per
+    episode. ``drift``: rad off the way, at most, after each chunk. ``margin``: of the workspace around both boxes.
+    """
+
+    lower: tuple[float, float, float] = (0.48, -0.30, 0.79)
+    upper: tuple[float, float, float] = (0.74, 0.30, 0.81)
+    tool_lower: tuple[float, float, float] = (0.38, -0.25, 0.98)
+    tool_upper: tuple[float, float, float] = (0.62, 0.25, 1.15)
+    max_yaw: float = 0.6
+    max_tilt: float = 0.15
+    hover: float = 0.09
+    lift: float = 0.16
+    aligned: float = 0.003
+    astray: float = 0.014
+    at_grasp: float = 0.004
+    slow: float = 0.15
+    carrot: float = 0.15
+    posture: str = "home"
+    posture_noise: float = 0.1
+    horizon: int = 10
+    dt: float = 0.08
+    executed: int = 5
+    chunks: int = 24
+    drift: float = 0.012
+    closing_speed: float = 0.1
+    margin: float = 0.06
+    speed: SpeedScale = field(default_factory=lambda: SpeedScale(0.3, 0.2))
+    jerk_time: float = 0.1
+
+    def __post_init__(self) -> None:
+        for low, high in ((self.lower, self.upper), (self.tool_lower, self.tool_upper)):
+            if not all(a < b for a, b in zip(low, high, strict=True)):
+                raise ManipulationError(f"PickingParameters corner {low} should lie below {high}")
+        for name in ("horizon", "dt", "executed", "chunks", "carrot"):
+            if not getattr(self, name) > 0:
+                raise ManipulationError(f"PickingParameters {name} should be above 0 but is {getattr(self, name)}")
+
+
+@dataclass(frozen=True)
+class PickedObject:
+    """What the expert picks, from above: ``rise``: metres from its middle up to the grasp; ``width`` between the
+    fingers there; ``opening``: of the gripper before."""
+
+    name: str
+    rise: float
+    width: float
+    opening: float
+
+
+@dataclass(frozen=True, eq=False)
+class PickState:
+    """The arm, (n,) each, and the gripper's width in metres."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
+    width: float
+
+
+class PickingExpert:
+    """Starts, objects and demonstrations for one arm; every choice comes from the generator that is passed in."""
+
+    def __init__(
+        self,
+        kinematics: InverseKinematics,
+        arm: ArmModel,
+        home: Array,
+        picked: PickedObject,
+        parameters: PickingParameters | None = None,
+    ) -> None:
+        self.kinematics, self.arm, self.home, self.picked = kinematics, arm, home, picked
+        self.parameters = p = parameters or PickingParameters()
+        self._ruckig = ruckig.Ruckig(len(home), p.dt)
+        acceleration = arm.acceleration * p.speed.acceleration
+        self._limits = arm.velocity * p.speed.velocity, acceleration, acceleration / p.jerk_time
+
+    def specification(self, robot: str) -> PolicySpecification:
+        """That of a policy which learns from these demonstrations."""
+        p = self.parameters
+        low = np.minimum(p.lower, p.tool_lower) - p.margin
+        high = np.maximum(p.upper, p.tool_upper) + p.margin
+        return PolicySpecification(
+            joint_names=self.arm.joint_names,
+            space="joint_deltas",
+            horizon=p.horizon,
+            dt=p.dt,
+            robot=robot,
+            needs_gripper=True,
+            moves_gripper=True,
+            open_width=self.picked.opening,
+            workspace=(tuple(low.round(4).tolist()), tuple(high.round(4).tolist())),
+            description=f"picks the {self.picked.name}, whose pose is the goal; trained by behaviour cloning",
+        )
+
+    def task(self, rng: np.random.Generator) -> tuple[Array, Pose]:
+        """Joint positions (n,) and the pose of the object, both in their boxes."""
+        p = self.parameters
+        goal = Pose.from_xyz_rpy(rng.uniform(p.lower, p.upper), (0.0, 0.0, rng.uniform(-math.pi, math.pi)))
+        while True:
+            axis, tilt = rng.uniform(-math.pi, math.pi), rng.uniform(0.0, p.max_tilt)
+            turn = (tilt * math.cos(axis), tilt * math.sin(axis), rng.uniform(-p.max_yaw, p.max_yaw))
+            tool = Pose.from_xyz_rpy(rng.uniform(p.tool_lower, p.tool_upper), turn) @ Pose.from_xyz_rpy(
+                np.zeros(3), (math.pi, 0.0, 0.0)
+            )
+            start = self._posture(tool, rng)
+            if start is not None:
+                return start, goal
+
+    def demonstrate(self, rng: np.random.Generator) -> Demonstration:
+        """One episode: from a start, from near the object, or with the object already in the hand.
+
+        It ends where the arm comes to a limit; PolicyError if it begins there.
+        """
+        p = self.parameters
+        state, goal = self._begin(rng)
+        observations: list[Observation] = []
+        chunks, lifted = [], False
+        while len(chunks) < p.chunks and not lifted:
+            lifted = self.lifted(state, goal)
+            try:
+                steps, gripper = self._ahead(state, goal)
+            except PolicyError:
+                if not chunks:
+                    raise
+                break
+            observations.append(self.observation(state, goal, rng))
+            deltas = np.diff([step.positions for step in steps], axis=0)
+            chunks.append(np.column_stack([deltas, gripper]))
+            state = self._pushed(steps[p.executed], rng)
+        return Demonstration(tuple(observations), np.array(chunks))
+
+    def lifted(self, state: PickState, goal: Pose) -> bool:
+        """Whether the object is in the hand and as high as it shall be, within a centimetre."""
+        height = float(self.kinematics.tool_pose(state.positions).position[2] - goal.position[2])
+        return self._grips(state.width) and height > self.picked.rise + self.parameters.lift - 0.01
+
+    def observation(self, state: PickState, goal: Pose, rng: np.random.Generator | None = None) -> Observation:
+        """What is seen; with ``rng`` the gripper's width is off by the half of a millimetre that encoders are."""
+        noise = 0.0 if rng is None else float(rng.normal(0.0, 0.0005))
+        return Observation(
+            state.positions,
+            self.kinematics.tool_pose(state.positions),
+            pose_vector(goal),
+            state.width + noise,
+            joint_velocities=state.velocities,
+        )
+
+    def step(self, state: PickState, goal: Pose) -> tuple[PickState, float]:
+        """The state ``dt`` seconds later, and what the gripper was told: OPEN or CLOSED."""
+        target, gripper = self._intent(state, goal)
+        tool = self.kinematics.tool_pose(state.positions)
+        for share in (1.0, 0.5, 0.2):
+            nearer = _towards(tool, target, share * self.parameters.carrot)
+            positions = self.kinematics.track(nearer, state.positions)
+            if positions is not None:
+                return self._moved(state, np.clip(positions, self.arm.lower, self.arm.upper), gripper), gripper
+        raise PolicyError("the expert cannot go on: its arm has come to a limit")
+
+    def _grips(self, width: float) -> bool:
+        return abs(width - self.picked.width) < 0.002
+
+    def _intent(self, state: PickState, goal: Pose) -> tuple[Pose, float]:
+        """Where the tool shall go from here, and what the gripper is told."""
+        p, thing = self.parameters, self.picked
+        tool = self.kinematics.tool_pose(state.positions)
+        grasp = self._grasp(goal)
+        if self._grips(state.width):
+            return _above(grasp, p.lift), CLOSED
+        if state.width < 0.5 * (thing.width + thing.opening):
+            return grasp, CLOSED
+        error = pose_error(grasp, tool)
+        aside = float(np.linalg.norm(error[:2])) + _LEVER * float(np.linalg.norm(error[3:]))
+        u = min(max((aside - p.aligned) / (p.astray - p.aligned), 0.0), 1.0)
+        above = p.hover * u * u * (3.0 - 2.0 * u)
+        there = float(np.linalg.norm(error[:3])) < p.at_grasp and float(np.abs(state.velocities).max()) < p.slow
+        closing = there or state.width < thing.opening - 0.002
+        return _above(grasp, above), CLOSED if closing else OPEN
+
+    def _grasp(self, goal: Pose) -> Pose:
+        """From above; turned as the arm points, where its last joint has most room."""
+        x, y, z = goal.position
+        shoulder = self.kinematics.reach[0]
+        yaw = math.atan2(y - shoulder[1], x - shoulder[0])
+        return Pose.from_xyz_rpy((x, y, z + self.picked.rise), (math.pi, 0.0, yaw))
+
+    def _ahead(self, state: PickState, goal: Pose) -> tuple[list[PickState], list[float]]:
+        states, told = [state], []
+        for _ in range(self.parameters.horizon):
+            state, gripper = self.step(state, goal)
+            states.append(state)
+            told.append(gripper)
+        return states, told
+
+    def _moved(self, state: PickState, target: Array, gripper: float) -> PickState:
+        velocity, acceleration, jerk = self._limits
+        if np.abs(np.concatenate([target - state.positions, state.velocities, state.accelerations])).max() < _STILL:
+            rest = np.zeros(len(target))
+            return PickState(state.positions, rest, rest, self._width_after(state.width, gripper))
+        request, result = ruckig.InputParameter(len(target)), ruckig.OutputParameter(len(target))
+        request.current_position, request.target_position = state.positions.tolist(), target.tolist()
+        request.current_velocity = np.clip(state.velocities, -velocity, velocity).tolist()
+        request.current_acceleration = np.clip(state.accelerations, -acceleration, acceleration).tolist()
+        request.max_velocity, request.max_acceleration = velocity.tolist(), acceleration.tolist()
+        request.max_jerk = jerk.tolist()
+        if self._ruckig.update(request, result) not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise PolicyError(f"ruckig found no motion from {state.positions} to {target}")
+        return PickState(
+            np.array(result.new_position),
+            np.array(result.new_velocity),
+            np.array(result.new_acceleration),
+            self._width_after(state.width, gripper),
+        )
+
+    def _width_after(self, width: float, gripper: float) -> float:
+        way = self.parameters.closing_speed * self.parameters.dt
+        return min(width + way, self.picked.opening) if gripper > 0.0 else max(width - way, self.picked.width)
+
+    def _begin(self, rng: np.random.Generator) -> tuple[PickState, Pose]:
+        start, goal = self.task(rng)
+        kind, thing, rest = rng.uniform(), self.picked, np.zeros(len(start))
+        if kind < 0.5:
+            return PickState(start, rest, rest, thing.opening), goal
+        grasp = self._grasp(goal)
+        held = kind > 0.8
+        aside = rng.uniform(-1.0, 1.0, 2) * (0.005 if held else 0.03 * rng.uniform())
+        up = rng.uniform(0.0, self.parameters.lift if held else self.parameters.hover)
+        turn = rng.uniform(-1.0, 1.0, 3) * 0.1 * rng.uniform()
+        near = Pose(grasp.position + np.append(aside, up)) @ Pose.from_xyz_rpy(np.zeros(3), turn)
+        positions = self._posture(near @ Pose(np.zeros(3), grasp.quaternion), rng)
+        width = thing.width if held else thing.opening
+        return PickState(start if positions is None else positions, rest, rest, width), goal
+
+    def _pushed(self, state: PickState, rng: np.random.Generator) -> PickState:
+        """A little off, most often very little."""
+        push = self.parameters.drift * rng.uniform() ** 2
+        positions = state.positions + rng.normal(0.0, push, len(state.positions))
+        velocities = state.velocities + rng.normal(0.0, 2.0 * push, len(positions))
+        positions = np.clip(positions, self.arm.lower + 0.03, self.arm.upper - 0.03)
+        return PickState(positions, velocities, state.accelerations, state.width)
+
+    def _posture(self, tool: Pose, rng: np.random.Generator) -> Array | None:
+        reference = self.home + rng.normal(0.0, self.parameters.posture_noise, len(self.home))
+        found = self.kinematics.solve(tool, np.clip(reference, self.arm.lower, self.arm.upper), rng, attempts=1)
+        return found.best if found.found else None
+
+
+def _above(pose: Pose, height: float) -> Pose:
+    return Pose(pose.position + np.array([0.0, 0.0, height]), pose.quaternion)
+
+
+def _towards(tool: Pose, target: Pose, carrot: float) -> Pose:
+    """The pose on the straight way from ``tool`` to ``target``, at most ``carrot`` metres ahead."""
+    error = pose_error(target, tool)
+    distance = float(np.linalg.norm(error[:3])) + 0.2 * float(np.linalg.norm(error[3:]))
+    share = min(1.0, carrot / max(distance, 1e-9))
+    angle = float(np.linalg.norm(error[3:]))
+    half = 0.5 * share * angle
+    axis = error[3:] / angle if angle > 1e-9 else np.array([0.0, 0.0, 1.0])
+    turn = Pose(np.zeros(3), np.append(np.sin(half) * axis, np.cos(half)))
+    return Pose(tool.position + share * error[:3], (turn @ Pose(np.zeros(3), tool.quaternion)).quaternion)
