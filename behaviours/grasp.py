@@ -25,17 +25,26 @@ CLOSED = 0.003
 """Metres above its least width at which a hand counts as closed on nothing."""
 NEIGHBOURHOOD = 0.5
 """Metres around an object in which other things may be in the hand's way."""
+LEAST_FORCE = 20.0
+"""Newtons with which the hand closes at least, where no force is given."""
+SAFETY = 2.0
+"""By how much the moment of the pads exceeds that of the weight."""
+GRAVITY = 9.81
 SURROUNDINGS_SPACING = 0.01
 """Metres between the points that stand for other things."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlannedGrasp:
-    """A grasp that the arm reaches from where the base stands; ``map_from_object`` is what it was planned for."""
+    """A grasp that the arm reaches from where the base stands; ``map_from_object`` is what it was planned for.
+
+    ``tool_from_object``: with the hand as planned.
+    """
 
     candidate: GraspCandidate
     approach: Approach
     map_from_object: Pose
+    tool_from_object: Pose
 
 
 class PlanGrasp(Skill):
@@ -66,6 +75,7 @@ class PlanGrasp(Skill):
         free = skills.arm_world(scene)
         contact = skills.arm_world(scene.allowing(*hand_contacts(skills, belief.name)))
         reference = skills.arm_positions()
+        base_from_object = skills.map_from_base.inverse() @ belief.pose
         planned: list[tuple[float, PlannedGrasp]] = []
         for ranked in rank_grasps(grasp_candidates(skills, belief), self._reachability):
             candidate = ranked.candidate
@@ -79,7 +89,8 @@ class PlanGrasp(Skill):
                 contact,
                 skills.rng,
             ):
-                grasp = PlannedGrasp(candidate, approach, belief.pose)
+                tool_from_object = candidate.grasp.inverse() @ base_from_object
+                grasp = PlannedGrasp(candidate, approach, belief.pose, tool_from_object)
                 planned.append((approach.cost + 4.0 * (1.0 - ranked.score), grasp))
             if len(planned) >= 3 * count:
                 break
@@ -102,7 +113,7 @@ class Grasp(Skill):
     INPUT_PORTS: ClassVar = {
         "object": PortInformation(str, description="the object"),
         "grasps": PortInformation(list, description="planned grasps, best first; used up one by one"),
-        "force": PortInformation(float, required=False, default_value=20.0, description="closing force, newtons"),
+        "force": PortInformation(float, required=False, description="closing force, newtons; by default by the weight"),
     }
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, required=False, description="the grasps that are left")}
     DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))
@@ -134,7 +145,7 @@ class Grasp(Skill):
         contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
         yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
         self.set_output("grasps", [])
-        yield skills.gripper.close(self.get_input("force"))
+        yield skills.gripper.close(self.get_input("force") or self._force(grasp))
         known = skills.world.objects[name].recognised
         try:
             self._check_held(grasp.candidate.width if known else None)
@@ -168,13 +179,21 @@ class Grasp(Skill):
                 "grasp_failed", f"the hand closed but does not hold the {self.get_input('object')}: {problem}"
             )
 
+    def _force(self, grasp: PlannedGrasp) -> float:
+        """Newtons that hold the weight, which turns what is held off its middle out of the pads."""
+        gripper = self.skills.gripper
+        mass = self.skills.world.objects[self.get_input("object")].model.mass
+        lever = float(np.linalg.norm(grasp.tool_from_object.position[:2]))
+        needed = SAFETY * mass * GRAVITY * lever / (self.skills.gripper_model.pad_size[1] / 2)
+        return min(max(LEAST_FORCE, needed), gripper.description.max_force)
+
     def _tool_from_object(self, grasp: PlannedGrasp) -> Pose:
-        """As it was seen, but centred between the fingers, which have pushed it there."""
+        """As it was seen, but with the contacts in the middle between the fingers, which have pushed it there."""
         skills = self.skills
         base_from_object = skills.map_from_base.inverse() @ grasp.map_from_object
         tool_from_object = skills.base_from_tool().inverse() @ base_from_object
-        position: NDArray[np.float64] = tool_from_object.position * [1.0, 0.0, 1.0]
-        return Pose(position, tool_from_object.quaternion)
+        x, _, z = tool_from_object.position
+        return Pose(np.array([x, grasp.tool_from_object.position[1], z]), tool_from_object.quaternion)
 
 
 class Holding(SkillCondition):

@@ -12,9 +12,12 @@ from behaviours.arm_motion import follow_path, hand_contacts, move_free
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.messages import Pose
+from bestman_bt.world_model import HeldObject
 
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
+TURN = np.radians(15.0)
+"""Radians between the turns of the hand that are tried so that what it holds has room."""
 
 
 class MoveArm(Skill):
@@ -25,9 +28,9 @@ class MoveArm(Skill):
 
     def execute(self) -> Steps:
         """Plan and follow; at once done where the arm is there already."""
-        goal = _posture(self, self.get_input("posture"))
-        if np.abs(self.skills.arm_positions() - goal).max() > ARRIVED:
-            yield from move_free(self, [goal])
+        goals = _postures(self, self.get_input("posture"))
+        if min(np.abs(self.skills.arm_positions() - goal).max() for goal in goals) > ARRIVED:
+            yield from move_free(self, goals)
 
 
 class Retreat(Skill):
@@ -42,7 +45,7 @@ class Retreat(Skill):
     def execute(self) -> Steps:
         """Back along the hand's own axis as far as that is free, then on."""
         skills = self.skills
-        goal = _posture(self, self.get_input("posture"))
+        goals = _postures(self, self.get_input("posture"))
         distance: float = self.get_input("distance")
         if skills.world.held is None and distance > 0:
             scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
@@ -51,7 +54,29 @@ class Retreat(Skill):
             line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
             if len(line.path) > 1:
                 yield from follow_path(self, line.path, world, speed=0.5)
-        yield from move_free(self, [goal])
+        yield from move_free(self, goals)
+
+
+def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
+    """Joint positions (n,) to go to: the posture itself, or with something in the hand one like it that has room.
+
+    Tried in turn: the posture, then with its last joint turned, then the postures whose names begin with its name and
+    an underscore, in the same way.
+    """
+    skills = skill.skills
+    posture = _posture(skill, name)
+    held = skills.world.held
+    if held is None:
+        return [posture]
+    world = skills.arm_world(skills.planning_scene())
+    others = sorted(other for other in skills.robot.postures if other.startswith(f"{name}_"))
+    for basic in (posture, *(_posture(skill, other) for other in others)):
+        if world.is_free(basic):
+            return [basic]
+        free = [turned for turned in _turned(skill, basic) if world.is_free(turned)]
+        if free:
+            return [min(free, key=lambda positions: _reach(skill, positions, held))]
+    return [posture]
 
 
 def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
@@ -59,3 +84,16 @@ def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
         return skill.skills.robot.posture(name, skill.skills.arm_model.joint_names)
     except KeyError as error:
         raise SkillFailure("unknown_posture", str(error.args[0])) from error
+
+
+def _turned(skill: Skill, posture: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The posture with its last joint at other angles within the limits."""
+    arm = skill.skills.arm_model
+    turns = np.arange(arm.lower[-1], arm.upper[-1], TURN)
+    return [np.append(posture[:-1], angle) for angle in turns]
+
+
+def _reach(skill: Skill, positions: NDArray[np.float64], held: HeldObject) -> float:
+    """Metres from the middle of the base to the middle of what the hand holds, horizontally."""
+    base_from_object = skill.skills.algorithms.kinematics.tool_pose(positions) @ held.tool_from_object
+    return float(np.linalg.norm(base_from_object.position[:2]))
