@@ -24,12 +24,17 @@ class _Loader(yaml.SafeLoader):
     """Scalars as in YAML 1.2: only true and false are booleans, 1e-3 is a number, dates are text."""
 
 
-_Loader.yaml_implicit_resolvers = {
-    first: [(tag, pattern) for tag, pattern in resolvers if tag not in (_BOOLEAN, _TIME)]
-    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
-}
-_Loader.add_implicit_resolver(_BOOLEAN, re.compile(r"^(?:true|false)$", re.IGNORECASE), list("tTfF"))
-_Loader.add_implicit_resolver(_FLOAT, re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+0123456789."))
+class _FastLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """The same by libyaml, where it is there: ten times as fast, with fewer words about what is wrong."""
+
+
+for _loader in (_Loader, _FastLoader):
+    _loader.yaml_implicit_resolvers = {
+        first: [(tag, pattern) for tag, pattern in resolvers if tag not in (_BOOLEAN, _TIME)]
+        for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+    _loader.add_implicit_resolver(_BOOLEAN, re.compile(r"^(?:true|false)$", re.IGNORECASE), list("tTfF"))
+    _loader.add_implicit_resolver(_FLOAT, re.compile(r"^[-+]?(?:\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+0123456789."))
 
 
 @dataclass(frozen=True)
@@ -92,8 +97,7 @@ def parse_document(text: str, source: str) -> Document:
     problems: list[Problem] = []
     origins: dict[FieldPath, tuple[str, int | None]] = {}
     try:
-        loader = _Loader(text)
-        root = loader.get_single_node()
+        loader, root = _nodes(text)
         if root is None:
             origins[()] = (source, None)
         if root is not None:
@@ -112,6 +116,16 @@ def parse_document(text: str, source: str) -> Document:
     if problems:
         raise ConfigurationError(problems)
     return Document(data, origins)
+
+
+def _nodes(text: str) -> tuple[Any, yaml.Node | None]:
+    """A loader and the root node; what libyaml refuses is read again for the words of the error."""
+    try:
+        loader: Any = _FastLoader(text)
+        return loader, loader.get_single_node()
+    except yaml.YAMLError:
+        loader = _Loader(text)
+        return loader, loader.get_single_node()
 
 
 def parse_value(text: str) -> Any:

@@ -1,6 +1,7 @@
 """Robots composed from parts: one URDF with groups, frames, sensors and postures."""
 
 from bestman_bt.robot_model.compose import compose_robot, load_robot_model
+from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.kinematic_chain import joints_above
 from bestman_bt.robot_model.model import (
     ArmModel,
@@ -22,6 +23,7 @@ __all__ = [
     "GripperModel",
     "JointGroupModel",
     "LidarModel",
+    "MimicJoint",
     "Payload",
     "RobotModel",
     "compose_robot",

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bestman_bt.configuration import (
     ConfigurationError,
     Document,
@@ -19,6 +21,7 @@ from bestman_bt.configuration import (
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.calibration_overlay import with_calibration
 from bestman_bt.robot_model.describe import describe
+from bestman_bt.robot_model.hardware_config import with_hardware
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.part_config import ArmPart, BasePart, GripperPart, JointGroupPart
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
@@ -62,7 +65,8 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     postures = _postures(config, document, placed)
     ignored = _declared_pairs(config, document, placed, links)
     ET.indent(urdf)
-    return describe(name, urdf, config.base_frame, placed, postures, ignored)
+    model = describe(name, urdf, config.base_frame, placed, postures, ignored)
+    return with_hardware(model, config, document)
 
 
 def _place_parts(config: RobotConfig, document: Document) -> dict[str, PlacedPart]:
@@ -116,9 +120,7 @@ def _write_limits(part: PlacedPart) -> None:
         rows = zip(each.lower, each.upper, each.velocity, each.effort, strict=True)
         limits = dict(zip(config.joints, rows, strict=True))
     elif isinstance(config, GripperPart):
-        n = len(config.joints)
-        row = (config.min_width / n, config.max_width / n, config.max_speed / n, config.max_force)
-        limits = dict.fromkeys(config.joints, row)
+        limits = _gripper_limits(part, config)
     elif isinstance(config, BasePart):
         speed = (config.max_vx + config.max_wz * config.track / 2) / config.wheel_radius
         limits = dict.fromkeys(config.wheel_joints, (0.0, -1.0, speed, config.wheel_torque))
@@ -137,6 +139,18 @@ def _write_limits(part: PlacedPart) -> None:
             limit.set("upper", f"{upper:.9g}")
         limit.set("velocity", f"{velocity:.9g}")
         limit.set("effort", f"{effort:.9g}")
+
+
+def _gripper_limits(part: PlacedPart, config: GripperPart) -> dict[str, tuple[float, float, float, float]]:
+    """Of the joints that drive the fingers: by the widths, the speed and the force of the hand."""
+    n = len(config.joints)
+    if not part.opening:
+        row = (config.min_width / n, config.max_width / n, config.max_speed / n, config.max_force)
+        return dict.fromkeys(config.joints, row)
+    positions, widths = np.array(part.opening).T
+    per_metre = np.abs(np.diff(positions) / np.diff(widths))
+    speed, effort = float(per_metre.max() * config.max_speed), float(config.max_force / (n * per_metre.min()))
+    return dict.fromkeys(config.joints, (float(positions.min()), float(positions.max()), speed, effort))
 
 
 def _postures(config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart]) -> dict[str, dict[str, float]]:

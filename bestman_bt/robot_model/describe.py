@@ -68,7 +68,7 @@ def describe(
                     **_limits(arm.limits),
                 )
             case GripperPart() as gripper:
-                grippers[part_name] = _gripper(gripper, part.root)
+                grippers[part_name] = _gripper(gripper, part)
             case JointGroupPart() as group:
                 groups[part_name] = JointGroupModel(joint_names=group.joints, **_limits(group.limits))
             case CameraPart() as camera:
@@ -173,11 +173,11 @@ def _base(base: BasePart, root: str, corners: tuple[tuple[float, float], ...]) -
     )
 
 
-def _gripper(gripper: GripperPart, root: str) -> GripperModel:
+def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:
     return GripperModel(
         joint_names=gripper.joints,
         finger_links=gripper.finger_links,
-        hand_link=root,
+        hand_link=part.root,
         min_width=gripper.min_width,
         max_width=gripper.max_width,
         max_speed=gripper.max_speed,
@@ -185,6 +185,8 @@ def _gripper(gripper: GripperPart, root: str) -> GripperModel:
         finger_depth=gripper.finger_depth,
         pad_size=gripper.pad_size,
         friction=gripper.friction,
+        opening=part.opening,
+        followers=tuple(mimic for mimic in part.mimics if mimic.joint not in gripper.joints),
     )
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-
-_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+from bestman_bt.robot_model.shape_outline import outline
 
 
 def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> tuple[tuple[float, float], ...]:
@@ -19,7 +18,7 @@ def footprint(links: Iterable[ET.Element], base_from_link: dict[str, Pose]) -> t
     for link in links:
         pose = base_from_link[link.get("name", "")]
         for collision in link.findall("collision"):
-            corners = pose.apply(origin_pose(collision).apply(_outline(collision.find("geometry"))))
+            corners = pose.apply(origin_pose(collision).apply(outline(collision.find("geometry"))))
             clouds.append(corners[:, :2])
     corners = convex_hull(np.concatenate(clouds).round(4))
     return tuple((float(x), float(y)) for x, y in corners)
@@ -52,26 +51,3 @@ def origin_pose(element: ET.Element) -> Pose:
         return Pose()
     xyz, rpy = (np.array(origin.get(key, "0 0 0").split(), dtype=float) for key in ("xyz", "rpy"))
     return Pose.from_xyz_rpy(xyz, rpy)
-
-
-def _outline(geometry: ET.Element | None) -> NDArray[np.float64]:
-    """Points whose hull is the shape's, (N, 3); a mesh counts for nothing here (arms do not widen a base)."""
-    shape = geometry[0] if geometry is not None and len(geometry) else None
-    if shape is None:
-        return np.zeros((0, 3))
-    match shape.tag:
-        case "box":
-            half = np.array(shape.get("size", "").split(), dtype=float) / 2
-            corners: NDArray[np.float64] = half * np.array(
-                [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
-            )
-            return corners
-        case "cylinder":
-            radius, length = float(shape.get("radius", "0")), float(shape.get("length", "0"))
-            ring = np.column_stack([radius * np.cos(_CIRCLE), radius * np.sin(_CIRCLE)])
-            return np.concatenate([np.column_stack([ring, np.full(16, z)]) for z in (-length / 2, length / 2)])
-        case "sphere":
-            radius = float(shape.get("radius", "0"))
-            ring = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros(16)])
-            return radius * np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
-    return np.zeros((0, 3))

@@ -10,6 +10,7 @@ from typing import Any
 
 from bestman_bt.configuration.quantity import Color, Length, Lengths3, Mass, PositiveLength, Size3
 from bestman_bt.messages import Box, Cylinder, Sphere
+from bestman_bt.robot_model.generated_hands import ParallelHand, parallel_hand
 from bestman_bt.robot_model.urdf_elements import (
     box_inertial,
     fixed_joint,
@@ -220,6 +221,7 @@ def sensing_flange(name: str, _: SensingFlange) -> list[ET.Element]:
 
 GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element]]]] = {
     "differential_base": (DifferentialBase, differential_base),
+    "parallel_hand": (ParallelHand, parallel_hand),
     "post": (Post, post),
     "pan_tilt": (PanTilt, pan_tilt),
     "camera_body": (CameraBody, camera_body),

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import CameraIntrinsics
+from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +33,13 @@ class ArmModel:
 
 @dataclass(frozen=True)
 class GripperModel:
-    """A parallel gripper; the opening width is the sum of its finger joints' positions, metres.
+    """A parallel gripper; widths in metres.
 
-    ``finger_links``: the links that may touch a grasped object. ``hand_link``: their parent.
-    ``finger_depth``: metres from the tool frame back to the palm, ``pad_size``: (width across, height along z) metres.
+    ``joint_names``: the joints that drive its fingers, all alike: sliding ones share the width equally, others are
+    related to it by ``opening``, pairs (position, width) from the widest to the closed hand. ``followers``: joints
+    that a mechanism couples to these. ``finger_links``: the links that may touch a grasped object. ``hand_link``:
+    their parent. ``finger_depth``: metres from the tool frame back to the palm, ``pad_size``: (width across, height
+    along z) metres.
     """
 
     joint_names: tuple[str, ...]
@@ -46,6 +52,52 @@ class GripperModel:
     finger_depth: float
     pad_size: tuple[float, float]
     friction: float
+    opening: tuple[tuple[float, float], ...] = ()
+    followers: tuple[MimicJoint, ...] = ()
+
+    def joint_positions(self, width: float) -> dict[str, float]:
+        """Positions of all joints of the hand, followers included, when it is open by ``width``."""
+        if self.opening:
+            positions, widths = self._table
+            position = float(np.interp(width, widths, positions))
+        else:
+            position = width / max(1, len(self.joint_names))
+        return all_positions(dict.fromkeys(self.joint_names, position), self.followers)
+
+    def width(self, positions: ArrayLike) -> float:
+        """The opening width where ``joint_names`` are at ``positions`` (n,); on a linkage, the mean of what they say."""
+        if not self.opening:
+            return float(np.sum(positions))
+        q, widths = self._table
+        order = 1 if q[0] <= q[-1] else -1
+        return float(np.mean(np.interp(np.asarray(positions, float), q[::order], widths[::order])))
+
+    def transmission(self, width: float) -> float:
+        """How far each joint moves per metre of opening width, rad/m or 1; positive."""
+        positions, widths = self._table
+        index = int(np.clip(np.searchsorted(widths, width), 1, len(widths) - 1))
+        return abs(float((positions[index] - positions[index - 1]) / (widths[index] - widths[index - 1])))
+
+    @property
+    def joint_range(self) -> tuple[float, float]:
+        """Lowest and highest position of each of ``joint_names``."""
+        positions, _ = self._table
+        return min(positions[0], positions[-1]), max(positions[0], positions[-1])
+
+    @property
+    def fastest_transmission(self) -> float:
+        """The largest ``transmission`` within the hand's travel."""
+        positions, widths = self._table
+        return float(np.max(np.abs(np.diff(positions) / np.diff(widths))))
+
+    @cached_property
+    def _table(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Joint positions and widths, both (m,), from the closed to the open hand."""
+        if self.opening:
+            table = np.array(self.opening[::-1], dtype=float)
+            return table[:, 0], table[:, 1]
+        widths = np.array([self.min_width, self.max_width])
+        return widths / max(1, len(self.joint_names)), widths
 
 
 @dataclass(frozen=True)
@@ -144,6 +196,7 @@ class RobotModel:
     ``urdf``: the text, meshes by absolute path. ``base_frame``: on the floor, x forward.
     ``postures``: name → joint name → position. ``hand_of``: gripper name → arm name.
     ``allowed_self_pairs``: pairs of links that always or never touch, left out of self-collision checks.
+    ``connections``, ``safety``: of the real robot; the simulation has no use for the former.
     """
 
     name: str
@@ -159,6 +212,8 @@ class RobotModel:
     postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     hand_of: Mapping[str, str] = field(default_factory=dict)
     allowed_self_pairs: frozenset[frozenset[str]] = frozenset()
+    connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
 
     def posture(self, name: str, joint_names: tuple[str, ...]) -> NDArray[np.float64]:
         """Positions (n,) of ``joint_names`` in a posture; KeyError names what there is."""

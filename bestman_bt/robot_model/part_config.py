@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias
 from bestman_bt.configuration.quantity import (
     Acceleration,
     Angle,
+    Angles3,
     AngularAcceleration,
     AngularSpeed,
     Damping,
@@ -24,6 +25,7 @@ from bestman_bt.configuration.quantity import (
     Length,
     Lengths3,
     LensDistortion,
+    Mass,
     Number,
     PositiveLength,
     Share,
@@ -42,6 +44,15 @@ class PadConfig:
 
     size: Size3
     xyz: Lengths3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class FrameConfig:
+    """A frame that the source of a part lacks, for example where its hand grasps: fixed on ``link``, metres, radians."""
+
+    link: str
+    xyz: Lengths3 = (0.0, 0.0, 0.0)
+    rpy: Angles3 = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -71,7 +82,8 @@ class PartConfig:
 
     Links come from ``urdf`` (``pybullet_data:FILE`` or a path beside this description) from its link ``root`` down
     without the subtrees ``cut``; or from the generator ``generated`` with its ``dimensions``.
-    ``collision``: link → boxes that replace its collision shape. ``contact``: link → friction and stiffness.
+    ``frames``: frames to add. ``mass``: link → its mass, where the source lies or is silent; its inertia is that of
+    its collision shape. ``collision``: link → boxes that replace its collision shape. ``contact``: link → friction.
     ``may_touch``: pairs of links whose shapes overlap by construction or may touch.
     """
 
@@ -82,6 +94,8 @@ class PartConfig:
     cut: tuple[str, ...] = ()
     generated: str | None = None
     dimensions: Mapping[str, Any] = field(default_factory=dict)
+    frames: Mapping[str, FrameConfig] = field(default_factory=dict)
+    mass: Mapping[str, Mass] = field(default_factory=dict)
     collision: Mapping[str, tuple[PadConfig, ...]] = field(default_factory=dict)
     contact: Mapping[str, ContactConfig] = field(default_factory=dict)
     may_touch: tuple[tuple[str, str], ...] = ()
@@ -114,19 +128,25 @@ class StructurePart(PartConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class ArmPart(PartConfig):
-    """An arm from its root link to the link ``tip``, which carries the hand."""
+    """An arm from its root link to the link ``tip``, which carries the hand.
+
+    ``payload``: what it may carry beyond ``tip`` by its maker's word, hand and sensors included.
+    """
 
     kind: Literal["arm"]
     tip: str
     joints: tuple[str, ...]
     limits: JointLimitsConfig
+    payload: Mass | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class GripperPart(PartConfig):
     """A parallel gripper; ``tool``: the link between the pads, z out of the hand, y along the closing direction.
 
-    ``max_speed`` and the widths are of the opening, the sum of the finger joints; ``max_force`` is per finger.
+    ``max_speed`` and the widths are of the opening; ``max_force`` is per finger. Sliding fingers share the width
+    equally. Fingers on a linkage say at which position of ``joints`` they are ``open_at`` ``max_width`` and
+    ``closed_at`` ``min_width``; what lies between, and the joints that the URDF lets mimic these, is derived.
     """
 
     kind: Literal["gripper"]
@@ -135,6 +155,8 @@ class GripperPart(PartConfig):
     finger_links: tuple[str, ...]
     min_width: Length
     max_width: PositiveLength
+    open_at: JointPosition | None = None
+    closed_at: JointPosition | None = None
     max_speed: Speed
     max_force: Force
     finger_depth: PositiveLength

@@ -8,25 +8,36 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, read_document
 from bestman_bt.messages import Box
 from bestman_bt.registry import suggestion
+from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table
 from bestman_bt.robot_model.generators import GENERATORS
-from bestman_bt.robot_model.part_config import PART_KINDS, AnyPart, ContactConfig, PadConfig
-from bestman_bt.robot_model.urdf_elements import shape
-from bestman_bt.robot_model.urdf_source import UrdfError, locate_urdf, read_subtree
+from bestman_bt.robot_model.missing_inertia import complete_inertial
+from bestman_bt.robot_model.part_config import PART_KINDS, AnyPart, ContactConfig, GripperPart, PadConfig
+from bestman_bt.robot_model.urdf_elements import fixed_joint, link, shape
+from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
+WIDTH_TOLERANCE = 1e-3
 _NAME_FIELDS = ("root", "tip", "tool", "frame", "wheel_joints", "caster_links", "joints", "finger_links", "may_touch")
 
 
 @dataclass(frozen=True)
 class PlacedPart:
-    """``elements``: links and joints; ``root``: the link that is mounted; ``config``: names as in the robot."""
+    """``elements``: links and joints; ``root``: the link that is mounted; ``config``: names as in the robot.
+
+    ``mimics``: joints that a mechanism couples to others. ``opening``: of a hand with fingers on a linkage, pairs
+    (joint position, width).
+    """
 
     name: str
     config: AnyPart
     elements: list[ET.Element]
     root: str
+    mimics: tuple[MimicJoint, ...] = ()
+    opening: tuple[tuple[float, float], ...] = ()
 
     @property
     def links(self) -> list[str]:
@@ -47,7 +58,9 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
         message = f"unknown kind {kind!r}; {suggestion(str(kind), list(PART_KINDS))}" if kind else "is missing"
         raise ConfigurationError([document.problem(("kind",), message)])
     config: AnyPart = check(document, PART_KINDS[kind])
-    elements, root = _elements(name, config, document, path.parent)
+    subtree = _elements(name, config, document, path.parent)
+    elements, root, mimics = subtree.elements, subtree.root, subtree.mimics
+    elements += _added_frames(config)
     names = {element.get("name", "") for element in elements}
     _check_names(config, document, names)
     for element in elements:
@@ -58,7 +71,39 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
         _rename(elements, renamed)
         config = _renamed_config(config, renamed)
         root = renamed[root]
-    return PlacedPart(name, config, elements, root)
+        mimics = tuple(
+            dataclasses.replace(mimic, joint=renamed[mimic.joint], leader=renamed.get(mimic.leader, mimic.leader))
+            for mimic in mimics
+        )
+    opening = _opening(config, document, elements, mimics)
+    return PlacedPart(name, config, elements, root, mimics, opening)
+
+
+def _opening(
+    config: AnyPart, document: Document, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]
+) -> tuple[tuple[float, float], ...]:
+    if not isinstance(config, GripperPart) or (config.open_at is None and config.closed_at is None):
+        return ()
+    if config.open_at is None or config.closed_at is None or config.open_at == config.closed_at:
+        message = "fingers on a linkage need both 'open_at' and 'closed_at', and they should differ"
+        raise ConfigurationError([document.problem(("open_at",), message)])
+    travel = (config.open_at, config.closed_at)
+    table = opening_table(elements, config.joints, mimics, config.finger_links, config.tool, travel, config.min_width)
+    widths = np.array([width for _, width in table])
+    if not np.all(np.diff(widths) < 0.0):
+        message = f"between {travel[0]:g} and {travel[1]:g} the fingers do not close all the way along y of the tool"
+        raise ConfigurationError([document.problem(("closed_at",), message)])
+    if abs(widths[0] - config.max_width) > WIDTH_TOLERANCE:
+        message = f"at open_at the fingers are {1e3 * widths[0]:.1f} mm apart by the URDF, not {config.max_width:g} m"
+        raise ConfigurationError([document.problem(("max_width",), message)])
+    return table
+
+
+def _added_frames(config: AnyPart) -> list[ET.Element]:
+    added = []
+    for name, frame in config.frames.items():
+        added += [link(name), fixed_joint(f"{name}_joint", frame.link, name, frame.xyz, frame.rpy)]
+    return added
 
 
 def _with_name(document: Document, name: str) -> Document:
@@ -76,7 +121,7 @@ def _with_name(document: Document, name: str) -> Document:
     return Document(fill(document.data), document.origins)
 
 
-def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> tuple[list[ET.Element], str]:
+def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> Subtree:
     if (config.urdf is None) == (config.generated is None):
         raise ConfigurationError([document.problem((), "one of 'urdf' and 'generated' should be given")])
     if config.urdf is not None:
@@ -97,12 +142,12 @@ def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> t
             dataclasses.replace(p, field=f"dimensions.{p.field}" if p.field else "dimensions") for p in error.problems
         ) from error
     elements = generate(name, dimensions)
-    return elements, elements[0].get("name", "")
+    return Subtree(elements, elements[0].get("name", ""))
 
 
 def _check_names(config: AnyPart, document: Document, names: set[str]) -> None:
     problems = []
-    for field in (*_NAME_FIELDS, "collision", "contact"):
+    for field in (*_NAME_FIELDS, "collision", "contact", "mass"):
         for named in _flat(getattr(config, field, None)):
             if named not in names:
                 message = f"the part has no link or joint {named!r}; {suggestion(named, list(names))}"
@@ -126,19 +171,22 @@ def _flat(value: Any) -> list[str]:
     return [text for item in value for text in _flat(item)]
 
 
-def _dress(link: ET.Element, config: AnyPart) -> None:
-    pads: tuple[PadConfig, ...] | None = config.collision.get(link.get("name", ""))
+def _dress(dressed: ET.Element, config: AnyPart) -> None:
+    """Give a link the collision shape, the contact and the mass that its part's description says."""
+    name = dressed.get("name", "")
+    pads: tuple[PadConfig, ...] | None = config.collision.get(name)
     if pads is not None:
-        for collision in link.findall("collision"):
-            link.remove(collision)
-        link.extend(shape("collision", Box(pad.size), pad.xyz) for pad in pads)
-    contact: ContactConfig | None = config.contact.get(link.get("name", ""))
+        for collision in dressed.findall("collision"):
+            dressed.remove(collision)
+        dressed.extend(shape("collision", Box(pad.size), pad.xyz) for pad in pads)
+    contact: ContactConfig | None = config.contact.get(name)
     if contact is not None:
-        element = ET.SubElement(link, "contact")
+        element = ET.SubElement(dressed, "contact")
         for field in dataclasses.fields(contact):
             value = getattr(contact, field.name)
             if value is not None:
                 ET.SubElement(element, field.name, value=f"{value:.9g}")
+    complete_inertial(dressed, config.mass.get(name))
 
 
 def _rename(elements: list[ET.Element], renamed: dict[str, str]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from bestman_bt.configuration.quantity import Angles3, JointPosition, Lengths3
+from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,8 @@ class RobotConfig:
 
     ``calibration``: files that a calibration wrote; what they say of parts is laid over ``parts``.
     ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot meet, left
-    out of self-collision checks.
+    out of self-collision checks. ``connections``: the controllers of the real robot, by a name of your own;
+    ``safety``: what it may do at most.
     """
 
     base_frame: str
@@ -38,4 +40,6 @@ class RobotConfig:
     postures: Mapping[str, Mapping[str, tuple[JointPosition, ...]]] = field(default_factory=dict)
     never_touch: tuple[tuple[str, str], ...] = ()
     calibration: tuple[str, ...] = ()
+    connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
+    safety: SafetyConfig = field(default_factory=SafetyConfig)
     description: str = ""

@@ -70,6 +70,17 @@ def shape(
     return element
 
 
+def mesh_visual(
+    filename: str, xyz: Vector = ZERO, rpy: Vector = ZERO, rgba: Vector = (0.7, 0.7, 0.7, 1.0), material: str = ""
+) -> ET.Element:
+    """A ``<visual>`` of a mesh file by its absolute path."""
+    element = ET.Element("visual")
+    element.append(origin(xyz, rpy))
+    ET.SubElement(ET.SubElement(element, "geometry"), "mesh", filename=filename)
+    ET.SubElement(ET.SubElement(element, "material", name=material), "color", rgba=numbers(rgba))
+    return element
+
+
 def link(name: str, *children: ET.Element) -> ET.Element:
     """A ``<link>``; one without an inertial gets a tiny one."""
     element = ET.Element("link", name=name)
@@ -96,4 +107,11 @@ def turning_joint(
     element.set("type", "continuous" if continuous else "revolute")
     ET.SubElement(element, "axis", xyz=numbers(axis))
     ET.SubElement(element, "limit", lower="0", upper="0", effort="1", velocity="1")
+    return element
+
+
+def sliding_joint(name: str, parent: str, child: str, axis: Vector, xyz: Vector = ZERO) -> ET.Element:
+    """A prismatic joint; limits are written by the composer."""
+    element = turning_joint(name, parent, child, axis, xyz)
+    element.set("type", "prismatic")
     return element

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ET
+from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model.urdf_elements import tiny_inertial
+from bestman_bt.robot_model.finger_linkage import MimicJoint
+
+EXAMPLE_ROBOTS = "example_robot_data"
 
 
 class UrdfError(ValueError):
@@ -20,6 +24,8 @@ def locate_urdf(source: str, folder: Path) -> Path:
     package, separator, inside = source.partition(":")
     if not separator:
         path = folder / source
+    elif package == EXAMPLE_ROBOTS:
+        path = _example_robots() / inside
     elif package == "pybullet_data":
         path = Path(import_module("pybullet_data").getDataPath()) / inside
     else:
@@ -33,10 +39,32 @@ def locate_urdf(source: str, folder: Path) -> Path:
     return path
 
 
-def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> tuple[list[ET.Element], str]:
-    """Links and joints below ``root`` (default: the file's root link) without the subtrees ``cut``; and the root.
+def _example_robots() -> Path:
+    """The folder of robots of the distribution example-robot-data, which is no importable package."""
+    try:
+        package = distribution("example-robot-data")
+    except PackageNotFoundError as error:
+        raise UrdfError("example-robot-data is not installed: pip install 'bestman-bt[robots]'") from error
+    marker = next((file for file in package.files or [] if "ur_description" in file.parts), None)
+    if marker is None:
+        raise UrdfError("the installed example-robot-data holds no robots")
+    parts = marker.parts[: marker.parts.index("ur_description")]
+    return Path(str(package.locate_file("/".join(parts))))
 
-    ``<mimic>`` and ``<contact>`` are left out, links without mass get a tiny one, mesh paths become absolute.
+
+@dataclass(frozen=True)
+class Subtree:
+    """``elements``: links and joints below ``root``; ``mimics``: what their ``<mimic>`` said, taken out of them."""
+
+    elements: list[ET.Element]
+    root: str
+    mimics: tuple[MimicJoint, ...] = ()
+
+
+def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> Subtree:
+    """Links and joints below ``root`` (default: the file's root link) without the subtrees ``cut``.
+
+    ``<mimic>``, ``<contact>`` and inertials without mass are left out, mesh paths become absolute.
     """
     try:
         tree = ET.parse(path).getroot()
@@ -57,6 +85,7 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> tuple[li
         material.get("name", ""): material for material in tree.iter("material") if material.find("color") is not None
     }
     elements: list[ET.Element] = []
+    mimics: list[MimicJoint] = []
     waiting = [root]
     while waiting:
         name = waiting.pop()
@@ -65,8 +94,21 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> tuple[li
             child = _end(joint, "child")
             if child not in cut:
                 elements.append(_clean_joint(joint))
+                mimics += _mimics(joint)
                 waiting.append(child)
-    return elements, root
+    return Subtree(elements, root, tuple(mimics))
+
+
+def _mimics(joint: ET.Element) -> list[MimicJoint]:
+    return [
+        MimicJoint(
+            joint.get("name", ""),
+            mimic.get("joint", ""),
+            float(mimic.get("multiplier", "1")),
+            float(mimic.get("offset", "0")),
+        )
+        for mimic in joint.findall("mimic")
+    ]
 
 
 def _end(joint: ET.Element, tag: str) -> str:
@@ -87,11 +129,8 @@ def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element]) 
         link.remove(contact)
     inertial = link.find("inertial")
     mass = None if inertial is None else inertial.find("mass")
-    if inertial is None:
-        link.append(tiny_inertial())
-    elif mass is None or float(mass.get("value", "0")) <= 0.0:
+    if inertial is not None and (mass is None or float(mass.get("value", "0")) <= 0.0):
         link.remove(inertial)
-        link.append(tiny_inertial())
     for mesh in link.iter("mesh"):
         mesh.set("filename", str(_locate_mesh(mesh.get("filename", ""), path)))
     for visual in link.findall("visual"):

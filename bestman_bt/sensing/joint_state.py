@@ -12,7 +12,7 @@ from hal.api import Gripper, JointGroup, Part
 class JointStateSensor:
     """Reads the encoders of arms, other joint groups and grippers; wheels are left out, nothing depends on them.
 
-    A gripper tells its width only; its joints share it equally.
+    A gripper tells its width only; the robot model knows how its joints then stand.
     """
 
     def __init__(self, parts: Mapping[str, Part], model: RobotModel) -> None:
@@ -26,6 +26,5 @@ class JointStateSensor:
             if isinstance(part, JointGroup):
                 positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
             elif isinstance(part, Gripper) and name in self._model.grippers:
-                joints = self._model.grippers[name].joint_names
-                positions.update(dict.fromkeys(joints, part.width() / len(joints)))
+                positions.update(self._model.grippers[name].joint_positions(part.width()))
         return MappingProxyType(positions)

@@ -23,7 +23,7 @@ STILL_TIME = 0.15
 
 
 class SimulatedGripper(Gripper):
-    """A gripper whose width is the sum of its finger joints' positions."""
+    """A gripper: motors at the joints that drive its fingers, gears to those that follow (see the world's builder)."""
 
     def __init__(
         self, name: str, model: GripperModel, parameters: PhysicsParameters, stopped: Callable[[], bool]
@@ -46,7 +46,7 @@ class SimulatedGripper(Gripper):
 
     def width(self) -> float:
         """Measured opening, metres."""
-        return float(self._connection.simulation.joint_states()[0, self._slots].sum())
+        return self._model.width(self._connection.simulation.joint_states()[0, self._slots])
 
     def state(self) -> GripperState:
         """What encoders and motors say; an object that slips out shows as ``empty`` once the fingers have closed."""
@@ -110,7 +110,8 @@ class SimulatedGripper(Gripper):
             # Fingers that press tremble; only when they have closed, the object is gone.
             self._blocked = self._blocked and self.width() > self._target + BLOCKED_MARGIN
             return
-        speed = abs(float(self._connection.simulation.joint_states()[1, self._slots].sum()))
+        rates = self._connection.simulation.joint_states()[1, self._slots]
+        speed = abs(float(rates.mean())) / self._model.transmission(self.width())
         period = self._parameters.control_period
         self._still_for = self._still_for + period if speed < STILL_SPEED else 0.0
         self._left -= period
@@ -124,16 +125,17 @@ class SimulatedGripper(Gripper):
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
 
     def _send(self, force: float, speed: float) -> None:
-        simulation = self._connection.simulation
-        count = len(self._indices)
-        for index in self._indices:
+        """Motors towards the target width; by virtual work, what they exert together gives ``force`` at each finger."""
+        simulation, model = self._connection.simulation, self._model
+        targets, per_metre = model.joint_positions(self._target), model.transmission(self.width())
+        for joint, index in zip(model.joint_names, self._indices, strict=True):
             simulation.client.setJointMotorControl2(
                 simulation.built.robot,
                 index,
                 pybullet.POSITION_CONTROL,
-                targetPosition=self._target / count,
-                force=force,
-                maxVelocity=speed / count,
+                targetPosition=targets[joint],
+                force=force / (per_metre * len(self._indices)),
+                maxVelocity=speed * per_metre,
             )
 
     def _check(self, what: str, value: float, lower: float, upper: float, unit: str) -> None:

@@ -53,9 +53,9 @@ class MotionWatcher:
             slots = simulation.slots(group.joint_names)
             lower[slots], upper[slots], speed[slots] = group.lower, group.upper, group.velocity
         for gripper in model.grippers.values():
-            slots, count = simulation.slots(gripper.joint_names), len(gripper.joint_names)
-            lower[slots], upper[slots] = gripper.min_width / count, gripper.max_width / count
-            speed[slots] = gripper.max_speed / count
+            slots = simulation.slots(gripper.joint_names)
+            lower[slots], upper[slots] = gripper.joint_range
+            speed[slots] = gripper.max_speed * gripper.fastest_transmission
         self._lower, self._upper = lower - LIMIT_TOLERANCE, upper + LIMIT_TOLERANCE
         self._watched = np.isfinite(speed)  # not the wheels: they slip and stutter, and no pose hangs on them
         self._top_speed = np.where(self._watched, speed, 0.0)

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import pybullet
 
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import MimicJoint, RobotModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
@@ -162,6 +162,21 @@ def _names(client: PhysicsClient, robot: int) -> tuple[dict[str, int], dict[str,
     return joints, links
 
 
+def _gear(
+    client: PhysicsClient, robot: int, joints: dict[str, int], mimic: MimicJoint, parameters: PhysicsParameters
+) -> None:
+    """Couple one joint of the robot to another of its joints, as teeth or a bar of a linkage would."""
+    follower, leader = joints[mimic.joint], joints[mimic.leader]
+    gear = client.createConstraint(robot, follower, robot, leader, pybullet.JOINT_GEAR, [1, 0, 0], [0, 0, 0], [0, 0, 0])
+    client.changeConstraint(
+        gear,
+        gearRatio=-mimic.multiplier,
+        relativePositionTarget=mimic.offset,
+        erp=parameters.finger_gear_erp,
+        maxForce=parameters.finger_gear_force,
+    )
+
+
 def _set_up_robot(
     client: PhysicsClient,
     model: RobotModel,
@@ -197,15 +212,14 @@ def _set_up_robot(
             # Without the anchor a held object creeps and pivots by degrees while the base turns. The anchor's force is
             # bounded by friction like any other; the monitor tells if an object ever follows an open hand.
             client.changeDynamics(robot, links[link], frictionAnchor=1)
-        for joint in gripper.joint_names:
-            client.resetJointState(robot, joints[joint], gripper.max_width / len(gripper.joint_names))
+        for joint, position in gripper.joint_positions(gripper.max_width).items():
+            client.resetJointState(robot, joints[joint], position)
         if len(gripper.joint_names) == 2:
-            first, second = (joints[joint] for joint in gripper.joint_names)
-            gear = client.createConstraint(
-                robot, first, robot, second, pybullet.JOINT_GEAR, [1, 0, 0], [0, 0, 0], [0, 0, 0]
-            )
-            client.changeConstraint(
-                gear, gearRatio=-1, erp=parameters.finger_gear_erp, maxForce=parameters.finger_gear_force
-            )
+            first, second = gripper.joint_names
+            _gear(client, robot, joints, MimicJoint(first, second), parameters)
+        for follower in gripper.followers:
+            # PyBullet ignores <mimic>; its own motor at a follower would work against the gear.
+            client.setJointMotorControl2(robot, joints[follower.joint], pybullet.VELOCITY_CONTROL, force=0.0)
+            _gear(client, robot, joints, follower, parameters)
     constraints: int = client.getNumConstraints()
     return constraints

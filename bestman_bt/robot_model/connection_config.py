@@ -1,0 +1,59 @@
+"""The parts of a robot's YAML that only hardware needs: who speaks to which controller, and what it may do at most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from bestman_bt.configuration.quantity import (
+    AngularSpeed,
+    Force,
+    Lengths3,
+    PositiveTime,
+    Share,
+    Speed,
+    WholeNumber,
+)
+
+
+@dataclass(frozen=True)
+class ConnectionConfig:
+    """One controller: ``driver`` names the class that speaks to it, ``parts`` the robot's parts behind it.
+
+    ``address`` and ``token`` never show in a text made of this. ``options``: what the driver wants to know besides;
+    in a robot model, checked: an instance of the driver's own dataclass.
+    """
+
+    driver: str
+    parts: tuple[str, ...]
+    address: str = field(default="", repr=False)
+    port: WholeNumber | None = None
+    token: str = field(default="", repr=False)
+    options: Any = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class WorkspaceConfig:
+    """A box, metres in the robot's base frame, that the tools of all arms stay in."""
+
+    lower: Lengths3
+    upper: Lengths3
+
+
+@dataclass(frozen=True)
+class SafetyConfig:
+    """What the robot may do at most, enforced above the vendors' own limits.
+
+    ``joint_speed``: share of the arms' speed limits; ``base_speed``, ``base_turn``, ``gripper_force``: at most, in
+    place of the parts' own where those are higher. These are written into the robot model, so planners and the
+    simulation keep them, too. ``tool_speed`` and ``workspace`` bound the arms' tools on hardware. ``watchdog``:
+    seconds without a sign of life after which a controller counts as lost and everything else is stopped.
+    """
+
+    joint_speed: Share = 1.0
+    tool_speed: Speed | None = None
+    gripper_force: Force | None = None
+    base_speed: Speed | None = None
+    base_turn: AngularSpeed | None = None
+    workspace: WorkspaceConfig | None = None
+    watchdog: PositiveTime = 0.25

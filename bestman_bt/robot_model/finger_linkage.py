@@ -1,0 +1,103 @@
+"""Fingers on a linkage: which opening width belongs to which position of the joints that drive them."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model.footprint import origin_pose
+
+SAMPLES = 17
+
+
+@dataclass(frozen=True)
+class MimicJoint:
+    """A joint that a mechanism couples to another: its position is ``multiplier`` × the leader's + ``offset``."""
+
+    joint: str
+    leader: str
+    multiplier: float = 1.0
+    offset: float = 0.0
+
+
+def all_positions(driven: Mapping[str, float], mimics: Iterable[MimicJoint]) -> dict[str, float]:
+    """The positions of driven joints, and of all that follow them directly or by way of another follower."""
+    positions = dict(driven)
+    waiting = list(mimics)
+    while waiting:
+        later = []
+        for mimic in waiting:
+            if mimic.leader in positions:
+                positions[mimic.joint] = mimic.multiplier * positions[mimic.leader] + mimic.offset
+            else:
+                later.append(mimic)
+        if len(later) == len(waiting):
+            break
+        waiting = later
+    return positions
+
+
+def opening_table(
+    elements: list[ET.Element],
+    joints: tuple[str, ...],
+    mimics: tuple[MimicJoint, ...],
+    fingers: tuple[str, ...],
+    tool: str,
+    travel: tuple[float, float],
+    min_width: float,
+) -> tuple[tuple[float, float], ...]:
+    """Pairs (position of each of ``joints``, opening width), from the widest to the closed hand.
+
+    ``travel``: the position where the hand is open, and where it is closed to ``min_width``. The width is that of the
+    gap between the origins of the first two ``fingers`` along y of the frame ``tool``, by forward kinematics; pads do
+    not turn in a parallel hand, so that their thickness is a constant.
+    """
+    opened, closed = travel
+    gaps = []
+    positions = np.linspace(opened, closed, SAMPLES)
+    for position in positions:
+        poses = link_poses(elements, all_positions(dict.fromkeys(joints, float(position)), mimics), (tool, *fingers))
+        in_tool = poses[tool].inverse()
+        first, second = ((in_tool @ poses[finger]).position[1] for finger in fingers[:2])
+        gaps.append(abs(float(first - second)))
+    return tuple((float(q), gap - gaps[-1] + min_width) for q, gap in zip(positions, gaps, strict=True))
+
+
+def link_poses(elements: list[ET.Element], positions: Mapping[str, float], links: Iterable[str]) -> dict[str, Pose]:
+    """Poses of at least ``links`` of a part in its root link's frame; joints without a position are at zero."""
+    joints = {_end(element, "child"): element for element in elements if element.tag == "joint"}
+    poses: dict[str, Pose] = {}
+
+    def pose(link: str) -> Pose:
+        if link not in poses:
+            joint = joints.get(link)
+            poses[link] = Pose() if joint is None else pose(_end(joint, "parent")) @ _joint_pose(joint, positions)
+        return poses[link]
+
+    for link in links:
+        pose(link)
+    return poses
+
+
+def _joint_pose(joint: ET.Element, positions: Mapping[str, float]) -> Pose:
+    placed = origin_pose(joint)
+    position = positions.get(joint.get("name", ""), 0.0)
+    if position == 0.0 or joint.get("type") == "fixed":
+        return placed
+    element = joint.find("axis")
+    axis = np.array((element.get("xyz", "1 0 0") if element is not None else "1 0 0").split(), dtype=float)
+    axis /= np.linalg.norm(axis)
+    if joint.get("type") == "prismatic":
+        return placed @ Pose(axis * position)
+    half = position / 2.0
+    return placed @ Pose(np.zeros(3), np.array([*(axis * math.sin(half)), math.cos(half)]))
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    end = joint.find(tag)
+    return "" if end is None else end.get("link", "")

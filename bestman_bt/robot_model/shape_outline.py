@@ -1,0 +1,46 @@
+"""Shapes of a URDF as points: their corners, or points on their rims."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+_CIRCLE = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+
+
+def outline(geometry: ET.Element | None, meshes: bool = False) -> NDArray[np.float64]:
+    """Points whose hull is the shape's, (N, 3) metres in its own frame; without ``meshes`` a mesh has none."""
+    shape = geometry[0] if geometry is not None and len(geometry) else None
+    if shape is None:
+        return np.zeros((0, 3))
+    match shape.tag:
+        case "box":
+            half = np.array(shape.get("size", "").split(), dtype=float) / 2
+            corners: NDArray[np.float64] = half * np.array(
+                [[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+            )
+            return corners
+        case "cylinder":
+            radius, length = float(shape.get("radius", "0")), float(shape.get("length", "0"))
+            ring = np.column_stack([radius * np.cos(_CIRCLE), radius * np.sin(_CIRCLE)])
+            return np.concatenate([np.column_stack([ring, np.full(16, z)]) for z in (-length / 2, length / 2)])
+        case "sphere":
+            radius = float(shape.get("radius", "0"))
+            ring = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros(16)])
+            return radius * np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
+        case "mesh" if meshes:
+            scale = np.array(shape.get("scale", "1 1 1").split(), dtype=float)
+            return _mesh_corners(shape.get("filename", "")) * scale
+    return np.zeros((0, 3))
+
+
+@lru_cache(maxsize=256)
+def _mesh_corners(filename: str) -> NDArray[np.float64]:
+    import trimesh
+
+    vertices = np.asarray(trimesh.load(filename, force="mesh").vertices, dtype=float)
+    return vertices[ConvexHull(vertices).vertices]
