@@ -158,6 +158,7 @@ class Grasp(Skill):
         yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
         self._check_held(width)
         belief = skills.world.objects.pop(name)
+        skills.observations.pop(name, None)
         skills.world.held = HeldObject(name, belief.model, tool_from_object, skills.gripper.width())
         if skills.world.occupancy is not None:
             taken = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]

@@ -172,10 +172,7 @@ def _floating_cost(
     facing = (towards * turn(normals)).sum(axis=2) > 0.15 * np.linalg.norm(towards, axis=2)
     pose_of, _ = np.nonzero(facing)
     pixels, depth = plane_view.project(placed[facing])
-    before = np.isfinite(depth)
-    if not before.any():
-        return cost
-    near = float(np.median(depth[before]))
+    near = float(np.nanmedian(depth)) if len(depth) else 1.0
     radius = max(1, round(p.position_error * plane_view.image.intrinsics.fx / max(near, 1e-3)))
     excess = seen_space(plane_view, pixels, radius, palette, p.color).excess(pixels, depth)
     np.add.at(cost, pose_of, np.minimum(excess**2 / (2 * variance), p.cap))
