@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import hand_contacts
-from behaviours.policy_motion import PolicyMotion
+from behaviours.policy_motion import CLOSED, PolicyMotion
 from behaviours.skill import Skill, SkillFailure, Steps
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.policy import (
@@ -67,6 +67,7 @@ class RunPolicy(Skill):
         try:
             goal = self._goal()
             box = self._check(policy.specification, goal)
+            yield from self._open_hand(policy.specification)
             deadline = self.skills.clock.now() + self.get_input("timeout")
             motion = PolicyMotion(self.skills, box, deadline)
             try:
@@ -138,6 +139,16 @@ class RunPolicy(Skill):
                 where = np.round(pose.position, 3).tolist()
                 raise SkillFailure("workspace", f"the {what} at {where} is outside the workspace {box}")
         return box
+
+    def _open_hand(self, spec: PolicySpecification) -> Steps:
+        """A policy that opens and closes the gripper begins with it open."""
+        skills = self.skills
+        if not spec.moves_gripper or not spec.open_width:
+            return
+        if skills.world.held is not None:
+            raise SkillFailure("hand_full", f"the hand holds the {skills.world.held.name}")
+        if abs(skills.gripper.width() - spec.open_width) > CLOSED:
+            yield skills.gripper.open(spec.open_width)
 
     def _succeeded(self, motion: PolicyMotion, goal: Pose | None) -> bool:
         success = self.get_input("success")

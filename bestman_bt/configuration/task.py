@@ -71,6 +71,26 @@ class TidyConfig:
 
 
 @dataclass(frozen=True)
+class ReachConfig:
+    """The tool shall point down above the world's goal ``goal``, turned as that is, ``height`` metres above its middle.
+
+    Of a range of heights the seed chooses one.
+    """
+
+    goal: str
+    height: tuple[Length, Length]
+
+
+@dataclass(frozen=True)
+class LiftConfig:
+    """``object``, to be sought on ``source``, shall be in the hand, ``height`` metres above where it stood."""
+
+    object: str
+    source: str
+    height: PositiveLength = 0.05
+
+
+@dataclass(frozen=True)
 class TolerancesConfig:
     """How near a success has to come: metres, radians (``yaw`` None: any), seconds of rest before it is judged."""
 
@@ -84,7 +104,8 @@ class TolerancesConfig:
 class TaskConfig:
     """A task.
 
-    ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``: what else is asked.
+    ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``, ``reach``, ``lift``: what
+    else is asked.
     ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: pairs that
     may touch, each an object, a piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``:
     metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most.
@@ -98,6 +119,8 @@ class TaskConfig:
     goals: tuple[GoalConfig, ...] = ()
     opening: OpeningConfig | None = None
     tidy: TidyConfig | None = None
+    reach: ReachConfig | None = None
+    lift: LiftConfig | None = None
     predicate: str | tuple[str, ...] | None = None
     tolerances: TolerancesConfig = field(default_factory=TolerancesConfig)
     allowed_contacts: tuple[tuple[str, str], ...] = ()
@@ -185,6 +208,9 @@ def _contradictions(task: TaskConfig, document: Document) -> Iterator[Problem]:
                 yield document.problem(("tidy", axis), f"the smaller limit comes first, got [{lower:g}, {upper:g}]")
         if not tidy.objects:
             yield document.problem(("tidy", "objects"), "should name at least one object")
+    if task.reach is not None and task.reach.height[0] > task.reach.height[1]:
+        lower, upper = task.reach.height
+        yield document.problem(("reach", "height"), f"the smaller limit comes first, got [{lower:g}, {upper:g}]")
 
 
 def task_of_tree(tree: str) -> str | None:

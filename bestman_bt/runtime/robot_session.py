@@ -146,6 +146,11 @@ def _entries(setup: Setup) -> dict[str, Any]:
     if tidy is not None:
         entries |= {"objects": list(tidy.objects), "source": tidy.source, "target": tidy.surface}
         entries |= {"region_x": list(tidy.x), "region_y": list(tidy.y)}
+    reach, lift = setup.reach_goal, setup.config.task.lift
+    if reach is not None:
+        entries["goal"] = reach
+    if lift is not None:
+        entries |= {"object": lift.object, "source": lift.source}
     return entries
 
 

@@ -13,13 +13,13 @@ import numpy as np
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, find_data
 from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
-from bestman_bt.messages import Pose2D
+from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.task_goals import TaskGoal, task_goals
+from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, WorldModel
@@ -43,6 +43,11 @@ class Setup:
     def goals(self) -> tuple[TaskGoal, ...]:
         """Which objects the task wants where."""
         return task_goals(self.config, self.world, self.world_model.models)
+
+    @property
+    def reach_goal(self) -> Pose | None:
+        """Where the task asks the tool to be, map_from_tool; None where it does not."""
+        return reach_goal(self.config, self.world)
 
 
 def prepare(config: RunConfig) -> Setup:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -30,6 +31,16 @@ class TaskGoal:
 def task_goals(config: RunConfig, world: World, models: Mapping[str, ObjectModel]) -> tuple[TaskGoal, ...]:
     """The goals of a task whose names have been checked; of objects to choose from, the seed has chosen."""
     return tuple(_resolved(goal, config.seed, world, models) for goal in config.task.all_goals)
+
+
+def reach_goal(config: RunConfig, world: World) -> Pose | None:
+    """Where the tool shall be, map_from_tool: it points down; None where the task asks for no reach."""
+    asked = config.task.reach
+    if asked is None:
+        return None
+    goal = world.goals[asked.goal]
+    height = float(np.random.default_rng([config.seed, 4]).uniform(*asked.height))
+    return Pose.from_xyz_rpy(goal.position + np.array([0.0, 0.0, height]), (math.pi, 0.0, goal.yaw))
 
 
 def _resolved(goal: GoalConfig, seed: int, world: World, models: Mapping[str, ObjectModel]) -> TaskGoal:

@@ -16,7 +16,7 @@ from bestman_bt.world_model import WorldModel
 
 
 def task_problems(config: RunConfig, world: World, known: WorldModel, robot: RobotModel) -> Iterator[Problem]:
-    """All unknown names of the task's goals, opening, tidying and allowed contacts."""
+    """All unknown names of the task's goals, opening, tidying, reaching, lifting and allowed contacts."""
     task = config.task
     if task.goal is not None:
         yield from _goal_problems(config, ("goal",), task.goal, world, known)
@@ -34,6 +34,11 @@ def task_problems(config: RunConfig, world: World, known: WorldModel, robot: Rob
         for field in ("source", "surface"):
             name = getattr(task.tidy, field)
             yield from _unknown(config, ("tidy", field), name, _surfaces(known), "the map has no surface")
+    if task.reach is not None:
+        yield from _unknown(config, ("reach", "goal"), task.reach.goal, world.goals, "the scene has no goal")
+    if task.lift is not None:
+        yield from _unknown(config, ("lift", "object"), task.lift.object, known.models, "the robot knows no object")
+        yield from _unknown(config, ("lift", "source"), task.lift.source, _surfaces(known), "the map has no surface")
     yield from _contact_problems(config, world, known, robot)
 
 

@@ -6,17 +6,33 @@ from collections.abc import Callable, Iterator
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
 from bestman_bt.evaluation.predicates.inside import inside
+from bestman_bt.evaluation.predicates.lifted import lifted
 from bestman_bt.evaluation.predicates.opened import opened
 from bestman_bt.evaluation.predicates.placed import placed
 from bestman_bt.evaluation.predicates.tidied import tidied
+from bestman_bt.evaluation.predicates.tool_at import tool_at
 from bestman_bt.evaluation.predicates.verdict import Evidence, Predicate, Verdict, joined
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime import Session
 from hal.api import Clock
 from hal.pybullet import GroundTruth
 
-PREDICATES: dict[str, Predicate] = {"inside": inside, "opened": opened, "placed": placed, "tidied": tidied}
-_NEEDS = {"inside": "goal", "opened": "opening", "placed": "goal", "tidied": "tidy"}
+PREDICATES: dict[str, Predicate] = {
+    "inside": inside,
+    "lifted": lifted,
+    "opened": opened,
+    "placed": placed,
+    "tidied": tidied,
+    "tool_at": tool_at,
+}
+_NEEDS = {
+    "inside": "goal",
+    "lifted": "lift",
+    "opened": "opening",
+    "placed": "goal",
+    "tidied": "tidy",
+    "tool_at": "reach",
+}
 
 Judge = Callable[[Session, GroundTruth, Clock], Verdict]
 
@@ -35,8 +51,9 @@ def find_judge(config: RunConfig) -> Judge | None:
 
     def judge(session: Session, truth: GroundTruth, clock: Clock) -> Verdict:
         """Let the world rest, then ask all predicates."""
-        tidy = session.setup.config.task.tidy
+        tidy, lift = session.setup.config.task.tidy, session.setup.config.task.lift
         named = [*(goal.object for goal in session.setup.goals), *(tidy.objects if tidy is not None else ())]
+        named += [lift.object] if lift is not None else []
         before = {name: truth.object_pose(name) for name in named if name in truth.object_names}
         clock.sleep(session.setup.config.task.tolerances.rest_time)
         positions = {name: tuple(float(x) for x in pose.position) for name, pose in before.items()}
@@ -48,7 +65,8 @@ def find_judge(config: RunConfig) -> Judge | None:
 
 def _problems(config: RunConfig) -> Iterator[Problem]:
     task = config.task
-    given = {"goal": bool(task.all_goals), "opening": task.opening is not None, "tidy": task.tidy is not None}
+    given: dict[str, bool] = {name: getattr(task, name) is not None for name in ("opening", "tidy", "reach", "lift")}
+    given["goal"] = bool(task.all_goals)
     for index, name in enumerate(task.predicates):
         path = ("predicate",) if isinstance(task.predicate, str) else ("predicate", index)
         if name not in PREDICATES:
