@@ -59,7 +59,15 @@ def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, str]) -> 
     return f"did you mean {close[0]!r}?" if close else f"known: {', '.join(names) or 'none'}"
 
 
-DRIVERS = Registry("bestman_bt.drivers", "robot driver", {"pybullet": "hal.pybullet:PyBulletRobot"})
+DRIVERS = Registry(
+    "bestman_bt.drivers",
+    "robot driver",
+    {"hardware": "hal.hardware:HardwareRobot", "pybullet": "hal.pybullet:PyBulletRobot"},
+)
+"""Implementations of the Robotics API."""
+
+CONNECTIONS = Registry("bestman_bt.connections", "connection driver", {"xarm": "hal.xarm:XArmConnection"})
+"""Classes that speak to one vendor's controller, by the ``driver`` of a connection in a robot's YAML."""
 
 ALGORITHMS = Registry(
     "bestman_bt.algorithms",
@@ -120,6 +128,7 @@ BEHAVIOURS = Registry(
         "FindOpenStand": "behaviours.open_stand:FindOpenStand",
         "FindPlacePose": "behaviours.place:FindPlacePose",
         "FindStandPose": "behaviours.stand:FindStandPose",
+        "FindPushStand": "behaviours.push_stand:FindPushStand",
         "Grasp": "behaviours.grasp:Grasp",
         "Holding": "behaviours.grasp:Holding",
         "LookAt": "behaviours.look:LookAt",
@@ -130,6 +139,7 @@ BEHAVIOURS = Registry(
         "Open": "behaviours.open:Open",
         "PlaceOn": "behaviours.place:PlaceOn",
         "PlanGrasp": "behaviours.grasp:PlanGrasp",
+        "Push": "behaviours.push:Push",
         "Reachable": "behaviours.grasp:Reachable",
         "Release": "behaviours.place:Release",
         "Retreat": "behaviours.move_arm:Retreat",

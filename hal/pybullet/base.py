@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.robot_model import BaseModel
 from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus
+from hal.parts import PartMotion
 from hal.pybullet.differential_drive import DifferentialDrive, Odometry
-from hal.pybullet.motion import SimulatedMotion
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation
@@ -209,7 +209,7 @@ class SimulatedBase(MobileBase):
         return self._start(_Course(target, self._odometry.heading, turning=False, time_left=2.0 * time + 3.0))
 
     def _start(self, course: _Course) -> Motion:
-        motion = SimulatedMotion(self)
+        motion = PartMotion(self)
         self._connection.begin(motion)
         self._course = course
         self._braking = (0.0, 0.0)

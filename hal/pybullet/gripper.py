@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
-from hal.pybullet.motion import SimulatedMotion
+from hal.parts import PartMotion
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation
@@ -65,7 +65,7 @@ class SimulatedGripper(Gripper):
         self._check("width", width, model.min_width - 1e-9, model.max_width + 1e-9, "m")
         self._check("force", force, 1e-9, model.max_force, "N")
         self._check("speed", speed, 1e-9, model.max_speed, "m/s")
-        motion = SimulatedMotion(self)
+        motion = PartMotion(self)
         self._connection.begin(motion)
         present = self.width()
         self._closing = width < present

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model import ArmModel, JointGroupModel
 from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
-from hal.pybullet.motion import SimulatedMotion
+from hal.parts import Brake, BrakeThenMove, Drift, Hold, JointCommandChecks, PartMotion, Reach, Setpoints
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
-from hal.pybullet.setpoints import Brake, Drift, Hold, Reach, Setpoints, Trapezoid
 from hal.pybullet.simulation import Simulation
 
 Array = NDArray[np.float64]
@@ -32,9 +31,10 @@ class SimulatedJointGroup(JointGroup):
         super().__init__(name)
         self._model, self._parameters = model, parameters
         self._connection = Connection(name, stopped)
-        self._lower, self._upper = np.asarray(model.lower, float), np.asarray(model.upper, float)
-        self._speed, self._acceleration = np.asarray(model.velocity, float), np.asarray(model.acceleration, float)
-        self._effort_limits = np.asarray(model.effort, float)
+        self._checks = JointCommandChecks(name, model)
+        self._lower, self._upper = self._checks.lower, self._checks.upper
+        self._speed, self._acceleration = self._checks.speed, self._checks.acceleration
+        self._effort_limits = self._checks.effort
         self._indices: list[int] = []
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._setpoints: Setpoints = Hold(np.zeros(len(self._lower)))
@@ -54,8 +54,7 @@ class SimulatedJointGroup(JointGroup):
     @property
     def limits(self) -> tuple[JointLimits, ...]:
         """Limits of the joints."""
-        columns = (self._lower, self._upper, self._speed, self._acceleration, self._effort_limits)
-        return tuple(JointLimits(*map(float, row)) for row in zip(*columns, strict=True))
+        return self._checks.limits
 
     # Measurements
 
@@ -81,22 +80,16 @@ class SimulatedJointGroup(JointGroup):
     ) -> None:
         """Set one kind of set-point; positions and velocities are approached within the limits."""
         self._connection.check_command("command")
-        given = [kind for kind in (positions, velocities, efforts) if kind is not None]
-        if len(given) != 1:
-            raise self._connection.refuse(
-                "command", f"exactly one of positions, velocities, efforts is to be given, not {len(given)}"
-            )
+        self._checks.one_kind("command", positions, velocities, efforts)
         if positions is not None:
-            target = self._checked_positions("command", positions)
+            target = self._checks.positions("command", positions)
             self._take_over(Reach(self._position, self._velocity, target, self._speed, self._acceleration), None)
         elif velocities is not None:
-            wanted = self._checked("command", "velocities", velocities, -self._speed, self._speed)
+            wanted = self._checks.velocities("command", velocities)
             drift = Drift(self._position, self._velocity, wanted, self._acceleration, self._lower, self._upper)
             self._take_over(drift, None)
         else:
-            torques = self._checked(
-                "command", "efforts", np.asarray(efforts), -self._effort_limits, self._effort_limits
-            )
+            torques = self._checks.efforts("command", np.asarray(efforts))
             self._take_over(Hold(self.positions()), None)
             self._release_motors()
             self._torques = torques
@@ -104,12 +97,11 @@ class SimulatedJointGroup(JointGroup):
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
         """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
         self._connection.check_command("move_to")
-        target = self._checked_positions("move_to", positions)
-        if not (np.isfinite(speed_scale) and 0.0 < speed_scale <= 1.0):
-            raise self._connection.refuse("move_to", f"speed_scale = {speed_scale} is not within (0, 1]")
-        motion = SimulatedMotion(self)
+        target = self._checks.positions("move_to", positions)
+        speed_scale = self._checks.speed_scale("move_to", speed_scale)
+        motion = PartMotion(self)
         speed, acceleration = self._speed * speed_scale, self._acceleration * speed_scale
-        self._take_over(_BrakeThenMove(self._braking(), target, speed, acceleration), motion)
+        self._take_over(BrakeThenMove(self._braking(), target, speed, acceleration), motion)
         return motion
 
     def stop(self) -> None:
@@ -172,7 +164,7 @@ class SimulatedJointGroup(JointGroup):
             self._setpoints, self._astray = Hold(self._position), 0.0
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TRACKING, text)
 
-    def _watch_settling(self, motion: SimulatedMotion, period: float) -> None:
+    def _watch_settling(self, motion: PartMotion, period: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
         error = float(np.max(np.abs(self._position - self.positions())))
         speed = float(np.max(np.abs(self.velocities())))
@@ -183,7 +175,7 @@ class SimulatedJointGroup(JointGroup):
             text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
 
-    def _take_over(self, setpoints: Setpoints, motion: SimulatedMotion | None) -> None:
+    def _take_over(self, setpoints: Setpoints, motion: PartMotion | None) -> None:
         self._connection.begin(motion)
         self._leave_effort_mode()
         self._setpoints, self._waiting, self._astray = setpoints, 0.0, 0.0
@@ -231,45 +223,6 @@ class SimulatedJointGroup(JointGroup):
             self._velocity = np.clip(self.velocities(), -self._speed, self._speed)
             self._setpoints = self._braking()
 
-    # Checks
-
     def _measured(self, row: int) -> Array:
         values: Array = self._connection.simulation.joint_states()[row, self._slots]
         return values
-
-    def _checked_positions(self, command: str, values: ArrayLike) -> Array:
-        return self._checked(command, "positions", values, self._lower, self._upper)
-
-    def _checked(self, command: str, what: str, values: ArrayLike, lower: Array, upper: Array) -> Array:
-        try:
-            array = np.array(values, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise self._connection.refuse(command, f"{what} are not numbers: {values!r}") from error
-        if array.shape != lower.shape:
-            raise self._connection.refuse(command, f"{what} should have shape {lower.shape} but have {array.shape}")
-        if not np.all(np.isfinite(array)):
-            raise self._connection.refuse(command, f"{what} should be finite but are {array.tolist()}")
-        for joint, value, low, high in zip(self.joint_names, array, lower, upper, strict=True):
-            if not low - 1e-6 <= value <= high + 1e-6:
-                why = f"{what} of {joint} = {value:.4f} is beyond its limits [{low:.4f}, {high:.4f}]"
-                raise self._connection.refuse(command, why)
-        clipped: Array = np.clip(array, lower, upper)
-        return clipped
-
-
-class _BrakeThenMove(Setpoints):
-    """Come to rest, then move along a trapezoid from there."""
-
-    def __init__(self, brake: Brake, target: Array, speed: Array, acceleration: Array) -> None:
-        self._brake, self._target, self._limits = brake, target, (speed, acceleration)
-        self._move: Trapezoid | None = None
-
-    def advance(self, dt: float) -> tuple[Array, Array]:
-        if self._move is None:
-            if not self._brake.finished:
-                return self._brake.advance(dt)
-            start, _ = self._brake.advance(0.0)
-            self._move = Trapezoid(start, self._target, *self._limits)
-        result = self._move.advance(dt)
-        self.finished = self._move.finished
-        return result

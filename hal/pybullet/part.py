@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.pybullet.motion import SimulatedMotion
+from hal.parts import PartMotion
 from hal.pybullet.simulation import Simulation
 
 
@@ -27,7 +27,7 @@ class Connection:
         self._part_name = part_name
         self._stopped = stopped
         self._simulation: Simulation | None = None
-        self._motion: SimulatedMotion | None = None
+        self._motion: PartMotion | None = None
 
     @property
     def simulation(self) -> Simulation:
@@ -42,7 +42,7 @@ class Connection:
         return self._simulation is not None
 
     @property
-    def motion(self) -> SimulatedMotion | None:
+    def motion(self) -> PartMotion | None:
         """The motion under way."""
         motion = self._motion
         return motion if motion is not None and motion.status is MotionStatus.RUNNING else None
@@ -69,7 +69,7 @@ class Connection:
         """The error for a command that is malformed or beyond a limit."""
         return CommandRefusedError(f"{self._part_name} refused {command}: {why}")
 
-    def begin(self, motion: SimulatedMotion | None) -> None:
+    def begin(self, motion: PartMotion | None) -> None:
         """A new command takes over; the older motion, if any, is superseded."""
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._motion = motion

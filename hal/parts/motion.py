@@ -1,7 +1,8 @@
-"""Motions of simulated parts."""
+"""Motions that a part begins and ends."""
 
 from __future__ import annotations
 
+import threading
 from typing import Protocol
 
 from hal.api import Motion, MotionError, MotionErrorCode, MotionStatus
@@ -14,11 +15,12 @@ class MotionOwner(Protocol):
         """Come to rest within the deceleration limits."""
 
 
-class SimulatedMotion(Motion):
-    """A motion of one part; the part ends it, once."""
+class PartMotion(Motion):
+    """A motion of one part; the part ends it, once, from whichever thread."""
 
     def __init__(self, owner: MotionOwner) -> None:
         self._owner = owner
+        self._lock = threading.Lock()
         self._status = MotionStatus.RUNNING
         self._error: MotionError | None = None
 
@@ -40,10 +42,13 @@ class SimulatedMotion(Motion):
 
     def succeed(self) -> None:
         """The target is reached."""
-        if self._status is MotionStatus.RUNNING:
-            self._status = MotionStatus.SUCCEEDED
+        with self._lock:
+            if self._status is MotionStatus.RUNNING:
+                self._status = MotionStatus.SUCCEEDED
 
     def end(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
         """End without success; without effect on a motion that has ended."""
-        if self._status is MotionStatus.RUNNING:
-            self._status, self._error = status, MotionError(code, text)
+        with self._lock:
+            if self._status is MotionStatus.RUNNING:
+                self._error = MotionError(code, text)
+                self._status = status

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hal.pybullet.setpoints import Brake, Drift, Reach, Setpoints, Stream, Trapezoid
+from hal.parts.setpoints import Brake, Drift, Reach, Setpoints, Stream, Trapezoid
 
 PERIOD = 1.0 / 60.0
 SPEED, ACCELERATION = np.array([1.0, 2.0]), np.array([4.0, 3.0])

@@ -158,3 +158,22 @@ class Stream(Setpoints):
             return self._target, velocity
         share = self._time / self._interval
         return self._start + share * (self._target - self._start), (self._target - self._start) / self._interval
+
+
+class BrakeThenMove(Setpoints):
+    """Come to rest, then move along a trapezoid from there."""
+
+    def __init__(self, brake: Brake, target: Array, speed: Array, acceleration: Array) -> None:
+        self._brake, self._target, self._limits = brake, target, (speed, acceleration)
+        self._move: Trapezoid | None = None
+
+    def advance(self, dt: float) -> tuple[Array, Array]:
+        """Go on."""
+        if self._move is None:
+            if not self._brake.finished:
+                return self._brake.advance(dt)
+            start, _ = self._brake.advance(0.0)
+            self._move = Trapezoid(start, self._target, *self._limits)
+        result = self._move.advance(dt)
+        self.finished = self._move.finished
+        return result

@@ -1,0 +1,83 @@
+"""What a vendor's class provides for each moving part: the wire, without any policy. SI units on this side of it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose2D, Twist2D
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class JointReading:
+    """Measured positions, velocities and efforts, (n,) each; rad, rad/s, N m."""
+
+    positions: Array
+    velocities: Array
+    efforts: Array
+
+
+@dataclass(frozen=True)
+class GripperReading:
+    """``width`` metres. ``object_held``: whether the gripper itself feels an object; None where it cannot tell."""
+
+    width: float
+    object_held: bool | None = None
+
+
+@dataclass(frozen=True)
+class BaseReading:
+    """Odometry, and the velocity in the base frame."""
+
+    odometry: Pose2D
+    velocity: Twist2D
+
+
+class JointChannel(ABC):
+    """Joints behind a controller that takes streamed position set-points.
+
+    ``stream_at_rest``: whether the controller wants a set-point every period, also where nothing moves.
+    """
+
+    stream_at_rest = False
+
+    @abstractmethod
+    def read(self) -> JointReading:
+        """The latest reading; it does not wait. NoDataError where none has come."""
+
+    @abstractmethod
+    def send(self, positions: Array, velocities: Array) -> None:
+        """One set-point, called every control period while joints move; may take a round trip."""
+
+
+class GripperChannel(ABC):
+    """A gripper behind a controller."""
+
+    @abstractmethod
+    def read(self) -> GripperReading:
+        """The latest reading; may take a round trip. NoDataError where none has come."""
+
+    @abstractmethod
+    def send(self, width: float, force: float, speed: float) -> None:
+        """Go to ``width`` metres with at most ``force`` N at ``speed`` m/s (rate of the width)."""
+
+    @abstractmethod
+    def halt(self) -> None:
+        """Stay at the present width; what is held stays held."""
+
+
+class BaseChannel(ABC):
+    """A base behind a controller that takes velocities."""
+
+    @abstractmethod
+    def read(self) -> BaseReading:
+        """The latest reading; it does not wait. NoDataError where none has come."""
+
+    @abstractmethod
+    def send(self, velocity: Twist2D) -> None:
+        """Drive at a velocity (base frame); called every control period while the base moves."""

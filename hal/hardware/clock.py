@@ -1,0 +1,115 @@
+"""Real time: sleeping waits, and runs the periodic calls of the thread that sleeps."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+
+from hal.api import Clock, Timer
+
+LONGEST_DEBT = 0.02
+"""Seconds by which a sleep that was too long shortens the next one, at most."""
+
+
+class RealTimer(Timer):
+    """A periodic call; ``due``: when it is to be called next, seconds of the clock."""
+
+    def __init__(self, period: float, start: float, call: Callable[[], None]) -> None:
+        self._period, self._start, self._call = period, start, call
+        self._calls = 0
+        self.cancelled = False
+
+    @property
+    def due(self) -> float:
+        """When it is to be called next."""
+        return self._start + (self._calls + 1) * self._period
+
+    def run(self, now: float) -> None:
+        """Call once; what could not be called in time is left out, not made up for."""
+        self._calls = max(self._calls + 1, int((now - self._start) / self._period + 1e-9))
+        self._call()
+
+    def cancel(self) -> None:
+        """Stop calling; idempotent."""
+        self.cancelled = True
+
+
+class _OfThread(threading.local):
+    """What each thread has of its own."""
+
+    def __init__(self) -> None:
+        self.timers: list[RealTimer] = []
+        self.debt = 0.0
+        self.sleeping = False
+
+
+class RealTimeClock(Clock):
+    """The machine's monotonic clock, from 0 at its making.
+
+    As in simulation, periodic calls run while the thread that asked for them sleeps, never beside it, so that
+    controllers need no locks. A thread that computes instead of sleeping delays its periodic calls: what has to come
+    on time whatever happens (set-points, watchdogs) runs in threads of ``ControlLoop`` and takes no part in this.
+    """
+
+    def __init__(self) -> None:
+        self._start = time.monotonic()
+        self._own = _OfThread()
+
+    def now(self) -> float:
+        """Seconds since the clock was made."""
+        return time.monotonic() - self._start
+
+    def sleep(self, duration: float) -> None:
+        """Wait; many short sleeps take as long as a long one. RuntimeError from within a periodic call."""
+        self._wait(duration, None)
+
+    def wait(self, duration: float, wake: threading.Event) -> None:
+        """Wait for up to ``duration`` seconds, until ``wake`` is set."""
+        self._wait(duration, wake)
+
+    def every(self, period: float, call: Callable[[], None]) -> Timer:
+        """Call ``call`` every ``period`` seconds while this thread sleeps."""
+        if not (math.isfinite(period) and period > 0.0):
+            raise ValueError(f"timer period should be finite and positive but is {period!r}")
+        timer = RealTimer(period, self.now(), call)
+        self._own.timers.append(timer)
+        return timer
+
+    def cancel_timers(self) -> None:
+        """Cancel all periodic calls of this thread (on disconnect)."""
+        for timer in self._own.timers:
+            timer.cancel()
+        self._own.timers.clear()
+
+    def _wait(self, duration: float, wake: threading.Event | None) -> None:
+        if not (math.isfinite(duration) and duration >= 0.0):
+            raise ValueError(f"sleep duration should be finite and not negative but is {duration!r}")
+        own = self._own
+        if own.sleeping:
+            raise RuntimeError("sleep was called from a periodic call, which must return at once")
+        own.sleeping = True
+        try:
+            end = self.now() + max(0.0, duration - own.debt)
+            while True:
+                self._run_due_timers()
+                now = self.now()
+                if now >= end or (wake is not None and wake.is_set()):
+                    break
+                until = min([end, *(timer.due for timer in own.timers)])
+                if wake is None:
+                    time.sleep(max(0.0, until - now))
+                else:
+                    wake.wait(max(0.0, until - now))
+            own.debt = min(max(0.0, now - end), LONGEST_DEBT)
+        finally:
+            own.sleeping = False
+
+    def _run_due_timers(self) -> None:
+        timers = self._own.timers
+        for timer in tuple(timers):
+            if not timer.cancelled and timer.due <= self.now():
+                timer.run(self.now())
+        if any(timer.cancelled for timer in timers):
+            self._own.timers[:] = [timer for timer in timers if not timer.cancelled]

@@ -1,0 +1,195 @@
+"""One controller of a real robot: a vendor's class connects it, everything else about it is the same for all."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from types import ModuleType
+from typing import Any, ClassVar
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+from hal.api import Clock, MotionErrorCode, Part
+from hal.hardware.control_loop import ControlLoop
+from hal.hardware.fault import ConnectionFailedError, Fault
+from hal.hardware.hardware_part import HardwarePart
+from hal.hardware.stop_latch import StopLatch
+
+LONGEST_BRAKING = 0.6
+"""Seconds that parts get to come to rest before their wire is closed."""
+
+
+class Connection(ABC):
+    """A controller with the parts behind it. Making one does no work; ``parts`` can be read before ``connect()``.
+
+    A vendor's class says how to open and close the wire, when it last heard of the controller, and which fault the
+    controller reports. It makes its parts of the classes in ``hal.hardware`` over channels of its own and loops that
+    drive them. Limits, the stop, the dead-man and the watchdog are above it and no concern of its.
+
+    ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``extra``: of the package, with the SDK.
+    ``declared_missing``: what of the Robotics API the controller cannot do → why; conformance lists it.
+    """
+
+    driver: ClassVar[str]
+    options_type: ClassVar[type]
+    extra: ClassVar[str] = ""
+    declared_missing: Mapping[str, str] = {}
+
+    def __init__(
+        self,
+        name: str,
+        settings: ConnectionConfig,
+        model: RobotModel,
+        limits: SafetyConfig,
+        clock: Clock,
+        latch: StopLatch,
+    ) -> None:
+        self.name, self.settings, self.model, self.limits = name, settings, model, limits
+        self.clock, self.latch = clock, latch
+        self._loops: list[ControlLoop] = []
+        self._crash: Fault | None = None
+        self._connected = False
+        self._parts: dict[str, Part] = self.make_parts()
+
+    @property
+    def options(self) -> Any:
+        """The driver's own options, checked."""
+        return self.settings.options
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """The parts behind this controller, by name."""
+        return self._parts
+
+    @property
+    def loops(self) -> tuple[ControlLoop, ...]:
+        """The control loops, for their lateness."""
+        return tuple(self._loops)
+
+    # What a vendor's class provides
+
+    @abstractmethod
+    def make_parts(self) -> dict[str, Part]:
+        """The parts of ``settings.parts``; called once, from the constructor. No work, no imports of SDKs."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Open the wire and make the controller ready; ConnectionFailedError where that fails.
+
+        When it returns, readings have come. Loops that are to run are made here by ``add_loop``.
+        """
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the wire; idempotent, also half way through ``open()``. Raises nothing."""
+
+    @abstractmethod
+    def heard(self) -> float:
+        """Time of the clock at which the controller last gave a sign of life."""
+
+    @abstractmethod
+    def reported_fault(self) -> Fault | None:
+        """What the controller reports now; it does not wait."""
+
+    @abstractmethod
+    def recover(self) -> None:
+        """Clear a fault of the controller so that it can be commanded again; ConnectionFailedError where it cannot."""
+
+    # The same for all
+
+    def connect(self) -> None:
+        """Open the wire, start the loops; idempotent. ConnectionFailedError leaves nothing open."""
+        if self.connected:
+            return
+        self._crash = None
+        try:
+            self.open()
+        except BaseException:
+            self._shut()
+            raise
+        for part in self._moving():
+            part.attach()
+        for loop in self._loops:
+            loop.start()
+        self._connected = True
+
+    @property
+    def connected(self) -> bool:
+        """Whether the wire is open, as far as is known."""
+        return self._connected
+
+    def disconnect(self) -> None:
+        """End motions, bring the parts to rest as far as they can be reached, end loops, close the wire; idempotent."""
+        reachable = self._connected and self.fault() is None
+        for part in self._moving():
+            part.detach()
+        deadline = time.monotonic() + LONGEST_BRAKING
+        while reachable and time.monotonic() < deadline and not all(part.resting for part in self._moving()):
+            time.sleep(0.005)
+        self._shut()
+        self._connected = False
+
+    def stop(self) -> None:
+        """Bring all parts to rest; at once, from any thread."""
+        for part in self._parts.values():
+            part.stop()
+
+    def fault(self) -> Fault | None:
+        """Why nothing behind this controller can be relied on now, else None."""
+        if not self.connected:
+            return None
+        if self._crash is not None:
+            return self._crash
+        reported = self.reported_fault()
+        if reported is not None:
+            return reported
+        silence = self.clock.now() - self.heard()
+        if silence > self.limits.watchdog:
+            text = f"nothing was heard of {self.name} for {silence:.2f} s"
+            return Fault(MotionErrorCode.DISCONNECTED, text)
+        return None
+
+    def fail(self, fault: Fault) -> None:
+        """End the motions of its parts as failed, and bring the parts to rest as far as that is possible."""
+        for part in self._moving():
+            part.fail(fault)
+
+    def clear(self) -> None:
+        """After a stop: clear what the controller reports, or connect again where the wire is lost."""
+        fault = self.fault()
+        if fault is None:
+            return
+        if fault.code is MotionErrorCode.DISCONNECTED or self._crash is not None:
+            self.disconnect()
+            self.connect()
+        else:
+            self.recover()
+            for part in self._moving():
+                part.attach()
+
+    def add_loop(self, name: str, rate: float, step: Callable[[float], None]) -> None:
+        """A loop that runs while connected, ``rate`` times a second."""
+        self._loops.append(ControlLoop(f"{self.name} {name}", rate, step, self._crashed))
+
+    def sdk(self, module: str) -> ModuleType:
+        """The vendor's SDK; ConnectionFailedError names the extra that brings it."""
+        try:
+            return import_module(module)
+        except ImportError as error:
+            raise ConnectionFailedError(
+                f"{self.name} needs the package {module.partition('.')[0]!r}: pip install 'bestman-bt[{self.extra}]'"
+            ) from error
+
+    def _crashed(self, error: Exception) -> None:
+        self._crash = Fault(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")
+
+    def _moving(self) -> list[HardwarePart]:
+        return [part for part in self._parts.values() if isinstance(part, HardwarePart)]
+
+    def _shut(self) -> None:
+        for loop in self._loops:
+            loop.close()
+        self._loops.clear()
+        self.close()

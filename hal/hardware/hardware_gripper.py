@@ -1,0 +1,187 @@
+"""Grippers of real robots: width and standstill tell what a hand has hold of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from bestman_bt.robot_model import GripperModel
+from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus, NoDataError
+from hal.hardware.channels import GripperChannel, GripperReading
+from hal.hardware.fault import Fault
+from hal.hardware.hardware_part import HardwarePart
+from hal.hardware.part_line import PartLine
+from hal.hardware.stop_latch import StopLatch
+from hal.parts import PartMotion
+
+
+@dataclass(frozen=True)
+class GripperParameters:
+    """Metres, m/s, seconds. Without ``force`` or ``speed``, a command means ``usual_force`` and ``usual_speed``.
+
+    Fingers that are slower than ``still_speed`` for ``still_time`` while they close are blocked by an object, if they
+    are more than ``blocked_margin`` from their target; they have ``start_time`` to begin to move.
+    """
+
+    usual_force: float = 40.0
+    usual_speed: float = 0.1
+    at_target: float = 0.0015
+    blocked_margin: float = 0.002
+    still_speed: float = 0.004
+    still_time: float = 0.2
+    start_time: float = 0.4
+    spare_time: float = 3.0
+
+
+class HardwareGripper(HardwarePart, Gripper):
+    """A gripper over a channel. A loop of the connection calls ``cycle``; it alone speaks to the channel."""
+
+    def __init__(
+        self,
+        name: str,
+        model: GripperModel,
+        channel: GripperChannel,
+        latch: StopLatch,
+        parameters: GripperParameters | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._model, self._channel = model, channel
+        self._parameters = parameters or GripperParameters()
+        self._line = PartLine(name, latch)
+        self._reading: GripperReading | None = None
+        self._order: tuple[float, float, float] | None = None  # width, force, speed that are still to be sent
+        self._halting = False
+        self._target = model.max_width
+        self._closing = self._blocked = False
+        self._time = self._still_for = self._limit = 0.0
+
+    @property
+    def description(self) -> GripperDescription:
+        """Ranges."""
+        model = self._model
+        return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
+
+    def width(self) -> float:
+        """Measured opening, metres."""
+        self._line.check_reading()
+        if self._reading is None:
+            raise NoDataError(f"{self.name} has not told its width yet")
+        return self._reading.width
+
+    def state(self) -> GripperState:
+        """What the encoder and, where it has one, the gripper's own sense of an object say."""
+        width = self.width()
+        with self._line.lock:
+            moving = self._line.motion is not None
+            at_target = abs(width - self._target) < self._parameters.at_target
+            held = self._blocked and not moving and width > self._target + self._parameters.blocked_margin
+            return GripperState(moving, at_target, held, self._closing and at_target and not moving)
+
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+        """Open or close to ``width`` at ``speed`` (rate of the width); being blocked by an object is success."""
+        model, parameters = self._model, self._parameters
+        with self._line.lock:
+            self._line.check_command("move")
+            force = min(parameters.usual_force, model.max_force) if force is None else force
+            speed = min(parameters.usual_speed, model.max_speed) if speed is None else speed
+            self._check("width", width, model.min_width - 1e-9, model.max_width + 1e-9, "m")
+            self._check("force", force, 1e-9, model.max_force, "N")
+            self._check("speed", speed, 1e-9, model.max_speed, "m/s")
+            present = self.width()
+            motion = PartMotion(self)
+            self._line.begin(motion)
+            self._closing, self._blocked, self._halting = width < present, False, False
+            self._target = float(np.clip(width, model.min_width, model.max_width))
+            self._time = self._still_for = 0.0
+            self._limit = abs(present - width) / speed + parameters.spare_time
+            self._order = (self._target, float(force), float(speed))
+            return motion
+
+    def stop(self) -> None:
+        """Stay as it is: moving fingers halt, a grasp goes on pressing."""
+        with self._line.lock:
+            if self._line.connected:
+                self.brake()
+                self._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+
+    def brake(self) -> None:
+        """Halt the fingers, unless an object blocks them."""
+        with self._line.lock:
+            if self._line.motion is not None and self._still_for < self._parameters.still_time / 3:
+                self._order, self._halting = None, True
+
+    def attach(self) -> None:
+        """Take the present width for the target."""
+        with self._line.lock:
+            self._reading = self._channel.read()
+            self._target = self._reading.width
+            self._closing = self._blocked = self._halting = False
+            self._order = None
+            self._line.open()
+
+    def detach(self) -> None:
+        """The controller disconnects: halt."""
+        with self._line.lock:
+            self.brake()
+            self._line.close()
+
+    @property
+    def resting(self) -> bool:
+        """Whether nothing is to be sent any more."""
+        return not self._halting and self._order is None
+
+    def fail(self, fault: Fault) -> None:
+        """The motion has failed."""
+        with self._line.lock:
+            self._line.fail_motion(fault)
+            self._order = None
+
+    def cycle(self, elapsed: float) -> None:
+        """Send what is to be sent, and look how far the fingers are."""
+        with self._line.lock:
+            order, halting = self._order, self._halting
+            self._order, self._halting = None, False
+        if halting:
+            self._channel.halt()
+        if order is not None:
+            self._channel.send(*order)
+        reading = self._channel.read()
+        with self._line.lock:
+            before, self._reading = self._reading, reading
+            if halting:
+                self._target = reading.width
+            self._watch(reading, before or reading, elapsed)
+
+    def _watch(self, reading: GripperReading, before: GripperReading, elapsed: float) -> None:
+        parameters, motion = self._parameters, self._line.motion
+        if motion is None:
+            # Fingers that press tremble; only when they have closed, the object is gone.
+            self._blocked = self._blocked and reading.width > self._target + parameters.blocked_margin
+            return
+        still = abs(reading.width - before.width) < parameters.still_speed * elapsed
+        self._still_for = self._still_for + elapsed if still else 0.0
+        self._time += elapsed
+        if abs(reading.width - self._target) < parameters.at_target and self._still_for > 0.0:
+            motion.succeed()
+        elif reading.object_held or (
+            self._still_for >= parameters.still_time and self._time > parameters.start_time + parameters.still_time
+        ):
+            self._blocked = self._closing
+            if self._closing:
+                motion.succeed()
+            else:
+                self._give_up(reading, MotionErrorCode.FAULT, "is stuck")
+        elif self._time > self._limit:
+            self._give_up(reading, MotionErrorCode.TIMEOUT, "is too slow")
+
+    def _give_up(self, reading: GripperReading, code: MotionErrorCode, what: str) -> None:
+        text = f"{what}: the width is {reading.width:.4f} m, asked were {self._target:.4f} m"
+        self._line.end_motion(MotionStatus.FAILED, code, text)
+
+    def _check(self, what: str, value: float, lower: float, upper: float, unit: str) -> None:
+        if not (math.isfinite(value) and lower <= value <= upper):
+            raise self._line.refuse(
+                "move", f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"
+            )

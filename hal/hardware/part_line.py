@@ -1,0 +1,78 @@
+"""What hardware parts that move share: the connection, the stop latch, and one motion at a time."""
+
+from __future__ import annotations
+
+import threading
+
+from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.hardware.fault import Fault
+from hal.hardware.stop_latch import StopLatch
+from hal.parts import PartMotion
+
+
+class PartLine:
+    """The state of one part that several threads reach; hold ``lock`` over what belongs together."""
+
+    def __init__(self, part_name: str, latch: StopLatch) -> None:
+        self.part_name = part_name
+        self.lock = threading.RLock()
+        self._latch = latch
+        self._open = False
+        self._lost: Fault | None = None
+        self._motion: PartMotion | None = None
+
+    @property
+    def connected(self) -> bool:
+        """Whether the part's controller is connected."""
+        return self._open
+
+    @property
+    def motion(self) -> PartMotion | None:
+        """The motion under way."""
+        motion = self._motion
+        return motion if motion is not None and motion.status is MotionStatus.RUNNING else None
+
+    def open(self) -> None:
+        """The controller has connected."""
+        self._open, self._lost = True, None
+
+    def close(self) -> None:
+        """The controller disconnects."""
+        self._open = False
+        self.end_motion(MotionStatus.FAILED, MotionErrorCode.DISCONNECTED, "the robot was disconnected")
+
+    def check_connected(self) -> None:
+        """Raise NotConnectedError without a connection."""
+        if not self._open:
+            raise NotConnectedError(f"{self.part_name} was used while the robot is not connected; call connect()")
+
+    def check_reading(self) -> None:
+        """Whether readings are of now; raises NotConnectedError, or NoDataError after the controller was lost."""
+        self.check_connected()
+        if self._lost is not None:
+            raise NoDataError(f"{self.part_name} delivers nothing: {self._lost}")
+
+    def check_command(self, command: str) -> None:
+        """Whether a command may act now; raises NotConnectedError or CommandRefusedError."""
+        self.check_connected()
+        self._latch.check(self.part_name, command)
+
+    def refuse(self, command: str, why: str) -> CommandRefusedError:
+        """The error for a command that is malformed or beyond a limit."""
+        return CommandRefusedError(f"{self.part_name} refused {command}: {why}")
+
+    def begin(self, motion: PartMotion | None) -> None:
+        """A new command takes over; the older motion, if any, is superseded."""
+        self.end_motion(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
+        self._motion = motion
+
+    def end_motion(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
+        """End the motion under way, if any."""
+        if self._motion is not None:
+            self._motion.end(status, code, f"{self.part_name}: {text}")
+
+    def fail_motion(self, fault: Fault) -> None:
+        """The motion under way, if any, has failed because of a fault; one that cuts the wire cuts readings, too."""
+        if fault.code is MotionErrorCode.DISCONNECTED:
+            self._lost = fault
+        self.end_motion(MotionStatus.FAILED, fault.code, str(fault))

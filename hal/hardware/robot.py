@@ -1,0 +1,190 @@
+"""A real robot: several controllers, one clock, one stop over all of them, one watchdog."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import cast
+
+from bestman_bt.registry import CONNECTIONS
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.api import Part, Robot
+from hal.hardware.clock import RealTimeClock
+from hal.hardware.connection import Connection
+from hal.hardware.control_loop import ControlLoop
+from hal.hardware.fault import ConnectionFailedError, Fault
+from hal.hardware.stop_latch import StopLatch
+
+WATCH_RATE = 100.0
+"""Hertz: how often the watchdog looks at each controller."""
+
+
+class HardwareRobot(Robot):
+    """The robot of a model's ``connections``; it has the parts that are behind one of them.
+
+    Any fault of any controller stops all parts and latches: the motions behind the faulty one fail with its code and
+    the vendor's, all others are cancelled as stopped. ``clear_stop()`` clears faults, and connects again what was lost.
+
+    ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for.
+    """
+
+    def __init__(self, model: RobotModel, world: World | None = None, *, seed: int = 0, gui: bool = False) -> None:
+        self._model = model
+        self._clock = RealTimeClock()
+        self._latch = StopLatch()
+        self._lock = threading.RLock()
+        self._faults: dict[str, Fault] = {}
+        self._watchdog: ControlLoop | None = None
+        self._connections = {name: self._make(name) for name in model.connections}
+        parts: dict[str, Part] = {}
+        for connection in self._connections.values():
+            parts |= connection.parts
+        self._parts = MappingProxyType({name: parts[name] for name in _in_order_of(model, parts)})
+
+    # Description
+
+    @property
+    def clock(self) -> RealTimeClock:
+        """Real time."""
+        return self._clock
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot model."""
+        return self._model
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """All parts by name."""
+        return self._parts
+
+    @property
+    def connections(self) -> Mapping[str, Connection]:
+        """The controllers by name."""
+        return self._connections
+
+    @property
+    def declared_missing(self) -> dict[str, str]:
+        """What of the Robotics API its controllers cannot do → why."""
+        return {
+            f"{name}: {what}": why
+            for name, connection in self._connections.items()
+            for what, why in connection.declared_missing.items()
+        }
+
+    # Life
+
+    def connect(self) -> None:
+        """Connect all controllers, or none: ConnectionFailedError says which one failed and why; idempotent."""
+        if self._watchdog is not None:
+            return
+        if not self._connections:
+            raise ConnectionFailedError(f"robot {self._model.name!r} has no connections in its YAML")
+        try:
+            for connection in self._connections.values():
+                connection.connect()
+        except BaseException:
+            self._disconnect_all()
+            raise
+        self._watchdog = ControlLoop("watchdog", WATCH_RATE, self._watch, self._watchdog_crashed)
+        self._watchdog.start()
+
+    def disconnect(self) -> None:
+        """End motions and periodic calls, disconnect all controllers; idempotent."""
+        if self._watchdog is None:
+            return
+        self._watchdog.close()
+        self._watchdog = None
+        self._disconnect_all()
+        self._clock.cancel_timers()
+
+    def stop(self) -> None:
+        """Bring all parts to rest and latch; safe from any thread, at once in effect."""
+        self._stop("")
+
+    def clear_stop(self) -> None:
+        """Accept commands again; clears what controllers report and connects again what was lost.
+
+        ConnectionFailedError, and the robot stays stopped, where that is not possible.
+        """
+        with self._lock:
+            if self._watchdog is not None:
+                for connection in self._connections.values():
+                    connection.clear()
+            self._faults.clear()
+            self._latch.clear()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the stop is latched."""
+        return bool(self._latch)
+
+    @property
+    def faults(self) -> Mapping[str, Fault]:
+        """Controller → the fault that stopped the robot; empty after ``clear_stop()``."""
+        return MappingProxyType(dict(self._faults))
+
+    def diagnostics(self) -> dict[str, str]:
+        """Short texts by subject; no addresses."""
+        texts = {
+            "implementation": "hardware",
+            "connected": "yes" if self._watchdog is not None else "no",
+            "stopped": (f"yes: {self._latch.why}" if self._latch.why else "yes") if self._latch else "no",
+            "time": f"{self._clock.now():.2f} s",
+        }
+        for name, connection in self._connections.items():
+            fault = self._faults.get(name)
+            state = str(fault) if fault is not None else "well" if connection.connected else "not connected"
+            texts[name] = f"{connection.driver}: {state}"
+            texts |= {loop.name: str(loop.lateness()) for loop in connection.loops}
+        return texts
+
+    # Private
+
+    def _make(self, name: str) -> Connection:
+        settings = self._model.connections[name]
+        make = cast(Callable[..., Connection], CONNECTIONS.resolve(settings.driver))
+        return make(name, settings, self._model, self._model.safety, self._clock, self._latch)
+
+    def _stop(self, why: str) -> None:
+        self._latch.set(why)
+        for connection in self._connections.values():
+            connection.stop()
+
+    def _watch(self, elapsed: float) -> None:
+        """A controller with a fault stops the robot, once."""
+        for name, connection in self._connections.items():
+            if name in self._faults or not self._lock.acquire(blocking=False):
+                continue
+            try:
+                fault = connection.fault()
+                if fault is not None and name not in self._faults:
+                    self._faults[name] = fault
+                    connection.fail(fault)
+                    self._stop(f"{name}: {fault}")
+            finally:
+                self._lock.release()
+
+    def _watchdog_crashed(self, error: Exception) -> None:
+        self._stop(f"the watchdog stopped working: {type(error).__name__}: {error}")
+
+    def _disconnect_all(self) -> None:
+        for connection in self._connections.values():
+            connection.disconnect()
+
+
+def _in_order_of(model: RobotModel, parts: Mapping[str, Part]) -> list[str]:
+    """Names in the order of the robot's YAML kinds, so that the first arm of a list is the model's first arm."""
+    kinds = (
+        model.bases,
+        model.arms,
+        model.grippers,
+        model.joint_groups,
+        model.cameras,
+        model.lidars,
+        model.force_torques,
+    )
+    known = [name for kind in kinds for name in kind if name in parts]
+    return [*known, *(name for name in parts if name not in known)]

@@ -1,0 +1,102 @@
+"""Arms of real robots: streamed joints that follow trajectories, with limits on where the tool goes and how fast."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.messages import JointTrajectory
+from bestman_bt.robot_model import ArmModel
+from hal.api import Arm, Motion, MotionErrorCode
+from hal.hardware.channels import JointChannel
+from hal.hardware.stop_latch import StopLatch
+from hal.hardware.streamed_joints import StreamedJointGroup
+from hal.hardware.streaming import StreamingParameters
+from hal.hardware.tool_limits import ToolLimits
+from hal.parts import Drift, Follow, PartMotion, Stream, Trapezoid
+
+Array = NDArray[np.float64]
+SAMPLES = 25
+"""Samples of a motion at which the speed of the tool is looked at."""
+
+
+class StreamedArm(StreamedJointGroup, Arm):
+    """An arm over a channel; its tool stays in the workspace and below its top speed."""
+
+    kind: ClassVar[str] = "arm"
+
+    def __init__(
+        self,
+        name: str,
+        model: ArmModel,
+        channel: JointChannel,
+        latch: StopLatch,
+        period: float,
+        tool: ToolLimits,
+        parameters: StreamingParameters | None = None,
+    ) -> None:
+        super().__init__(name, model, channel, latch, period, parameters)
+        self._tool = tool
+        self._streamed_at = 0.0
+        self._time = 0.0
+
+    def follow(self, trajectory: JointTrajectory) -> Motion:
+        """Follow a trajectory, slower where the tool would be too fast; a start that is a little off fades out."""
+        with self._line.lock:
+            self._line.check_command("follow")
+            self._checks.trajectory(trajectory, self.positions())
+            fault = next(filter(None, map(self._tool.outside, trajectory.positions)), None)
+            if fault is not None:
+                raise self._line.refuse("follow", fault)
+            self._start_from_rest()
+            share = self._tool.slow_down(trajectory.positions, trajectory.velocities)
+            if share < 1.0:
+                trajectory = JointTrajectory(
+                    trajectory.joint_names,
+                    trajectory.times / share,
+                    trajectory.positions,
+                    trajectory.velocities * share,
+                )
+            motion = PartMotion(self)
+            self._take_over(Follow(trajectory, self._position - trajectory.positions[0], 0.25), motion)
+            return motion
+
+    def servo(self, positions: ArrayLike) -> None:
+        """Stream one set-point: it is reached after the time since the last one (at most 0.1 s)."""
+        with self._line.lock:
+            self._line.check_command("servo")
+            target = self._checks.positions("servo", positions)
+            longest = self._parameters.longest_stream_interval
+            interval = min(max(self._time - self._streamed_at, self._period), longest)
+            self._start_from_rest()
+            self._checks.servo(target, self._position, interval)
+            fault = self._tool.outside(target)
+            if fault is None and self._tool.slow_down(target[None], (target - self._position)[None] / interval) < 1.0:
+                fault = "the tool would be faster than its limit"
+            if fault is not None:
+                raise self._line.refuse("servo", fault)
+            self._streamed_at = self._time
+            self._take_over(Stream(self._position, target, interval), None)
+
+    def cycle(self, elapsed: float) -> None:
+        """One control period."""
+        self._time += elapsed
+        super().cycle(elapsed)
+
+    def _advance(self, elapsed: float) -> None:
+        super()._advance(elapsed)
+        if isinstance(self._setpoints, Drift) and (fault := self._tool.outside(self._position)) is not None:
+            self._give_up(MotionErrorCode.FAULT, fault)
+
+    def _check_way(self, command: str, target: Array) -> None:
+        fault = self._tool.outside_on_the_way(self._position, target)
+        if fault is not None:
+            raise self._line.refuse(command, fault)
+
+    def _slow_down(self, course: Trapezoid) -> float:
+        if not self._tool.needed:
+            return 1.0
+        samples = [course.advance(course.duration / SAMPLES) for _ in range(SAMPLES)]
+        return self._tool.slow_down(*(np.array(column) for column in zip(*samples, strict=True)))

@@ -1,0 +1,255 @@
+"""Joints of real robots: every command becomes a stream of set-points within the limits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.robot_model import ArmModel, JointGroupModel
+from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
+from hal.hardware.channels import JointChannel
+from hal.hardware.fault import Fault
+from hal.hardware.hardware_part import HardwarePart
+from hal.hardware.part_line import PartLine
+from hal.hardware.stop_latch import StopLatch
+from hal.hardware.streaming import StreamingParameters
+from hal.parts import (
+    Brake,
+    BrakeThenMove,
+    Drift,
+    Hold,
+    JointCommandChecks,
+    PartMotion,
+    Reach,
+    Setpoints,
+    Trapezoid,
+)
+
+Array = NDArray[np.float64]
+
+
+class StreamedJointGroup(HardwarePart, JointGroup):
+    """Joints over a channel. A loop of the connection calls ``cycle`` once per ``period`` seconds.
+
+    What a command asks for is decided under the part's lock; set-points are sent outside of it, so that a controller
+    that does not answer never keeps anybody from stopping.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        model: JointGroupModel | ArmModel,
+        channel: JointChannel,
+        latch: StopLatch,
+        period: float,
+        parameters: StreamingParameters | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._channel, self._period = channel, period
+        self._parameters = parameters or StreamingParameters()
+        self._checks = JointCommandChecks(name, model)
+        self._line = PartLine(name, latch)
+        rest = np.zeros(len(self._checks.joint_names))
+        self._position: Array = rest
+        self._velocity: Array = rest
+        self._setpoints: Setpoints = Hold(rest)
+        self._astray = self._waiting = self._slip = 0.0
+
+    # Description
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self._checks.joint_names
+
+    @property
+    def limits(self) -> tuple[JointLimits, ...]:
+        """Limits of the joints."""
+        return self._checks.limits
+
+    # Measurements
+
+    def positions(self) -> Array:
+        """Measured positions, (n,)."""
+        self._line.check_reading()
+        return self._channel.read().positions
+
+    def velocities(self) -> Array:
+        """Measured velocities, (n,)."""
+        self._line.check_reading()
+        return self._channel.read().velocities
+
+    def efforts(self) -> Array:
+        """Measured efforts, (n,)."""
+        self._line.check_reading()
+        return self._channel.read().efforts
+
+    # Commands
+
+    def command(
+        self,
+        positions: ArrayLike | None = None,
+        velocities: ArrayLike | None = None,
+        efforts: ArrayLike | None = None,
+    ) -> None:
+        """Set one kind of set-point; positions and velocities are approached within the limits, efforts are refused."""
+        checks = self._checks
+        with self._line.lock:
+            self._line.check_command("command")
+            checks.one_kind("command", positions, velocities, efforts)
+            if efforts is not None:
+                checks.efforts("command", efforts)
+                raise self._line.refuse("command", "its controller takes no efforts, only positions and velocities")
+            self._start_from_rest()
+            if positions is not None:
+                target = checks.positions("command", positions)
+                self._check_way("command", target)
+                reach = Reach(self._position, self._velocity, target, checks.speed, checks.acceleration)
+                self._take_over(reach, None)
+            else:
+                wanted = checks.velocities("command", velocities if velocities is not None else ())
+                drift = Drift(self._position, self._velocity, wanted, checks.acceleration, checks.lower, checks.upper)
+                self._take_over(drift, None)
+
+    def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
+        """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
+        checks = self._checks
+        with self._line.lock:
+            self._line.check_command("move_to")
+            target = checks.positions("move_to", positions)
+            scale = checks.speed_scale("move_to", speed_scale)
+            self._check_way("move_to", target)
+            self._start_from_rest()
+            line = Trapezoid(self._position, target, checks.speed * scale, checks.acceleration * scale)
+            scale *= self._slow_down(line)
+            motion = PartMotion(self)
+            move = BrakeThenMove(self._braking(), target, checks.speed * scale, checks.acceleration * scale)
+            self._take_over(move, motion)
+            return motion
+
+    def stop(self) -> None:
+        """Brake to rest within half a second, ending the motion under way."""
+        with self._line.lock:
+            if self._line.connected:
+                self.brake()
+                self._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+
+    def brake(self) -> None:
+        """Come to rest within half a second."""
+        with self._line.lock:
+            if not isinstance(self._setpoints, (Hold, Brake)):
+                self._setpoints = self._braking()
+
+    # The connection's side
+
+    def attach(self) -> None:
+        """Hold where the joints are."""
+        with self._line.lock:
+            measured = self._channel.read().positions
+            self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+            self._velocity = np.zeros_like(self._position)
+            self._setpoints = Hold(self._position)
+            self._astray = self._slip = 0.0
+            self._line.open()
+
+    def detach(self) -> None:
+        """The controller disconnects: brake."""
+        with self._line.lock:
+            self.brake()
+            self._line.close()
+
+    @property
+    def resting(self) -> bool:
+        """Whether the set-points have come to rest."""
+        return isinstance(self._setpoints, Hold)
+
+    def fail(self, fault: Fault) -> None:
+        """The motion has failed; the controller has stopped the joints or cannot be reached: no more set-points."""
+        with self._line.lock:
+            self._line.fail_motion(fault)
+            self._velocity = np.zeros_like(self._velocity)
+            self._setpoints = Hold(self._position)
+
+    def cycle(self, elapsed: float) -> None:
+        """One control period, begun ``elapsed`` seconds after the last one: the next set-point, if one is due."""
+        with self._line.lock:
+            at_rest = isinstance(self._setpoints, Hold) and self._line.motion is None
+            if not at_rest:
+                self._advance(elapsed)
+            if at_rest and not self._channel.stream_at_rest:
+                return
+            position, velocity = self._position, self._velocity
+        self._channel.send(position, velocity)
+
+    # Private
+
+    def _advance(self, elapsed: float) -> None:
+        dt = min(elapsed, self._parameters.longest_step * self._period)
+        self._watch_slip(elapsed, dt)
+        self._watch_tracking(elapsed)
+        motion, was_finished = self._line.motion, self._setpoints.finished
+        self._position, self._velocity = self._setpoints.advance(dt)
+        if not was_finished:
+            return
+        if motion is not None:
+            self._watch_settling(motion, elapsed)
+        else:
+            self._setpoints = Hold(self._position)
+
+    def _watch_slip(self, elapsed: float, dt: float) -> None:
+        parameters = self._parameters
+        self._slip = self._slip * 0.5 ** (elapsed / parameters.slip_half_life) + elapsed - dt
+        if self._slip > parameters.slip_limit and not isinstance(self._setpoints, (Hold, Brake)):
+            text = f"set-points were held up by {self._slip:.2f} s: the controller answers too slowly"
+            self._give_up(MotionErrorCode.TIMEOUT, text)
+
+    def _watch_tracking(self, elapsed: float) -> None:
+        error = np.abs(self._position - self._channel.read().positions)
+        worst = int(np.argmax(error))
+        self._astray = self._astray + elapsed if error[worst] > self._parameters.tracking_tolerance else 0.0
+        if self._astray > self._parameters.tracking_time:
+            self._give_up(
+                MotionErrorCode.TRACKING, f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
+            )
+            measured = self._channel.read().positions
+            self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+            self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)
+
+    def _give_up(self, code: MotionErrorCode, text: str) -> None:
+        self._astray = self._slip = 0.0
+        self._setpoints = self._braking()
+        self._line.end_motion(MotionStatus.FAILED, code, text)
+
+    def _watch_settling(self, motion: PartMotion, elapsed: float) -> None:
+        """The set-points have arrived: the motion succeeds when the joints have, too."""
+        reading, parameters = self._channel.read(), self._parameters
+        error = float(np.max(np.abs(self._position - reading.positions)))
+        speed = float(np.max(np.abs(reading.velocities)))
+        self._waiting += elapsed
+        if error < parameters.settle_tolerance and speed < parameters.settle_speed:
+            motion.succeed()
+        elif self._waiting > parameters.settle_time:
+            text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
+            self._line.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
+
+    def _take_over(self, setpoints: Setpoints, motion: PartMotion | None) -> None:
+        self._line.begin(motion)
+        self._setpoints, self._waiting, self._astray, self._slip = setpoints, 0.0, 0.0, 0.0
+
+    def _start_from_rest(self) -> None:
+        """Somebody may have moved the joints by hand while they rested: go on from where they are."""
+        if isinstance(self._setpoints, Hold):
+            measured = self._channel.read().positions
+            if np.any(np.abs(measured - self._position) > self._parameters.moved_by_hand):
+                self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+
+    def _braking(self) -> Brake:
+        checks = self._checks
+        deceleration = np.maximum(checks.acceleration, np.abs(self._velocity) / self._parameters.stop_time)
+        return Brake(self._position, self._velocity, deceleration, checks.lower, checks.upper)
+
+    def _check_way(self, command: str, target: Array) -> None:
+        """Nothing but joint limits bounds joints that carry no tool."""
+
+    def _slow_down(self, course: Trapezoid) -> float:
+        return 1.0
