@@ -1,0 +1,37 @@
+"""Standing where an object can be pushed to its goal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.push import STANDOFF, push_tool_poses
+from behaviours.skill import Declaration, SkillFailure
+from behaviours.stand import FindStandPose
+from bestman_bt.messages import Pose
+
+
+class FindPushStand(FindStandPose):
+    """Choose where to stand to push an object that was seen to a goal: the arm reaches behind it and all the way.
+
+    Each time it is asked again for the same object and place it gives another stand, until all have been tried.
+    """
+
+    DECLARATION = Declaration(pre=("visible({object})",), effects=("stand_known({surface})",))
+
+    def _alternatives(self) -> tuple[Sequence[Sequence[Pose]], NDArray[np.float64]]:
+        name: str = self.get_input("object") or ""
+        goal: Pose | None = self.get_input("goal")
+        belief = self.skills.world.objects.get(name)
+        if belief is None or goal is None:
+            raise SkillFailure("object_not_found", f"the {name or 'object'} has not been seen, or no goal is given")
+        way = goal.position - belief.pose.position
+        way[2] = 0.0
+        direction = way / max(float(np.linalg.norm(way)), 1e-6)
+        ends = []
+        for behind in push_tool_poses(belief.model, belief.pose, direction):
+            last = Pose(behind.position + way + STANDOFF * direction, behind.quaternion)
+            ends.append((behind, last))
+        return ends, belief.pose.position[:2]
