@@ -8,20 +8,23 @@ from typing import ClassVar
 from py_trees.ports import PortInformation
 
 from behaviours.beliefs import believe_objects, believe_surface, only_nearest, seen_words
+from behaviours.context import SkillContext
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import surface_region
 from bestman_bt.messages import Pose
 from bestman_bt.perception.detection import DetectedScene
 from bestman_bt.perception.segmentation import Region
+from bestman_bt.sensing.rgbd import RGBDSensor
 
 
 class DetectObject(Skill):
-    """Look at a surface through the head camera; believe in what is seen there; fail if the object is not."""
+    """Look at a surface through a camera; believe in what is seen there; fail if the object is not."""
 
     INPUT_PORTS: ClassVar = {
         "object": PortInformation(str, description="the object to find"),
         "surface": PortInformation(str, description="the surface to search, such as table"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
+        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
     OUTPUT_PORTS: ClassVar = {
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
@@ -34,7 +37,7 @@ class DetectObject(Skill):
         skills = self.skills
         name: str = self.get_input("object")
         surface: str = self.get_input("surface")
-        view = skills.camera.capture()
+        view = camera_called(skills, self.get_input("camera")).capture()
         region = surface_region(skills, surface, view)
         models = list(skills.world.models.values())
         detect = skills.algorithms.detection.detect
@@ -58,6 +61,7 @@ class EstimatePose(Skill):
     INPUT_PORTS: ClassVar = {
         "object": PortInformation(str, description="an object that was detected"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
+        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
     OUTPUT_PORTS: ClassVar = {
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
@@ -72,7 +76,7 @@ class EstimatePose(Skill):
         belief = skills.world.objects.get(name)
         if belief is None:
             raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
-        view = skills.camera.capture()
+        view = camera_called(skills, self.get_input("camera")).capture()
         base_from_object = view.map_from_base.inverse() @ belief.pose
         region = region_around(base_from_object, float(belief.model.size[2]))
         detect = skills.algorithms.detection.detect
@@ -93,3 +97,11 @@ def region_around(base_from_object: Pose, height: float) -> Region:
     """Half a metre square around an object of ``height`` metres that stands upright, in the base frame."""
     foot = base_from_object.position - [0.0, 0.0, height / 2]
     return Region(Pose(foot), (0.5, 0.5))
+
+
+def camera_called(skills: SkillContext, name: str) -> RGBDSensor:
+    """The camera on the ``head`` or on the ``wrist``; SkillFailure where the robot has none of that name."""
+    camera = {"head": skills.camera, "wrist": skills.wrist_camera}.get(name)
+    if camera is None:
+        raise SkillFailure("no_camera", f"the robot {skills.robot.name} has no camera {name!r} to look with")
+    return camera

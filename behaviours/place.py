@@ -11,6 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
 from behaviours.beliefs import believe_surface
+from behaviours.perceive import camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import surface_region
 from bestman_bt.manipulation.collision import CollisionWorld
@@ -39,6 +40,7 @@ class FindPlacePose(Skill):
         "surface": PortInformation(str, description="the surface, such as counter"),
         "goal": PortInformation(Pose, description="x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured"),
         "radius": PortInformation(float, required=False, default_value=0.06, description="of the free disc, metres"),
+        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
     OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="of the placed object, in the map frame")}
     DECLARATION = Declaration(effects=("free({goal})",))
@@ -52,7 +54,7 @@ class FindPlacePose(Skill):
         model = skills.world.models.get(name)
         if model is None:
             raise SkillFailure("unknown_object", f"no model of {name!r}")
-        view = skills.camera.capture()
+        view = camera_called(skills, self.get_input("camera")).capture()
         region = surface_region(skills, surface, view)
         models = list(skills.world.models.values())
         scene: DetectedScene = yield self.compute(
@@ -108,9 +110,13 @@ class PlaceOn(Skill):
         lowering = self._lowering_world(held)
         reference = skills.arm_positions()
         found: list[Approach] = []
-        for above, down in place_tool_poses(held, base_from_object):
+        for above, down in place_tool_poses(held, base_from_object, self._above(held)):
             found += approaches(skills.algorithms.kinematics, above, down, down, reference, free, lowering, skills.rng)
         return min(found, key=lambda approach: approach.cost) if found else None
+
+    def _above(self, held: HeldObject) -> float:
+        """Metres above the goal where the descent begins."""
+        return PRE_PLACE
 
     def _lowering_world(self, held: HeldObject) -> CollisionWorld:
         skills = self.skills
@@ -143,13 +149,16 @@ class Release(Skill):
         yield skills.gripper.release()
 
 
-def place_tool_poses(held: HeldObject, frame_from_object: Pose) -> list[tuple[Pose, Pose]]:
-    """Tool poses (above, down) that put the held object to ``frame_from_object`` but for turns that look the same."""
+def place_tool_poses(held: HeldObject, frame_from_object: Pose, above: float = PRE_PLACE) -> list[tuple[Pose, Pose]]:
+    """Tool poses (above, down) that put the held object to ``frame_from_object`` but for turns that look the same.
+
+    ``above``: metres from the goal up to where the straight descent begins.
+    """
     count = held.model.symmetry_order or TURNS_OF_A_ROUND_OBJECT
     poses = []
     for i in range(count):
         turned = frame_from_object @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2 * math.pi * i / count))
         lifted = Pose(turned.position + np.array([0.0, 0.0, DROP]), turned.quaternion)
         down = lifted @ held.tool_from_object.inverse()
-        poses.append((Pose(down.position + np.array([0.0, 0.0, PRE_PLACE]), down.quaternion), down))
+        poses.append((Pose(down.position + np.array([0.0, 0.0, above]), down.quaternion), down))
     return poses

@@ -25,7 +25,7 @@ class HonestyMonitor:
         self._observer = Observer(simulation, reader)
         self._contacts = ContactWatcher(simulation)
         self._motions = MotionWatcher(simulation, reader)
-        self._open_hand = OpenHandWatcher(simulation, client)
+        self._open_hand = OpenHandWatcher(simulation, client, reader)
         self._tampering = TamperWatcher(simulation, client, reader)
         self._looks = 0
         simulation.step_observers.append(self._motions.integrate)

@@ -6,10 +6,13 @@ import math
 from collections import deque
 from collections.abc import Mapping
 
-from hal.pybullet.client import PhysicsClient
+from hal.pybullet.client import PhysicsClient, Reader
 from hal.pybullet.honesty_record import Finding
 from hal.pybullet.observation import Observation, Vector
 from hal.pybullet.simulation import Simulation
+
+Leaf = tuple[int, int]
+"""Body and link of a door or drawer."""
 
 WINDOW = 0.5
 MOVED = 3e-3
@@ -22,15 +25,20 @@ GRAVITY = 9.81
 class OpenHandWatcher:
     """Over half a second: an object moved as a finger did, while the robot pressed on it with less than a tenth of
     its weight. To carry takes normal forces of its weight over the friction; to push takes its friction on the table.
+
+    What lies in a drawer goes with it while a hand pulls the handle: that is the drawer's doing.
     """
 
-    def __init__(self, simulation: Simulation, client: PhysicsClient) -> None:
+    def __init__(self, simulation: Simulation, client: PhysicsClient, reader: Reader) -> None:
         built, parameters = simulation.built, simulation.parameters
         self._names = {body: name for name, body in built.objects.items()}
         self._link_names = {index: name for name, index in built.links.items()}
         self._weights = {body: GRAVITY * client.getDynamicsInfo(body, -1)[0] for body in self._names}
+        self._leaves = set(built.articulations.values())
+        self._joint_state = reader.getJointState
         length = max(2, round(WINDOW * parameters.step_rate / parameters.monitor_every))
         self._history: deque[tuple[Observation, dict[int, float]]] = deque(maxlen=length)
+        self._drawers: deque[dict[int, tuple[Leaf, float]]] = deque(maxlen=length)
         self._following: set[int] = set()
         self._looks = 0
         self.findings: list[Finding] = []
@@ -38,6 +46,7 @@ class OpenHandWatcher:
     def watch(self, observation: Observation, robot_forces: Mapping[int, float]) -> None:
         """Take in one observation and the normal forces of the robot on each body."""
         self._history.append((observation, dict(robot_forces)))
+        self._drawers.append(self._drawers_below(observation))
         self._looks += 1
         if len(self._history) < (self._history.maxlen or 0) or self._looks % 5:
             return
@@ -45,7 +54,8 @@ class OpenHandWatcher:
         for body in self._names:
             moved = math.dist(then.bodies[body].position, observation.bodies[body].position)
             finger = self._finger_that_moved_alike(body, then, observation) if moved > MOVED else None
-            if finger is None or self._is_pressed(body) or self._is_rolling(body, observation):
+            explained = self._is_pressed(body) or self._is_rolling(body, observation) or self._is_in_moving_drawer(body)
+            if finger is None or explained:
                 self._following.discard(body)
             elif body not in self._following:
                 self._following.add(body)
@@ -64,6 +74,21 @@ class OpenHandWatcher:
     def _is_pressed(self, body: int) -> bool:
         mean = sum(forces.get(body, 0.0) for _, forces in self._history) / len(self._history)
         return bool(mean > PRESSING_SHARE * self._weights[body])
+
+    def _drawers_below(self, observation: Observation) -> dict[int, tuple[Leaf, float]]:
+        """For objects that touch a door or drawer: which, and how far that is open."""
+        below: dict[int, tuple[Leaf, float]] = {}
+        for contact in observation.contacts:
+            _, first, second, first_link, second_link, *_ = contact
+            for body, leaf in ((first, (second, second_link)), (second, (first, first_link))):
+                if body in self._names and leaf in self._leaves:
+                    below[body] = (leaf, self._joint_state(*leaf)[0])
+        return below
+
+    def _is_in_moving_drawer(self, body: int) -> bool:
+        """Whether it touched the same leaf then and now, and that has moved meanwhile."""
+        seen = [drawers[body] for drawers in self._drawers if body in drawers]
+        return len(seen) > 1 and seen[0][0] == seen[-1][0] and abs(seen[-1][1] - seen[0][1]) > MOVED / 2
 
     @staticmethod
     def _is_rolling(body: int, now: Observation) -> bool:

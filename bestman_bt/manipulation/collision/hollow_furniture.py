@@ -11,6 +11,9 @@ from bestman_bt.manipulation.collision.planning_scene import SceneObstacle
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.world_model import MapFurniture, WorldModel, handle_shape, leaf_shapes
 
+SAME_HEIGHT = 0.006
+"""Metres between a surface and the upper side of the board that it belongs to, at most."""
+
 _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of a box's corners
 
 
@@ -27,7 +30,8 @@ def hollow_furniture(
 
     ``offset``, ``turn``: how far any piece may be from where the map has it at most, metres and radians; boards are
     thickened sideways by that, or by the errors of a piece that is known better; heights are exact. ``reach``: metres
-    from the base beyond which pieces are left out.
+    from the base beyond which pieces are left out. A board whose surface was measured is left out: the measured one is
+    an obstacle of its own.
     """
     obstacles = []
     for name in names:
@@ -43,11 +47,31 @@ def hollow_furniture(
                 seen = [handle_shape(belief.handle) for belief in world_model.handles_of(piece, leaf)]
                 boards += [PlacedShape(bar.shape, piece_from_map @ bar.pose) for bar in seen]
             bodies[f"{name}/{leaf.name}"] = boards
+        measured = _measured_surfaces(world_model, piece)
         for body, shapes in bodies.items():
             if body not in world_model.obstacles:
-                in_base = tuple(PlacedShape(shape.shape, base_from_piece @ shape.pose) for shape in shapes)
+                unseen = [shape for shape in shapes if not any(_carries(shape, pose) for pose in measured)]
+                in_base = tuple(PlacedShape(shape.shape, base_from_piece @ shape.pose) for shape in unseen)
                 obstacles.append(SceneObstacle(body, in_base))
     return obstacles
+
+
+def _measured_surfaces(world_model: WorldModel, piece: MapFurniture) -> list[Pose]:
+    """Poses in the furniture frame of the surfaces within a piece that were measured."""
+    inner = (surface.name for surface in piece.surfaces if piece.is_inside(surface))
+    names = [f"{piece.name}/{name}" for name in inner if f"{piece.name}/{name}/surface" in world_model.obstacles]
+    return [world_model.surface(name)[1].pose for name in names]
+
+
+def _carries(board: PlacedShape, surface: Pose) -> bool:
+    """Whether a surface is the upper side of a level board."""
+    if not isinstance(board.shape, Box):
+        return False
+    x, y, z = (float(value) for value in np.abs(board.pose.inverse().apply(surface.position[None])[0]))
+    half_x, half_y, half_z = (extent / 2 for extent in board.shape.size)
+    inside = x < half_x + SAME_HEIGHT and y < half_y + SAME_HEIGHT and z < half_z + SAME_HEIGHT
+    top = float(board.pose.position[2] + np.abs(board.pose.rotation[2]) @ np.array(board.shape.size) / 2)
+    return inside and abs(top - float(surface.position[2])) < SAME_HEIGHT
 
 
 def _grown(placed: PlacedShape, piece: MapFurniture, errors: tuple[float, float]) -> PlacedShape:

@@ -1,0 +1,95 @@
+"""Looking into a drawer, or down on a thing, with the camera on the hand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from py_trees.ports import PortInformation
+
+from behaviours.arm_motion import move_free
+from behaviours.perceive import camera_called
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.surfaces import find_surface
+from bestman_bt.messages import Pose
+
+DISTANCES = (0.48, 0.42, 0.55, 0.36)
+"""Metres from the camera to what it looks at, the best first: a drawer of 70 cm is seen from side to side."""
+TILTS = tuple(math.radians(degrees) for degrees in (0.0, 12.0, -12.0, 24.0, -24.0, 36.0))
+"""From straight down, about the longer side of the surface; positive looks away from who stands before it."""
+ENOUGH = 3
+"""Postures that the planner may choose from."""
+
+
+class LookInto(Skill):
+    """Hold the wrist camera above a surface so that it looks down into it: where an object was seen, else on all of it.
+
+    Of a drawer it looks at the part that has come out of the furniture.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "surface": PortInformation(str, description="the surface, such as drawer_chest/drawer_3"),
+        "object": PortInformation(str, required=False, description="an object on it; looked at where it has been seen"),
+        "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
+    }
+    DECLARATION = Declaration(pre=("not holding(any)",), effects=("looking_at({surface})",))
+
+    def execute(self) -> Steps:
+        """Find postures of the arm, go to the first that is reached."""
+        camera = camera_called(self.skills, "wrist")
+        surface: str = self.get_input("surface")
+        camera_from_tool = camera.base_from_camera().inverse() @ self.skills.base_from_tool()
+        postures = yield self.compute("view_planning", self._postures, camera_from_tool)
+        if not postures:
+            raise SkillFailure("no_view", f"the hand reaches no place from which its camera looks into {surface}")
+        yield from move_free(self, postures)
+
+    def _postures(self, camera_from_tool: Pose) -> list[NDArray[np.float64]]:
+        skills = self.skills
+        world = skills.arm_world(skills.planning_scene())
+        reference = skills.arm_positions()
+        found: list[NDArray[np.float64]] = []
+        for base_from_camera in self._views():
+            result = skills.algorithms.kinematics.solve(
+                base_from_camera @ camera_from_tool, reference, skills.rng, 1, world.is_free, 8
+            )
+            found += result.solutions
+            if len(found) >= ENOUGH:
+                break
+        return found
+
+    def _views(self) -> Iterator[Pose]:
+        """Poses of the camera in the base frame, the best first."""
+        skills = self.skills
+        furniture, surface = find_surface(skills, self.get_input("surface"))
+        frame = skills.map_from_base.inverse() @ furniture.pose.to_pose()
+        along = 0.0 if surface.size[0] > surface.size[1] else math.pi / 2
+        target = self._target(frame)
+        for distance in DISTANCES:
+            for tilt in TILTS:
+                for turn in (0.0, math.pi):
+                    # x of the camera, the wide side of its picture, along the longer side of the surface.
+                    turned = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, frame.yaw + along + turn))
+                    leaning = tilt if turn else -tilt
+                    view = turned @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (math.pi + leaning, 0.0, 0.0))
+                    yield Pose(target - distance * view.rotation[:, 2], view.quaternion)
+
+    def _target(self, base_from_furniture: Pose) -> NDArray[np.float64]:
+        """The middle of what is to be seen, (3,) metres in the base frame."""
+        skills = self.skills
+        base_from_map = skills.map_from_base.inverse()
+        point: Pose | None = self.get_input("point")
+        if point is not None:
+            return base_from_map.apply(point.position[None])[0]
+        belief = skills.world.objects.get(self.get_input("object") or "")
+        if belief is not None:
+            return base_from_map.apply(belief.pose.position[None])[0]
+        furniture, surface = find_surface(skills, self.get_input("surface"))
+        middle = surface.pose.position.copy()
+        if surface.leaf is not None:
+            front = float(middle[0]) - surface.size[0] / 2
+            middle[0] = (front + min(float(middle[0]) + surface.size[0] / 2, -furniture.footprint[0] / 2)) / 2
+        return base_from_furniture.apply(middle[None])[0]
