@@ -23,6 +23,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "angular acceleration": {"rad/s^2": 1.0, "rad/s²": 1.0, "deg/s^2": _DEGREE, "deg/s²": _DEGREE},
     "force": {"N": 1.0, "kN": 1000.0},
     "torque": {"N m": 1.0, "Nm": 1.0, "N·m": 1.0},
+    "inertia": {"kg m²": 1.0, "kg m^2": 1.0},
     "stiffness": {"N/m": 1.0},
     "damping": {"N s/m": 1.0},
 }
@@ -89,6 +90,7 @@ Acceleration = Annotated[float, Field(ge=0), BeforeValidator(_reader("accelerati
 AngularAcceleration = Annotated[float, Field(ge=0), BeforeValidator(_reader("angular acceleration"))]
 Force = Annotated[float, Field(ge=0), BeforeValidator(_reader("force"))]
 Torque = Annotated[float, Field(ge=0), BeforeValidator(_reader("torque"))]
+Inertia = Annotated[float, Field(ge=0), BeforeValidator(_reader("inertia"))]
 Stiffness = Annotated[float, Field(ge=0), BeforeValidator(_reader("stiffness"))]
 Damping = Annotated[float, Field(ge=0), BeforeValidator(_reader("damping"))]
 JointPosition = Annotated[float, BeforeValidator(_reader("angle", "length"))]

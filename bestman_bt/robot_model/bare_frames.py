@@ -6,6 +6,7 @@ import xml.etree.ElementTree as ET
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.footprint import origin_pose
+from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 
 Places = dict[str, tuple[str, Pose]]
 """Frame → (link that it is fixed to, link_from_frame)."""
@@ -17,14 +18,14 @@ def without_bare_frames(urdf: str) -> tuple[str, Places]:
     What hung on such a link then hangs on the link before it. Their masses go: RobotModel gives frames tiny ones.
     """
     robot = ET.fromstring(urdf)
-    joint_above = {_end(joint, "child"): joint for joint in robot.findall("joint")}
+    joint_above = {child_of(joint): joint for joint in robot.findall("joint")}
     above: Places = {}
     for link in robot.findall("link"):
         name = link.get("name", "")
         joint = joint_above.get(name)
         has_shape = link.find("collision") is not None or link.find("visual") is not None
         if joint is not None and joint.get("type") == "fixed" and not has_shape:
-            above[name] = (_end(joint, "parent"), origin_pose(joint))
+            above[name] = (parent_of(joint), origin_pose(joint))
             robot.remove(link)
             robot.remove(joint)
     places = {name: _place(name, above) for name in above}
@@ -51,8 +52,3 @@ def _move(joint: ET.Element, pose: Pose) -> None:
         origin = ET.SubElement(joint, "origin")
     origin.set("xyz", " ".join(repr(float(value)) for value in pose.position))
     origin.set("rpy", " ".join(map(repr, pose.roll_pitch_yaw)))
-
-
-def _end(joint: ET.Element, tag: str) -> str:
-    element = joint.find(tag)
-    return "" if element is None else element.get("link", "")

@@ -11,6 +11,7 @@ import numpy as np
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.footprint import origin_pose
+from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 
 SAMPLES = 17
 
@@ -70,13 +71,13 @@ def opening_table(
 
 def link_poses(elements: list[ET.Element], positions: Mapping[str, float], links: Iterable[str]) -> dict[str, Pose]:
     """Poses of at least ``links`` of a part in its root link's frame; joints without a position are at zero."""
-    joints = {_end(element, "child"): element for element in elements if element.tag == "joint"}
+    joints = {child_of(element): element for element in elements if element.tag == "joint"}
     poses: dict[str, Pose] = {}
 
     def pose(link: str) -> Pose:
         if link not in poses:
             joint = joints.get(link)
-            poses[link] = Pose() if joint is None else pose(_end(joint, "parent")) @ _joint_pose(joint, positions)
+            poses[link] = Pose() if joint is None else pose(parent_of(joint)) @ _joint_pose(joint, positions)
         return poses[link]
 
     for link in links:
@@ -96,8 +97,3 @@ def _joint_pose(joint: ET.Element, positions: Mapping[str, float]) -> Pose:
         return placed @ Pose(axis * position)
     half = position / 2.0
     return placed @ Pose(np.zeros(3), np.array([*(axis * math.sin(half)), math.cos(half)]))
-
-
-def _end(joint: ET.Element, tag: str) -> str:
-    end = joint.find(tag)
-    return "" if end is None else end.get("link", "")

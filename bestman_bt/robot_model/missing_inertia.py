@@ -41,6 +41,14 @@ def complete_inertial(link: ET.Element, mass: float | None = None) -> None:
     link.append(_inertial(weight, unit * (weight / volume), centre))
 
 
+def add_rotor_inertia(link: ET.Element, inertia: float) -> None:
+    """Add what the rotor of a geared drive weighs about the joint that it turns, kg m²: its inertia × reduction²."""
+    element = link.find("inertial/inertia")
+    if element is not None:
+        for key in ("ixx", "iyy", "izz"):
+            element.set(key, f"{float(element.get(key, '0')) + inertia:.9g}")
+
+
 def _mass(inertial: ET.Element | None) -> float | None:
     element = None if inertial is None else inertial.find("mass")
     value = 0.0 if element is None else float(element.get("value", "0"))

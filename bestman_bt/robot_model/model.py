@@ -65,7 +65,7 @@ class GripperModel:
         return all_positions(dict.fromkeys(self.joint_names, position), self.followers)
 
     def width(self, positions: ArrayLike) -> float:
-        """The opening width where ``joint_names`` are at ``positions`` (n,); on a linkage, the mean of what they say."""
+        """The opening width where ``joint_names`` are at ``positions`` (n,); a linkage: the mean of what they say."""
         if not self.opening:
             return float(np.sum(positions))
         q, widths = self._table

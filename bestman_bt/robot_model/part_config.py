@@ -18,6 +18,7 @@ from bestman_bt.configuration.quantity import (
     Force,
     Frequency,
     Friction,
+    Inertia,
     JointAcceleration,
     JointEffort,
     JointPosition,
@@ -48,7 +49,7 @@ class PadConfig:
 
 @dataclass(frozen=True)
 class FrameConfig:
-    """A frame that the source of a part lacks, for example where its hand grasps: fixed on ``link``, metres, radians."""
+    """A frame that the source of a part lacks, for example where a hand grasps; fixed on ``link``, metres, radians."""
 
     link: str
     xyz: Lengths3 = (0.0, 0.0, 0.0)
@@ -147,6 +148,7 @@ class GripperPart(PartConfig):
     ``max_speed`` and the widths are of the opening; ``max_force`` is per finger. Sliding fingers share the width
     equally. Fingers on a linkage say at which position of ``joints`` they are ``open_at`` ``max_width`` and
     ``closed_at`` ``min_width``; what lies between, and the joints that the URDF lets mimic these, is derived.
+    ``rotor_inertia``: of the drive, as it is felt at each of its joints behind the reduction.
     """
 
     kind: Literal["gripper"]
@@ -157,6 +159,7 @@ class GripperPart(PartConfig):
     max_width: PositiveLength
     open_at: JointPosition | None = None
     closed_at: JointPosition | None = None
+    rotor_inertia: Inertia = 0.0
     max_speed: Speed
     max_force: Force
     finger_depth: PositiveLength

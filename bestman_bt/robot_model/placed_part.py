@@ -15,9 +15,9 @@ from bestman_bt.messages import Box
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table
 from bestman_bt.robot_model.generators import GENERATORS
-from bestman_bt.robot_model.missing_inertia import complete_inertial
+from bestman_bt.robot_model.missing_inertia import add_rotor_inertia, complete_inertial
 from bestman_bt.robot_model.part_config import PART_KINDS, AnyPart, ContactConfig, GripperPart, PadConfig
-from bestman_bt.robot_model.urdf_elements import fixed_joint, link, shape
+from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, shape
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
 WIDTH_TOLERANCE = 1e-3
@@ -66,6 +66,12 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
     for element in elements:
         if element.tag == "link":
             _dress(element, config)
+    if isinstance(config, GripperPart) and config.rotor_inertia > 0.0:
+        turned = {*config.joints, *(mimic.joint for mimic in mimics)}
+        ends = {child_of(element) for element in elements if element.get("name", "") in turned}
+        for element in elements:
+            if element.tag == "link" and element.get("name", "") in ends:
+                add_rotor_inertia(element, config.rotor_inertia)
     if names & taken:
         renamed = {old: f"{name}_{old}" for old in names}
         _rename(elements, renamed)

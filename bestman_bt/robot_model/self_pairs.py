@@ -6,6 +6,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from itertools import combinations
 
+from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+
 
 def allowed_self_pairs(
     robot: ET.Element, locked_joints: frozenset[str], declared: Iterable[tuple[str, str]]
@@ -19,7 +21,7 @@ def allowed_self_pairs(
     parents: dict[str, tuple[str, bool]] = {}
     for joint in robot.findall("joint"):
         rigid = joint.get("type") == "fixed" or joint.get("name", "") in locked_joints
-        parents[_link(joint, "child")] = (_link(joint, "parent"), rigid)
+        parents[child_of(joint)] = (parent_of(joint), rigid)
     pairs = {frozenset(pair) for pair in declared}
     groups: dict[str, list[str]] = {}
     for link in sorted(solid):
@@ -30,11 +32,6 @@ def allowed_self_pairs(
     for members in groups.values():
         pairs.update(frozenset(pair) for pair in combinations(members, 2))
     return frozenset(pair for pair in pairs if len(pair) == 2 and pair <= solid)
-
-
-def _link(joint: ET.Element, tag: str) -> str:
-    end = joint.find(tag)
-    return "" if end is None else end.get("link", "")
 
 
 def _group(link: str, parents: Mapping[str, tuple[str, bool]]) -> str:

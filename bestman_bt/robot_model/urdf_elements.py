@@ -115,3 +115,18 @@ def sliding_joint(name: str, parent: str, child: str, axis: Vector, xyz: Vector 
     element = turning_joint(name, parent, child, axis, xyz)
     element.set("type", "prismatic")
     return element
+
+
+def parent_of(joint: ET.Element) -> str:
+    """The link before a joint."""
+    return _end(joint, "parent")
+
+
+def child_of(joint: ET.Element) -> str:
+    """The link behind a joint."""
+    return _end(joint, "child")
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    end = joint.find(tag)
+    return "" if end is None else end.get("link", "")

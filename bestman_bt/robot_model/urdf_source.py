@@ -11,6 +11,7 @@ from pathlib import Path
 
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint
+from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 
 EXAMPLE_ROBOTS = "example_robot_data"
 
@@ -74,8 +75,8 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> Subtree:
     below: dict[str, list[ET.Element]] = {}
     children = set()
     for joint in tree.findall("joint"):
-        below.setdefault(_end(joint, "parent"), []).append(joint)
-        children.add(_end(joint, "child"))
+        below.setdefault(parent_of(joint), []).append(joint)
+        children.add(child_of(joint))
     if root is None:
         root = next(name for name in links if name not in children)
     for name in (root, *cut):
@@ -91,7 +92,7 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> Subtree:
         name = waiting.pop()
         elements.append(_clean_link(links[name], path, materials))
         for joint in below.get(name, ()):
-            child = _end(joint, "child")
+            child = child_of(joint)
             if child not in cut:
                 elements.append(_clean_joint(joint))
                 mimics += _mimics(joint)
@@ -109,11 +110,6 @@ def _mimics(joint: ET.Element) -> list[MimicJoint]:
         )
         for mimic in joint.findall("mimic")
     ]
-
-
-def _end(joint: ET.Element, tag: str) -> str:
-    end = joint.find(tag)
-    return "" if end is None else end.get("link", "")
 
 
 def _clean_joint(joint: ET.Element) -> ET.Element:

@@ -35,6 +35,8 @@ class PhysicsParameters:
     finger_spinning_friction: float = 0.02
     finger_gear_force: float = 50.0
     finger_gear_erp: float = 0.1
+    linkage_force: float = 1000.0
+    linkage_erp: float = 0.5
 
     wheel_friction: float = 1.0
     wheel_hold_gain: float = 0.1

@@ -163,17 +163,13 @@ def _names(client: PhysicsClient, robot: int) -> tuple[dict[str, int], dict[str,
 
 
 def _gear(
-    client: PhysicsClient, robot: int, joints: dict[str, int], mimic: MimicJoint, parameters: PhysicsParameters
+    client: PhysicsClient, robot: int, joints: dict[str, int], mimic: MimicJoint, erp: float, force: float
 ) -> None:
     """Couple one joint of the robot to another of its joints, as teeth or a bar of a linkage would."""
     follower, leader = joints[mimic.joint], joints[mimic.leader]
     gear = client.createConstraint(robot, follower, robot, leader, pybullet.JOINT_GEAR, [1, 0, 0], [0, 0, 0], [0, 0, 0])
     client.changeConstraint(
-        gear,
-        gearRatio=-mimic.multiplier,
-        relativePositionTarget=mimic.offset,
-        erp=parameters.finger_gear_erp,
-        maxForce=parameters.finger_gear_force,
+        gear, gearRatio=-mimic.multiplier, relativePositionTarget=mimic.offset, erp=erp, maxForce=force
     )
 
 
@@ -216,10 +212,11 @@ def _set_up_robot(
             client.resetJointState(robot, joints[joint], position)
         if len(gripper.joint_names) == 2:
             first, second = gripper.joint_names
-            _gear(client, robot, joints, MimicJoint(first, second), parameters)
+            gear = MimicJoint(first, second)
+            _gear(client, robot, joints, gear, parameters.finger_gear_erp, parameters.finger_gear_force)
         for follower in gripper.followers:
             # PyBullet ignores <mimic>; its own motor at a follower would work against the gear.
             client.setJointMotorControl2(robot, joints[follower.joint], pybullet.VELOCITY_CONTROL, force=0.0)
-            _gear(client, robot, joints, follower, parameters)
+            _gear(client, robot, joints, follower, parameters.linkage_erp, parameters.linkage_force)
     constraints: int = client.getNumConstraints()
     return constraints
