@@ -24,8 +24,8 @@ def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
     return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
 
 
-def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]]) -> Steps:
-    """Plan around everything that is believed to one of ``goals``, each (n,) radians, and go there.
+def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None = None) -> Steps:
+    """Plan around everything that is believed, or in ``world``, to one of ``goals``, each (n,) radians, and go there.
 
     What is held stays upright within 25°, if it is now.
     """
@@ -36,13 +36,13 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]]) -> Steps:
         upright = Upright(skills.algorithms.kinematics, skills.world.held.tool_from_object, MAX_HELD_TILT)
         constraint = upright if upright.satisfied(start) else None
         speed = CARRYING_SPEED
-    world = skills.arm_world(skills.planning_scene())
+    around = world if world is not None else skills.arm_world(skills.planning_scene())
     timed = yield skill.compute(
         "motion_planning",
         skills.algorithms.motion_planning.plan,
         start,
         goals,
-        world,
+        around,
         skills.arm_model,
         skills.rng,
         speed,

@@ -1,20 +1,20 @@
-"""What opening asks of the arm: how far, about what, on which tool poses, and what it must keep clear of meanwhile."""
+"""What opening asks of the arm: how far, about what, and on which tool poses."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.arm_motion import hand_contacts
 from behaviours.context import SkillContext
-from behaviours.skill import SkillFailure
-from bestman_bt.manipulation.collision import CollisionWorld, planning_scene_from_world_model
-from bestman_bt.messages import Handle, Pose, Pose2D
+from behaviours.leaf import Leaf, Touching, find_leaf
+from bestman_bt.control.arm import FollowGuide
+from bestman_bt.manipulation.kinematics import ArcPath
+from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.grasp_pose import handle_motion
-from bestman_bt.world_model import BasePose, HandleBelief, MapFurniture, MapLeaf
+from bestman_bt.world_model import HandleBelief
 
 STEP = 0.04
 """Metres of the handle's way between two stations."""
@@ -24,114 +24,124 @@ DOOR_MARGIN = 0.09
 """Radians, likewise."""
 END_STOP = 0.95
 """Share of a leaf's range that is used at most."""
-
 PARALLEL = 0.98
 """Cosine between bar and hinge from which on the bar may turn between the fingers."""
+FINGER_ROOM = 0.03
+"""Metres between front and bar from which on fingers around the bar are clear of the front."""
+TILTS = tuple(math.radians(degrees) for degrees in range(-60, 61, 10))
+"""Turns of the hand about a bar, from straight at the front."""
 
 
 @dataclass(frozen=True, eq=False)
 class Opening:
-    """A door or drawer to be opened: its handle in the map frame, and how far that is to go, metres along its way.
+    """A leaf to be opened: its handle in the map frame, and how far that is to go, metres along its way.
 
-    ``angle``: radians, of a door; None of a drawer. ``asked``: what counts as done, radians or metres.
+    ``angle``: radians, of a door; None of a drawer. ``asked``: what counts as done, radians or metres. ``start``: how
+    far it is believed to be open already.
     """
 
-    articulation: str
-    furniture: MapFurniture
-    leaf: MapLeaf
+    leaf: Leaf
     handle: Handle
     asked: float
+    start: float
     distance: float
     angle: float | None
 
     def way(self) -> NDArray[np.float64]:
-        """Metres from closed at which the stations are, first 0."""
-        return np.linspace(0.0, self.distance, 1 + max(1, round(self.distance / STEP)))
+        """Metres from the start at which the stations are, first 0."""
+        return np.linspace(0.0, self.distance, 1 + max(1, math.ceil(self.distance / STEP)))
 
-    def turns(self) -> tuple[float, ...]:
-        """Shares of the leaf's turn by which the hand may turn with it: a bar along the hinge turns between fingers."""
+    def positions(self) -> list[float]:
+        """Where the leaf is at the stations, radians or metres from closed."""
+        further = self.distance if self.angle is None else self.angle
+        return [self.start + share * further for share in np.linspace(0.0, 1.0, len(self.way()))]
+
+    @property
+    def touching(self) -> Touching:
+        """Fingers around a bar reach no further than before the front; those at a knob or a lip may touch it."""
+        return "nothing" if self.handle.kind == "bar" and self.handle.standoff > FINGER_ROOM else "fingers"
+
+    @property
+    def bar_turns(self) -> bool:
+        """Whether the hand may turn about what it holds: a bar along the hinge turns between the fingers."""
         axis = self.handle.hinge_direction
-        if self.angle is None or axis is None:
-            return (1.0,)
-        parallel = self.handle.kind == "bar" and abs(float(self.handle.axis @ axis)) > PARALLEL
-        return (1.0, 0.5, 0.75, 0.25, 0.0) if parallel else (1.0,)
+        if self.angle is None or axis is None or self.handle.kind != "bar":
+            return False
+        return abs(float(self.handle.axis @ axis)) > PARALLEL
 
-    def bodies(self) -> list[str]:
-        """Names of the bodies in the planning scene that the hand works at."""
-        return [self.furniture.name, *(f"{self.furniture.name}/{leaf.name}" for leaf in self.furniture.leaves)]
+    def held_at(self, grasp: Pose) -> NDArray[np.float64]:
+        """Where in the tool frame the hand at ``grasp`` (map frame) holds a bar: on its axis; else the origin."""
+        if not self.bar_turns:
+            return np.zeros(3)
+        apart = grasp.position - self.handle.pose.position
+        on_bar = self.handle.pose.position + float(apart @ self.handle.axis) * self.handle.axis
+        held: NDArray[np.float64] = grasp.inverse().apply(on_bar[None])[0]
+        return held
 
-
-def find_leaf(skills: SkillContext, articulation: str) -> tuple[MapFurniture, MapLeaf]:
-    """The door or drawer ``furniture/leaf`` of the map; SkillFailure names what there is."""
-    known = skills.world.map.furniture
-    name, _, part = articulation.partition("/")
-    leaf = next((leaf for leaf in known[name].leaves if leaf.name == part), None) if name in known else None
-    if leaf is None:
-        there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.leaves)
-        raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; there are {there}")
-    return known[name], leaf
-
-
-def leaf_front(furniture: MapFurniture, leaf: MapLeaf) -> Pose:
-    """The middle of the leaf's front board when it is closed, in the map frame."""
-    return furniture.pose.to_pose() @ leaf.shapes[0].pose
+    def tilts(self, grasp: Pose) -> tuple[float, ...]:
+        """Turns about the hinge by which ``grasp`` (map frame) may go on beside the door's own, ascending, with 0."""
+        axis = self.handle.hinge_direction
+        if not self.bar_turns or axis is None:
+            return (0.0,)
+        inwards = -self.handle.outward
+        now = math.atan2(float(np.cross(inwards, grasp.rotation[:, 2]) @ axis), float(inwards @ grasp.rotation[:, 2]))
+        return tuple(sorted({0.0, *(tilt - now for tilt in TILTS if abs(tilt - now) > math.radians(5.0))}))
 
 
 def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, asked: float) -> Opening:
-    """What the map says of the kind of joint goes before what the handle's looks suggest; its hinge is a guess."""
-    furniture, leaf = find_leaf(skills, articulation)
+    """What the map says of the joint goes before what the handle's looks suggest; the true axis is felt later."""
+    leaf = find_leaf(skills, articulation)
+    start = skills.world.articulations.get(articulation, 0.0)
+    end = min(asked + (DRAWER_MARGIN if leaf.leaf.kind == "prismatic" else DOOR_MARGIN), END_STOP * leaf.leaf.upper)
+    further = max(end - start, STEP)
     handle = belief.handle
-    if leaf.kind == "prismatic":
-        distance = min(asked + DRAWER_MARGIN, END_STOP * leaf.upper)
-        return Opening(articulation, furniture, leaf, replace(handle, joint="prismatic"), asked, distance, None)
-    if handle.joint != "revolute" or handle.hinge is None or handle.hinge_direction is None:
-        frame = furniture.pose.to_pose()
-        hinge, axis = frame.apply(np.array([leaf.origin]))[0], frame.rotation @ np.array(leaf.axis)
-        handle = replace(handle, joint="revolute", hinge=hinge, hinge_direction=axis)
+    if leaf.leaf.kind == "prismatic":
+        _, direction = leaf.axis()
+        handle = replace(handle, joint="prismatic", opening_direction=direction)
+        return Opening(leaf, handle, asked, start, further, None)
+    hinge, axis = leaf.axis()
+    opening = np.cross(axis, handle.pose.position - hinge)
+    opening = opening / np.linalg.norm(opening)
+    handle = replace(handle, joint="revolute", hinge=hinge, hinge_direction=axis, opening_direction=opening)
+    return Opening(leaf, handle, asked, start, further * _radius(handle), further)
+
+
+def stations(
+    opening: Opening, grasp: Pose, tilts: tuple[float, ...] = (0.0,), base_from_map: Pose | None = None
+) -> list[list[Pose]]:
+    """Tool poses along the way from ``grasp`` (map frame) on: at each station one per tilt of the hand beside the door.
+
+    In the base frame if ``base_from_map`` is given.
+    """
+    handle, frame = opening.handle, base_from_map or Pose()
+    turned = [_turned(opening, grasp, tilt) for tilt in tilts]
+    return [[frame @ handle_motion(handle, float(distance)) @ pose for pose in turned] for distance in opening.way()]
+
+
+def before(opening: Opening, grasp: Pose, pre_grasp: Pose, tilts: tuple[float, ...]) -> list[Pose]:
+    """For each tilt, from where the hand comes straight to the turned ``grasp``, map frame."""
+    return [_turned(opening, grasp, tilt) @ grasp.inverse() @ pre_grasp for tilt in tilts]
+
+
+def guide(opening: Opening, grasp: Pose, arc: ArcPath, tilts: tuple[float, ...]) -> FollowGuide:
+    """What the hand is to do along the way of ``arc`` from ``grasp`` (map frame) on, whose options are ``tilts``."""
+    way = opening.way()[: len(arc.path)]
+    hand = np.array([tilts[option] for option in arc.options])
+    doors = np.zeros(len(way)) if opening.angle is None else way / _radius(opening.handle)
+    return FollowGuide(way, doors + hand - hand[0], arc.path, opening.held_at(grasp))
+
+
+def _turned(opening: Opening, grasp: Pose, tilt: float) -> Pose:
+    """The hand turned about the bar that it holds."""
+    axis = opening.handle.hinge_direction
+    if axis is None or tilt == 0.0:
+        return grasp
+    bar = grasp.apply(opening.held_at(grasp)[None])[0]
+    turn = Pose(np.zeros(3), np.append(math.sin(tilt / 2) * axis, math.cos(tilt / 2)))
+    return Pose(bar) @ turn @ Pose(-bar) @ grasp
+
+
+def _radius(handle: Handle) -> float:
     assert handle.hinge is not None
     assert handle.hinge_direction is not None
-    radius = float(np.linalg.norm(np.cross(handle.hinge_direction, handle.pose.position - handle.hinge)))
-    angle = min(asked + DOOR_MARGIN, END_STOP * leaf.upper)
-    return Opening(articulation, furniture, leaf, handle, asked, angle * radius, angle)
-
-
-def stations(opening: Opening, grasp: Pose, turn: float = 1.0, base_from_map: Pose | None = None) -> list[list[Pose]]:
-    """Tool poses along the way, one per station, from ``grasp`` on; in the base frame if ``base_from_map`` is given.
-
-    ``turn``: share of the leaf's turn that the hand turns with it.
-    """
-    handle = opening.handle if base_from_map is None else opening.handle.seen_from(base_from_map)
-    poses = []
-    for distance in opening.way():
-        moved = handle_motion(handle, float(distance)) @ grasp
-        poses.append([Pose(moved.position, (handle_motion(handle, turn * float(distance)) @ grasp).quaternion)])
-    return poses
-
-
-def world_at_leaf(
-    skills: SkillContext,
-    opening: Opening,
-    position: float,
-    stand: Pose2D | None = None,
-    touching: bool = True,
-    ignore: Iterable[str] = (),
-) -> CollisionWorld:
-    """What the arm has around it while the leaf is open by ``position``, radians or metres.
-
-    ``stand``: where the base will be, None where it is. ``touching``: whether the hand may touch the furniture.
-    ``ignore``: names to leave out.
-    """
-    world = replace(skills.world, articulations={**skills.world.articulations, opening.articulation: position})
-    if stand is not None:
-        world = replace(world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()))
-    bodies = opening.bodies()
-    scene = planning_scene_from_world_model(
-        world,
-        skills.robot,
-        skills.joints.positions(),
-        skills.arm.name,
-        ignore=ignore,
-        allowed_pairs=hand_contacts(skills, *bodies) if touching else (),
-        hollow=[opening.furniture.name],
-    )
-    return skills.arm_world(scene)
+    return float(np.linalg.norm(np.cross(handle.hinge_direction, handle.pose.position - handle.hinge)))

@@ -92,8 +92,9 @@ class ConstraintFollowing:
     ) -> None:
         self._stream, self._wrist, self._goal, self._handle, self._grip = stream, wrist, goal, handle, grip
         self._parameters = parameters or ConstraintFollowingParameters()
-        self._start = stream.measured()
-        self._estimator = JointAxisEstimator(direction, self._start.position, hint, self._parameters.axis, goal.axis)
+        self._held_at = np.zeros(3) if goal.guide is None else goal.guide.held_at
+        self._start = self._held(stream.measured())
+        self._estimator = JointAxisEstimator(direction, self._start, hint, self._parameters.axis, goal.axis)
         self._force: Array = np.zeros(3)
         self._speed = self._turned = self._time = 0.0
         self._peak = np.zeros(2)
@@ -107,16 +108,17 @@ class ConstraintFollowing:
         self._feel(tool)
         if self._ending is not None:
             return self._relax(tool)
-        self._estimator.add(tool.position)
+        held = self._held(tool)
+        self._estimator.add(held)
         axis = self._estimator.axis
-        tangent = axis.tangent(tool.position)
+        tangent = axis.tangent(held)
         pull = -float(self._force @ tangent)
         side = self._force + pull * tangent
         self._peak = np.maximum(self._peak, [pull, float(np.linalg.norm(side))])
-        travelled = axis.travelled(self._start.position, tool.position)
-        found = self._why_to_end(tool, pull, float(np.linalg.norm(side)), travelled)
+        travelled = axis.travelled(self._start, held)
+        found = self._why_to_end(held, pull, float(np.linalg.norm(side)), travelled)
         if found is None:
-            found = self._advance(tool, tangent, side, pull)
+            found = self._advance(held, tangent, side, pull)
         if found is not None:
             if found[0] is FollowEnd.GRIP_LOST:
                 self._finish(*found, tool)
@@ -129,12 +131,12 @@ class ConstraintFollowing:
         share = period / (period + self._parameters.force_filter)
         self._force = self._force + share * (self._wrist.contact_at(tool).force - self._force)
 
-    def _why_to_end(self, tool: Pose, pull: float, side: float, travelled: float) -> tuple[FollowEnd, str] | None:
+    def _why_to_end(self, held: Array, pull: float, side: float, travelled: float) -> tuple[FollowEnd, str] | None:
         goal, p = self._goal, self._parameters
         lost = None if self._grip is None else self._grip()
         if lost is not None:
             return FollowEnd.GRIP_LOST, f"{lost} after {travelled:.3f} m"
-        if self._remaining(tool) <= 0.0:
+        if self._remaining(held) <= 0.0:
             return FollowEnd.REACHED, ""
         if side > goal.max_side:
             return FollowEnd.OBSTACLE, f"{side:.0f} N push the hand aside after {travelled:.3f} m"
@@ -150,24 +152,29 @@ class ConstraintFollowing:
             return FollowEnd.TIMEOUT, f"{travelled:.3f} m in {self._time:.0f} s"
         return None
 
-    def _remaining(self, tool: Pose) -> float:
+    def _held(self, tool: Pose) -> Array:
+        """Where the place (3,) is that goes along the way, in the base frame."""
+        held: Array = tool.apply(self._held_at[None])[0]
+        return held
+
+    def _remaining(self, held: Array) -> float:
         """Metres that are left of the way."""
         axis = self._estimator.axis
-        left = self._goal.distance - axis.travelled(self._start.position, tool.position)
+        left = self._goal.distance - axis.travelled(self._start, held)
         if axis.kind == "revolute":
-            left = min(left, (self._goal.angle - axis.angle(self._start.position, tool.position)) * axis.radius)
+            left = min(left, (self._goal.angle - axis.angle(self._start, held)) * axis.radius)
         return left
 
-    def _advance(self, tool: Pose, tangent: Array, side: Array, pull: float) -> tuple[FollowEnd, str] | None:
+    def _advance(self, held: Array, tangent: Array, side: Array, pull: float) -> tuple[FollowEnd, str] | None:
         goal, p, period = self._goal, self._parameters, self._stream.parameters.period
-        braking = math.sqrt(2.0 * p.acceleration * max(self._remaining(tool), 1e-5))
+        braking = math.sqrt(2.0 * p.acceleration * max(self._remaining(held), 1e-5))
         # The closer to the force limit, the slower, so that nothing locked is pulled at harder.
         yielding = goal.speed * min(1.0, max(0.0, 2.0 * (1.0 - pull / goal.max_pull)))
         self._speed = min(self._speed + p.acceleration * period, goal.speed, braking, yielding)
         for slower in (1.0, 0.5, 0.2):
             velocity = slower * self._speed * tangent + self._giving_way(side)
-            for turn in self._turns(tool, slower):
-                step = self._stream.send(self._next_pose(velocity, turn), self._posture(tool))
+            for turn in self._turns(held, slower):
+                step = self._stream.send(self._next_pose(velocity, turn), self._posture(held))
                 if step is StreamStep.SENT:
                     self._turned += turn
                     return None
@@ -177,26 +184,27 @@ class ConstraintFollowing:
         velocity = self._parameters.compliance * force
         return velocity * min(1.0, self._parameters.side_speed / max(float(np.linalg.norm(velocity)), 1e-9))
 
-    def _turns(self, tool: Pose, slower: float) -> tuple[float, ...]:
+    def _turns(self, held: Array, slower: float) -> tuple[float, ...]:
         """By what angle to turn the hand in this period: with the door, or, where the arm cannot, not at all."""
         axis = self._estimator.axis
         most = slower * self._parameters.turn_speed * self._stream.parameters.period
         if self._goal.guide is not None:
-            wanted = self._goal.guide.turn(axis.travelled(self._start.position, tool.position))
+            wanted = self._goal.guide.turn(axis.travelled(self._start, held))
         else:
-            wanted = self._goal.turn * axis.angle(self._start.position, tool.position)
+            wanted = self._goal.turn * axis.angle(self._start, held)
         with_door = float(np.clip(wanted - self._turned, -most, most)) if axis.kind == "revolute" else 0.0
         return (with_door, 0.0) if with_door else (0.0,)
 
-    def _posture(self, tool: Pose) -> Array | None:
+    def _posture(self, held: Array) -> Array | None:
         guide, axis = self._goal.guide, self._estimator.axis
-        return None if guide is None else guide.posture(axis.travelled(self._start.position, tool.position))
+        return None if guide is None else guide.posture(axis.travelled(self._start, held))
 
     def _next_pose(self, velocity: Array, turn: float) -> Pose:
         pose, axis = self._stream.pose, self._estimator.axis.direction
         rotation = Pose(np.zeros(3), np.append(math.sin(turn / 2) * axis, math.cos(turn / 2)))
         turned = rotation @ Pose(np.zeros(3), pose.quaternion)
-        return Pose(pose.position + velocity * self._stream.parameters.period, turned.quaternion)
+        held = self._held(pose) + velocity * self._stream.parameters.period
+        return Pose(held - turned.rotation @ self._held_at, turned.quaternion)
 
     def _relax(self, tool: Pose) -> bool:
         assert self._ending is not None
@@ -208,8 +216,8 @@ class ConstraintFollowing:
         return False
 
     def _finish(self, end: FollowEnd, text: str, tool: Pose) -> None:
-        axis, start = self._estimator.axis, self._start.position
-        distance, angle = axis.travelled(start, tool.position), axis.angle(start, tool.position)
+        axis, start, held = self._estimator.axis, self._start, self._held(tool)
+        distance, angle = axis.travelled(start, held), axis.angle(start, held)
         pull, side = (float(value) for value in self._peak)
         motion = FollowedMotion(end, axis, distance, angle, pull, side, tool, self._turned)
         if end is FollowEnd.REACHED:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,14 @@ class FollowGuide:
 
     ``turns``: (N,) radians by which the hand has turned about the joint's axis since it took hold, positive as the way
     goes. ``postures``: (N, n) joint positions; where the way really leads elsewhere, the arm is as near to them as its
-    redundancy allows.
+    redundancy allows. ``held_at``: (3,) metres in the tool frame, where the hand holds the handle, or touches what it
+    pushes: what goes along the way, and what the hand turns about.
     """
 
     ways: Array
     turns: Array
     postures: Array
+    held_at: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         count = len(self.ways)

@@ -1,12 +1,19 @@
 """Kinematics: frames of the whole robot, inverse kinematics, paths of the tool, reachability, where to stand."""
 
 from bestman_bt.manipulation.kinematics.all_solutions import AllSolutionsParameters, SolutionBranch, all_solutions
-from bestman_bt.manipulation.kinematics.arc_path import ArcPath, ArcPathParameters, arc_path
+from bestman_bt.manipulation.kinematics.arc_path import (
+    ArcPath,
+    ArcPathParameters,
+    IsFreeAt,
+    Stations,
+    arc_path,
+    arc_path_through,
+)
 from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares, DampedLeastSquaresParameters
 from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
-from bestman_bt.manipulation.kinematics.link_hulls import link_hulls
+from bestman_bt.manipulation.kinematics.link_hulls import body_between, link_hulls
 from bestman_bt.manipulation.kinematics.reachability_cache import reachability_map
 from bestman_bt.manipulation.kinematics.reachability_map import (
     ReachabilityMap,
@@ -36,6 +43,7 @@ __all__ = [
     "ForwardKinematics",
     "IKResult",
     "InverseKinematics",
+    "IsFreeAt",
     "ReachabilityMap",
     "ReachabilityMapParameters",
     "SolutionBranch",
@@ -43,8 +51,11 @@ __all__ = [
     "StandAlongParameters",
     "StandPose",
     "StandPoseParameters",
+    "Stations",
     "all_solutions",
     "arc_path",
+    "arc_path_through",
+    "body_between",
     "build_reachability_map",
     "cartesian_path",
     "link_hulls",

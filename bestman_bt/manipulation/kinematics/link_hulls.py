@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import coal
 import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
 from bestman_bt.manipulation.kinematics.pinocchio_model import build_model
 from bestman_bt.robot_model import RobotModel
 
@@ -26,6 +29,28 @@ def link_hulls(robot: RobotModel) -> dict[str, tuple[NDArray[np.float64], ...]]:
         points = corners @ link_from_body.rotation.T + link_from_body.translation
         hulls.setdefault(frame.name, []).append(points)
     return {link: tuple(points) for link, points in hulls.items()}
+
+
+def body_between(
+    robot: RobotModel, positions: Mapping[str, float], arm: str, low: float, high: float
+) -> NDArray[np.float64] | None:
+    """Lower and upper corner (2, 2) x, y in the base frame of all between two heights that does not move with ``arm``.
+
+    ``positions``: of all joints, by name, radians. ``low``, ``high``: metres above the floor. None where there is
+    nothing.
+    """
+    forward = ForwardKinematics(robot)
+    swung = {**positions, **{name: positions[name] + 0.1 for name in robot.arms[arm].joint_names}}
+    corners = []
+    for link, hulls in link_hulls(robot).items():
+        pose = forward.pose(link, positions)
+        if not np.allclose(pose.position, forward.pose(link, swung).position, atol=1e-6):
+            continue
+        for hull in hulls:
+            points = pose.apply(hull)
+            if points[:, 2].max() > low and points[:, 2].min() < high:
+                corners += [points[:, :2].min(axis=0), points[:, :2].max(axis=0)]
+    return np.array([np.min(corners, axis=0), np.max(corners, axis=0)]) if corners else None
 
 
 def _corners(shape: coal.CollisionGeometry) -> NDArray[np.float64]:

@@ -1,0 +1,124 @@
+"""Doors and drawers of the map as skills work at them, and what the arm has around it there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from behaviours.arm_motion import hand_contacts
+from behaviours.context import SkillContext
+from behaviours.skill import SkillFailure
+from bestman_bt.manipulation.collision import CollisionWorld, finger_contacts, planning_scene_from_world_model
+from bestman_bt.manipulation.kinematics import IsFreeAt
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf
+
+MEASURED = 0.01
+"""Metres of a piece's position error up to which its doors are where they are believed to be, for the palm too."""
+
+Touching = Literal["free", "nothing", "fingers", "hand"]
+"""What of the hand may touch the leaf that is worked at, where it is known well; else all of it.
+
+Its piece may be touched by the hand, but for ``free``: then nothing may.
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Leaf:
+    """A door or drawer: ``articulation`` is its name, ``furniture/leaf``."""
+
+    articulation: str
+    furniture: MapFurniture
+    leaf: MapLeaf
+
+    def bodies(self) -> list[str]:
+        """Names of the bodies in the planning scene that the hand works at."""
+        return [self.furniture.name, *(f"{self.furniture.name}/{leaf.name}" for leaf in self.furniture.leaves)]
+
+    def front(self, position: float) -> Pose:
+        """The middle of its front board in the map frame, axes as the furniture's, when it is open by ``position``."""
+        return self.furniture.pose.to_pose() @ self.leaf.moved(position) @ self.leaf.shapes[0].pose
+
+    def axis(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A point on the axis and its direction, (3,) each, in the map frame; the joint opens in the positive sense."""
+        frame = self.furniture.pose.to_pose()
+        return frame.apply(np.array([self.leaf.origin]))[0], frame.rotation @ np.array(self.leaf.axis)
+
+    def lever(self, position: NDArray[np.float64]) -> float:
+        """Metres that a point (3,) of the map moves per unit of the joint: distance from the hinge, or 1."""
+        if self.leaf.kind == "prismatic":
+            return 1.0
+        point, axis = self.axis()
+        return float(np.linalg.norm(np.cross(axis, position - point)))
+
+
+def find_leaf(skills: SkillContext, articulation: str) -> Leaf:
+    """The door or drawer ``furniture/leaf`` of the map; SkillFailure names what there is."""
+    known = skills.world.map.furniture
+    name, _, part = articulation.partition("/")
+    leaf = next((leaf for leaf in known[name].leaves if leaf.name == part), None) if name in known else None
+    if leaf is None:
+        there = ", ".join(f"{piece.name}/{one.name}" for piece in known.values() for one in piece.leaves)
+        raise SkillFailure("unknown_articulation", f"no door or drawer {articulation!r} in the map; there are {there}")
+    return Leaf(articulation, known[name], leaf)
+
+
+def world_at_leaf(
+    skills: SkillContext,
+    leaf: Leaf,
+    position: float,
+    touching: Touching,
+    stand: Pose2D | None = None,
+    ignore: Iterable[str] = (),
+) -> CollisionWorld:
+    """What the arm has around it while the leaf is open by ``position``, radians or metres.
+
+    ``stand``: where the base will be, None where it is. ``ignore``: names to leave out.
+    """
+    world = replace(skills.world, articulations={**skills.world.articulations, leaf.articulation: position})
+    if stand is not None:
+        world = replace(world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()))
+    allowed: list[tuple[str, str]] = []
+    if touching != "free":
+        allowed = hand_contacts(skills, *(body for body in leaf.bodies() if body != leaf.articulation))
+        if touching == "hand" or leaf.furniture.position_error > MEASURED:
+            allowed += hand_contacts(skills, leaf.articulation)
+        elif touching == "fingers":
+            allowed += finger_contacts(skills.robot, leaf.articulation, skills.arm.name)
+    scene = planning_scene_from_world_model(
+        world,
+        skills.robot,
+        skills.joints.positions(),
+        skills.arm.name,
+        ignore=ignore,
+        allowed_pairs=allowed,
+        hollow=[leaf.furniture.name],
+    )
+    return skills.arm_world(scene)
+
+
+def free_along(
+    skills: SkillContext,
+    leaf: Leaf,
+    positions: Sequence[float],
+    touching: Touching,
+    stand: Pose2D | None = None,
+    skip: int = 0,
+) -> IsFreeAt:
+    """Whether the arm is free at each station of a way on which the leaf is at ``positions``.
+
+    ``skip``: stations at the start that belong to the first position, such as the one before a grasp.
+    """
+    worlds: dict[int, CollisionWorld] = {}
+
+    def is_free(joints: NDArray[np.float64], station: int) -> bool:
+        index = max(0, station - skip)
+        if index not in worlds:
+            worlds[index] = world_at_leaf(skills, leaf, positions[index], touching, stand)
+        return worlds[index].is_free(joints)
+
+    return is_free
