@@ -30,6 +30,8 @@ LEAST_FORCE = 20.0
 SAFETY = 2.0
 """By how much the moment of the pads exceeds that of the weight."""
 GRAVITY = 9.81
+OBLIQUE = 0.5
+"""Cosine between the hand's direction and that straight into a drawer or a cupboard, at least."""
 SURROUNDINGS_SPACING = 0.01
 """Metres between the points that stand for other things."""
 
@@ -244,7 +246,8 @@ def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspC
     support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
     if belief.recognised:
         target = GraspTarget.of_model(belief.model, base_from_object)
-        return skills.algorithms.grasp_pose.plan(target, skills.gripper_model, support_height)
+        candidates = skills.algorithms.grasp_pose.plan(target, skills.gripper_model, support_height)
+        return _from_the_open_side(skills, belief, candidates)
     box = belief.model.collision[0]
     target = GraspTarget(
         box=replace(box, pose=base_from_object @ box.pose),
@@ -253,6 +256,21 @@ def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspC
         surroundings=_surroundings(skills, belief, base_from_map),
     )
     return skills.algorithms.unknown_grasp_pose.plan(target, skills.gripper_model, support_height)
+
+
+def _from_the_open_side(
+    skills: SkillContext, belief: ObjectBelief, candidates: tuple[GraspCandidate, ...]
+) -> tuple[GraspCandidate, ...]:
+    """Of grasps within furniture, those into a drawer from above, and into what has a door from the front."""
+    known = skills.world.map
+    furniture, surface = known.surface(belief.surface) if belief.surface else (None, None)
+    if furniture is None or surface is None or not furniture.is_inside(surface):
+        return candidates
+    if surface.leaf is not None:
+        inwards = np.array([0.0, 0.0, -1.0])
+    else:
+        inwards = skills.map_from_base.inverse().rotation @ furniture.pose.to_pose().rotation[:, 0]
+    return tuple(one for one in candidates if float(one.grasp.rotation[:, 2] @ inwards) > OBLIQUE)
 
 
 def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:

@@ -8,12 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, hand_contacts, move_free
+from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.manipulation.collision import CollisionWorld
 from bestman_bt.manipulation.kinematics import cartesian_path
+from bestman_bt.manipulation.motion_planning import Upright
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
 
+BESIDE = ((0.3, -0.33, 1.05), (0.25, -0.36, 1.15), (0.3, 0.33, 1.05), (0.4, -0.3, 1.05), (0.4, 0.0, 1.1))
+"""Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright."""
+ENOUGH = 3
+"""Postures among which the planner may choose."""
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
 TURN = np.radians(15.0)
@@ -61,7 +67,7 @@ def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
     """Joint positions (n,) to go to: the posture itself, or with something in the hand one like it that has room.
 
     Tried in turn: the posture, then with its last joint turned, then the postures whose names begin with its name and
-    an underscore, in the same way.
+    an underscore, in the same way; then any that hold it upright beside the robot.
     """
     skills = skill.skills
     posture = _posture(skill, name)
@@ -69,14 +75,38 @@ def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
     if held is None:
         return [posture]
     world = skills.arm_world(skills.planning_scene())
+    upright = Upright(skills.algorithms.kinematics, held.tool_from_object, MAX_HELD_TILT)
+    tilted = not upright.satisfied(skills.arm_positions())
+
+    def is_fit(positions: NDArray[np.float64]) -> bool:
+        return (tilted or upright.satisfied(positions)) and world.is_free(positions)
+
     others = sorted(other for other in skills.robot.postures if other.startswith(f"{name}_"))
     for basic in (posture, *(_posture(skill, other) for other in others)):
-        if world.is_free(basic):
+        if is_fit(basic):
             return [basic]
-        free = [turned for turned in _turned(skill, basic) if world.is_free(turned)]
+        free = [turned for turned in _turned(skill, basic) if is_fit(turned)]
         if free:
             return [min(free, key=lambda positions: _reach(skill, positions, held))]
-    return [posture]
+    return _beside(skill, held, posture, world) or [posture]
+
+
+def _beside(
+    skill: Skill, held: HeldObject, posture: NDArray[np.float64], world: CollisionWorld
+) -> list[NDArray[np.float64]]:
+    """Postures in which what is held stands upright beside the robot, whichever way the hand has taken it."""
+    skills = skill.skills
+    found: list[NDArray[np.float64]] = []
+    for place in BESIDE:
+        for yaw in np.arange(8) * np.pi / 4:
+            base_from_tool = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw)) @ held.tool_from_object.inverse()
+            result = skills.algorithms.kinematics.solve(
+                base_from_tool, posture, skills.rng, count=1, is_valid=world.is_free, attempts=4
+            )
+            found += result.solutions
+        if len(found) >= ENOUGH:
+            break
+    return found
 
 
 def _posture(skill: Skill, name: str) -> NDArray[np.float64]:

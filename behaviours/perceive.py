@@ -14,7 +14,8 @@ from behaviours.surfaces import surface_region
 from bestman_bt.messages import Pose
 from bestman_bt.perception.detection import DetectedScene
 from bestman_bt.perception.segmentation import Region
-from bestman_bt.sensing.rgbd import RGBDSensor
+from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
+from bestman_bt.world_model import ObjectBelief
 
 
 class DetectObject(Skill):
@@ -78,7 +79,7 @@ class EstimatePose(Skill):
             raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
         view = camera_called(skills, self.get_input("camera")).capture()
         base_from_object = view.map_from_base.inverse() @ belief.pose
-        region = region_around(base_from_object, float(belief.model.size[2]))
+        region = self._region(belief, base_from_object, view)
         detect = skills.algorithms.detection.detect
         scene: DetectedScene = yield self.compute(
             "pose_estimation", detect, view.in_base, region, list(skills.world.models.values()), skills.rng
@@ -91,6 +92,15 @@ class EstimatePose(Skill):
         self.set_output("yaw_width", refined.yaw_set.width)
         yaw = f", yaw open by {math.degrees(refined.yaw_set.width):.0f}°" if refined.yaw_set.arcs else ""
         self.feedback_message = f"{name} to ±{1e3 * refined.position_std:.1f} mm{yaw}"
+
+    def _region(self, belief: ObjectBelief, base_from_object: Pose, view: RGBDView) -> Region:
+        """Around the object; within furniture, where walls and boards are near, its surface."""
+        world = self.skills.world
+        if belief.surface is not None:
+            furniture, surface = world.surface(belief.surface)
+            if furniture.is_inside(surface):
+                return surface_region(self.skills, belief.surface, view)
+        return region_around(base_from_object, float(belief.model.size[2]))
 
 
 def region_around(base_from_object: Pose, height: float) -> Region:

@@ -22,6 +22,8 @@ from bestman_bt.world_model import BasePose, MapFurniture
 SAME_STAND = 0.05
 """Metres: a stand nearer than this to one that was tried is the same one."""
 SAME_TARGET = 0.05
+PRE_REACH = 0.1
+"""Metres before its place from where the hand should go straight into furniture."""
 HAND_ABOVE = 0.08
 """Metres above a surface at which the hand should be able to work where the object has not been seen yet."""
 
@@ -81,9 +83,12 @@ class FindStandPose(Skill):
             return [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates], belief.pose.position[
                 :2
             ]
+        furniture, surface = find_surface(skills, self.get_input("surface"))
         target = goal.position[:2] if goal is not None else self._middle()[:2]
-        height = self._middle()[2] + HAND_ABOVE
-        return _top_down(np.array([*target, height])), target
+        at = np.array([*target, self._middle()[2] + HAND_ABOVE])
+        if furniture.is_inside(surface) and surface.leaf is None:
+            return _from_front(at, furniture.pose.theta), target
+        return _top_down(at), target
 
     def _middle(self) -> NDArray[np.float64]:
         furniture, surface = find_surface(self.skills, self.get_input("surface"))
@@ -136,3 +141,10 @@ class FindStandPose(Skill):
 def _top_down(position: NDArray[np.float64]) -> list[tuple[Pose, ...]]:
     """Tool poses that point straight down, at six turns of the hand."""
     return [(Pose.from_xyz_rpy(position, (np.pi, 0.0, turn)),) for turn in np.arange(6) * np.pi / 3]
+
+
+def _from_front(position: NDArray[np.float64], heading: float) -> list[tuple[Pose, ...]]:
+    """Level tool poses in the direction ``heading``, before the place and there, at four turns of the hand."""
+    level = Pose.from_xyz_rpy(position, (0.0, np.pi / 2, heading))
+    turned = [level @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, turn)) for turn in np.arange(4) * np.pi / 2]
+    return [(pose @ Pose(np.array([0.0, 0.0, -PRE_REACH])), pose) for pose in turned]
