@@ -124,14 +124,20 @@ BEHAVIOURS = Registry(
         "DetectHandle": "behaviours.handles:DetectHandle",
         "DetectObject": "behaviours.perceive:DetectObject",
         "EstimatePose": "behaviours.perceive:EstimatePose",
+        "FindFreePlace": "behaviours.tidying:FindFreePlace",
         "FindLookStand": "behaviours.open_stand:FindLookStand",
         "FindOpenStand": "behaviours.open_stand:FindOpenStand",
         "FindPlacePose": "behaviours.place:FindPlacePose",
         "FindStandPose": "behaviours.stand:FindStandPose",
+<<<<<<< HEAD
         "FindPushStand": "behaviours.push_stand:FindPushStand",
         "GoalOnSurface": "behaviours.place_in:GoalOnSurface",
+=======
+        "FindUntidy": "behaviours.tidying:FindUntidy",
+>>>>>>> b312e29 (z)
         "Grasp": "behaviours.grasp:Grasp",
         "Holding": "behaviours.grasp:Holding",
+        "IsTidy": "behaviours.tidying:IsTidy",
         "LookAt": "behaviours.look:LookAt",
         "LookInto": "behaviours.look_into:LookInto",
         "MoveArm": "behaviours.move_arm:MoveArm",
@@ -145,6 +151,7 @@ BEHAVIOURS = Registry(
         "Push": "behaviours.push:Push",
         "Reachable": "behaviours.grasp:Reachable",
         "Release": "behaviours.place:Release",
+        "RememberSeen": "behaviours.tidying:RememberSeen",
         "Retreat": "behaviours.move_arm:Retreat",
         "RunPolicy": "behaviours.run_policy:RunPolicy",
         "ScanScene": "behaviours.scan:ScanScene",
