@@ -128,13 +128,10 @@ BEHAVIOURS = Registry(
         "FindLookStand": "behaviours.open_stand:FindLookStand",
         "FindOpenStand": "behaviours.open_stand:FindOpenStand",
         "FindPlacePose": "behaviours.place:FindPlacePose",
-        "FindStandPose": "behaviours.stand:FindStandPose",
-<<<<<<< HEAD
         "FindPushStand": "behaviours.push_stand:FindPushStand",
-        "GoalOnSurface": "behaviours.place_in:GoalOnSurface",
-=======
+        "FindStandPose": "behaviours.stand:FindStandPose",
         "FindUntidy": "behaviours.tidying:FindUntidy",
->>>>>>> b312e29 (z)
+        "GoalOnSurface": "behaviours.place_in:GoalOnSurface",
         "Grasp": "behaviours.grasp:Grasp",
         "Holding": "behaviours.grasp:Holding",
         "IsTidy": "behaviours.tidying:IsTidy",
