@@ -25,6 +25,8 @@ MAX_SLOWDOWN = 20.0
 _INSIDE = 1.0 - 1e-6
 _TARGET_SHARE = 0.9
 """Share of the limits that a waypoint may ask for: ruckig needs some room to arrive in time."""
+_MARGIN = 0.03
+"""rad that waypoints keep from the joint limits: between them the motion may swing out a little."""
 _SKIP = 4
 """How many waypoints ahead the motion looks when it cannot be in time at the next one."""
 
@@ -107,8 +109,8 @@ class ChunkStream:
         """The motion from the clock's ``at`` on: first as the one under way, then along ``path``, then at rest.
 
         ``path``: (H + 1, n) radians, ``dt`` seconds apart, beginning at ``seen``, when the policy looked. Where it is
-        quicker than the limits it is stretched. Raises PolicyActionError where it would take 20 times as long,
-        StaleChunkError where it is over by then.
+        quicker than the limits it is stretched. Raises PolicyActionError where it would take 20 times as long or leave
+        the joints' range, StaleChunkError where it is over by then.
         """
         path = joint_path(path, len(self._limits.joint_names), "path")
         times = seen + dt * np.arange(len(path))
@@ -123,7 +125,10 @@ class ChunkStream:
         ahead = times > at + 0.5 * dt
         if not ahead.any():
             raise StaleChunkError(f"the chunk of {dt * (len(path) - 1):.2f} s is over before it could begin")
-        times, waypoints = np.append(at, times[ahead]), np.vstack([state.positions, waypoints[ahead]])
+        lower = np.minimum(self._limits.lower + _MARGIN, state.positions)
+        upper = np.maximum(self._limits.upper - _MARGIN, state.positions)
+        waypoints = np.clip(waypoints[ahead], lower, upper)
+        times, waypoints = np.append(at, times[ahead]), np.vstack([state.positions, waypoints])
         slowdown = self._slowdown(times, waypoints)
         if slowdown > MAX_SLOWDOWN:
             raise PolicyActionError(f"the chunk jumps: within the limits it would take {slowdown:.0f} times its time")
@@ -237,9 +242,13 @@ class ChunkStream:
         trajectory = JointTrajectory(
             names,
             np.array([time for time, _ in sampled]),
-            np.clip(np.array([state.positions for _, state in sampled]), limits.lower, limits.upper),
+            np.array([state.positions for _, state in sampled]),
             np.array([state.velocities for _, state in sampled]),
         )
+        outside = np.maximum(limits.lower - trajectory.positions, trajectory.positions - limits.upper).max(axis=0)
+        worst = int(np.argmax(outside))
+        if outside[worst] > 0.0:
+            raise PolicyActionError(f"along the chunk {names[worst]} would pass its limit by {outside[worst]:.4f}")
         return StreamedMotion(at, trajectory, np.array([state.accelerations for _, state in sampled]))
 
 

@@ -1,4 +1,4 @@
-"""From chunks to motions: each action space, within the limits, and inside the box."""
+"""From chunks to joint positions: each action space, and inside the box."""
 
 from __future__ import annotations
 
@@ -13,9 +13,7 @@ from bestman_bt.manipulation.policy import (
     ReachingExpert,
     Workspace,
     chunk_path,
-    chunk_trajectory,
 )
-from bestman_bt.manipulation.trajectory import SpeedScale, limit_usage
 
 
 def test_deltas_add_up_and_positions_are_taken_as_they_are(expert: ReachingExpert) -> None:
@@ -47,25 +45,6 @@ def test_actions_for_another_arm_are_refused(expert: ReachingExpert) -> None:
     chunk = ActionChunk(np.zeros((3, 6)), 0.1, ActionSpace.JOINT_DELTAS)
     with pytest.raises(PolicyActionError, match="7 joints but the actions have 6"):
         chunk_path(chunk, expert.home, expert.kinematics, expert.arm)
-
-
-def test_a_gentle_chunk_keeps_its_pace_and_a_hasty_one_is_slowed_to_the_limits(expert: ReachingExpert) -> None:
-    ramp = np.sin(np.linspace(0.0, np.pi, 11))[:-1, None]
-    for size, slowed in ((0.01, False), (0.2, True)):
-        path = expert.home + np.concatenate([np.zeros((1, 7)), np.cumsum(size * ramp * np.ones(7), axis=0)])
-        path = np.clip(path, expert.arm.lower, expert.arm.upper)
-        trajectory = chunk_trajectory(path, 0.08, expert.arm, SpeedScale(0.5, 0.35))
-        assert (trajectory.duration > 0.8 + 1e-9) is slowed
-        usage = limit_usage(trajectory, expert.arm)
-        assert usage.velocity <= 0.5 * 1.03
-        assert usage.acceleration <= 0.35 * 1.03
-        np.testing.assert_array_equal(trajectory.velocities[[0, -1]], 0.0)
-
-
-def test_a_jump_is_no_motion(expert: ReachingExpert) -> None:
-    path = np.stack([expert.home, expert.home + 0.5, expert.home])
-    with pytest.raises(PolicyActionError, match="jumps"):
-        chunk_trajectory(path, 0.001, expert.arm, SpeedScale(0.5, 0.35))
 
 
 def test_leaving_the_box_between_two_waypoints_is_seen(expert: ReachingExpert) -> None:

@@ -74,8 +74,8 @@ def test_demonstrations_end_where_they_were_to_end(demonstrations: list[Demonstr
 def test_the_written_network_computes_what_was_trained(trained: Path, cloned: ClonedPolicy) -> None:
     policy = load_policy(trained)
     assert policy.specification == cloned.card.specification
-    raw = policy._run(np.full((1, 13), 0.3, dtype=np.float32))
-    value = np.full((1, 13), 0.3, dtype=np.float32)
+    raw = policy._run(np.full((1, 20), 0.3, dtype=np.float32))
+    value = np.full((1, 20), 0.3, dtype=np.float32)
     for weight, bias in cloned.layers[:-1]:
         value = value @ weight + bias
         value = value / (1.0 + np.exp(-value))
@@ -93,7 +93,7 @@ def copy(trained: Path, tmp_path: Path) -> Path:
 @pytest.fixture
 def seen(expert: ReachingExpert) -> Observation:
     start, goal = expert.task(np.random.default_rng(5))
-    return Observation(start, expert.kinematics.tool_pose(start), pose_vector(goal))
+    return Observation(start, expert.kinematics.tool_pose(start), pose_vector(goal), joint_velocities=np.zeros(7))
 
 
 def test_weights_that_give_nan_are_an_action_error(copy: Path, seen: Observation) -> None:
@@ -132,6 +132,8 @@ def test_an_observation_of_another_arm_or_without_a_pose_as_goal_is_refused(trai
     policy = load_policy(trained)
     assert isinstance(policy.act(seen), ActionChunk)
     with pytest.raises(PolicyObservationError, match="7 joints"):
-        policy.act(Observation(np.zeros(6), seen.base_from_tool, seen.goal))
+        policy.act(replace(seen, joint_positions=np.zeros(6)))
+    with pytest.raises(PolicyObservationError, match="velocities"):
+        policy.act(replace(seen, joint_velocities=None))
     with pytest.raises(PolicyObservationError, match="unit quaternion"):
-        policy.act(Observation(seen.joint_positions, seen.base_from_tool, seen.goal[:3]))
+        policy.act(replace(seen, goal=seen.goal[:3]))
