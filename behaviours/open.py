@@ -5,22 +5,18 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
 from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
-from behaviours.leaf import Leaf, world_at_leaf
+from behaviours.leaf import world_at_leaf
 from behaviours.opening import Opening, plan_opening
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
+from behaviours.withdraw import withdraw, withdraw_after
 from bestman_bt.control.arm import FollowedMotion, FollowEnd
-from bestman_bt.manipulation.kinematics import cartesian_path
-from bestman_bt.messages import Pose
 
-BACK_OFF = 0.12
-"""Metres that the hand goes back from a handle that it has let go."""
 ROLLS = 0.006
 """Metres by which the fingers may move while a bar turns between them."""
 
@@ -69,7 +65,7 @@ class Open(Skill):
         plan: HandlePull | None = yield self.compute("grasp_planning", plan_pull, skills, opening, belief)
         if plan is None:
             raise SkillFailure("no_grasp", f"no grasp of {name} is free and within reach from here")
-        leaf = opening.leaf
+        leaf, posture = opening.leaf, self.get_input("posture")
         yield skills.gripper.open(plan.candidate.opening)
         yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, opening.start, "free"))
         yield from tare_wrist(self)
@@ -82,9 +78,11 @@ class Open(Skill):
             skills.gripper.open()
             raise
         except (SkillFailure, *ALGORITHM_ERRORS) as failure:
-            yield from self._withdraw_after(leaf, failure)
+            yield skills.gripper.open()
+            yield from withdraw_after(self, leaf, posture, failure)
             raise
-        yield from self._withdraw(leaf)
+        yield skills.gripper.open()
+        yield from withdraw(self, leaf, posture)
         self.set_output("opened", opened)
         self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
 
@@ -122,30 +120,3 @@ class Open(Skill):
             why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
             raise SkillFailure(CODES.get(motion.end, "not_open"), f"{why}: {failure}" if failure else why)
         return opened
-
-    def _withdraw_after(self, leaf: Leaf, failure: Exception) -> Steps:
-        """Withdraw; where that fails, too, what went wrong first is what is told."""
-        try:
-            yield from self._withdraw(leaf)
-        except (SkillFailure, *ALGORITHM_ERRORS) as second:
-            self.explain("not_withdrawn", f"the hand could not be withdrawn: {second}")
-            raise failure from second
-
-    def _withdraw(self, leaf: Leaf) -> Steps:
-        """Open the hand, go straight back, and take the arm to its posture.
-
-        The leaf is where the hand has been: closer than the map's error lets any motion come.
-        """
-        skills = self.skills
-        yield skills.gripper.open()
-        position = skills.world.articulations.get(leaf.articulation, 0.0)
-        world = world_at_leaf(skills, leaf, position, "hand", ignore=leaf.bodies())
-        back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
-        line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
-        if len(line.path) > 1:
-            yield from follow_path(self, line.path, world, speed=0.5)
-        posture = skills.robot.posture(self.get_input("posture"), skills.arm_model.joint_names)
-        around = world_at_leaf(skills, leaf, position, "free")
-        if not around.is_free(skills.arm_positions()):
-            around = world_at_leaf(skills, leaf, position, "free", ignore=[leaf.articulation])
-        yield from move_free(self, [posture], around)

@@ -1,0 +1,41 @@
+"""Taking the hand away from a door or drawer, and the arm to a posture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from behaviours.arm_motion import follow_path, move_free
+from behaviours.leaf import Leaf, world_at_leaf
+from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps
+from bestman_bt.manipulation.kinematics import cartesian_path
+from bestman_bt.messages import Pose
+
+BACK_OFF = 0.12
+"""Metres that the hand goes straight back first."""
+
+
+def withdraw(skill: Skill, leaf: Leaf, posture: str) -> Steps:
+    """Go straight back, and take the arm to the named posture.
+
+    The leaf is where the hand has been: closer than the map's error lets any motion come.
+    """
+    skills = skill.skills
+    position = skills.world.articulations.get(leaf.articulation, 0.0)
+    world = world_at_leaf(skills, leaf, position, "hand", ignore=leaf.bodies())
+    back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
+    line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
+    if len(line.path) > 1:
+        yield from follow_path(skill, line.path, world, speed=0.5)
+    around = world_at_leaf(skills, leaf, position, "free")
+    if not around.is_free(skills.arm_positions()):
+        around = world_at_leaf(skills, leaf, position, "free", ignore=[leaf.articulation])
+    yield from move_free(skill, [skills.robot.posture(posture, skills.arm_model.joint_names)], around)
+
+
+def withdraw_after(skill: Skill, leaf: Leaf, posture: str, failure: Exception) -> Steps:
+    """Withdraw; where that fails, too, what went wrong first is what is told."""
+    try:
+        yield from withdraw(skill, leaf, posture)
+    except (SkillFailure, *ALGORITHM_ERRORS) as second:
+        skill.explain("not_withdrawn", f"the hand could not be withdrawn: {second}")
+        raise failure from second
