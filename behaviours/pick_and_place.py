@@ -1,0 +1,139 @@
+"""What trees in Python share: the subtrees of trees/subtrees/pick_and_place.xml, node by node the same.
+
+``SubTree(pick_and_place, tree_id="PickAndPlace", object="{object}", source="table", target="counter", goal="{goal}")``
+"""
+
+from __future__ import annotations
+
+from behaviours.grasp import Grasp, Holding, PlanGrasp, Reachable
+from behaviours.look import LookAt
+from behaviours.move_arm import MoveArm, Retreat
+from behaviours.navigate import NavigateTo
+from behaviours.object_conditions import BelievedSurface, ObjectAt
+from behaviours.perceive import DetectObject, EstimatePose
+from behaviours.place import FindPlacePose, PlaceOn, Release
+from behaviours.scan import ScanScene
+from behaviours.second_look import SecondLook
+from behaviours.stand import FindStandPose
+from bestman_bt.engine import Fallback, ForceSuccess, Node, ReactiveSequence, RetryUntilSuccessful, Sequence, SubTree
+
+
+def pick_and_place() -> Node:
+    """Bring an object to a goal and look whether it stands there; lost on the way, or placed badly: start over."""
+    bring = Sequence(
+        "bring",
+        [
+            have_object(),
+            SubTree(place, tree_id="Place", name="place", object="{object}", surface="{target}", goal="{goal}"),
+            SubTree(verify, tree_id="Verify", name="verify", object="{object}", surface="{target}", goal="{goal}"),
+        ],
+    )
+    return RetryUntilSuccessful("pick_and_place", [bring], num_attempts=3)
+
+
+def have_object() -> Node:
+    """Take the object unless the hand holds it."""
+    taken = SubTree(pick, tree_id="Pick", name="pick", object="{object}", surface="{source}")
+    return Fallback("have_object", [Holding(object="{object}"), taken])
+
+
+def pick() -> Node:
+    """Take the object: another stand pose, another look, another grasp where one fails."""
+    look_and_grasp = Sequence(
+        "look_and_grasp",
+        [
+            MoveArm(posture="carry"),
+            LookAt(object="{object}", surface="{where}"),
+            DetectObject(object="{object}", surface="{where}"),
+            Reachable(object="{object}"),
+            LookAt(object="{object}", surface="{where}"),
+            EstimatePose(object="{object}", pose="{pose}"),
+            ForceSuccess("if_it_can", [SecondLook(object="{object}", max_yaw_width=0.2)]),
+            PlanGrasp(object="{object}", grasps="{grasps}"),
+            RetryUntilSuccessful("try_grasps", [Grasp(object="{object}", grasps="{grasps}")], num_attempts=3),
+        ],
+    )
+    from_one_stand = Sequence(
+        "from_one_stand",
+        [
+            BelievedSurface(object="{object}", otherwise="{surface}", surface="{where}"),
+            FindStandPose(object="{object}", surface="{where}", stand="{stand}"),
+            MoveArm(posture="carry"),
+            NavigateTo(goal="{stand}"),
+            RetryUntilSuccessful("try_looks", [look_and_grasp], num_attempts=2),
+        ],
+    )
+    try_stands = RetryUntilSuccessful("try_stands", [from_one_stand], num_attempts=2)
+    return Sequence("pick", [try_stands, Retreat(posture="carry")])
+
+
+def carry() -> Node:
+    """Drive on as long as the hand holds the object."""
+    return ReactiveSequence("carry", [Holding(object="{object}"), NavigateTo(goal="{stand}")])
+
+
+def place() -> Node:
+    """Carry the object to the surface and put it at the goal."""
+    from_one_stand = Sequence(
+        "from_one_stand",
+        [
+            FindStandPose(surface="{surface}", goal="{goal}", stand="{stand}"),
+            MoveArm(posture="carry"),
+            carry(),
+            SubTree(
+                put_down, tree_id="PutDown", name="put_down", object="{object}", surface="{surface}", goal="{goal}"
+            ),
+        ],
+    )
+    return RetryUntilSuccessful("try_stands", [from_one_stand], num_attempts=2)
+
+
+def put_down() -> Node:
+    """Put what is held at the goal, from where the robot stands."""
+    return Sequence(
+        "put_down",
+        [
+            LookAt(surface="{surface}", point="{goal}"),
+            FindPlacePose(object="{object}", surface="{surface}", goal="{goal}", pose="{place_pose}"),
+            PlaceOn(object="{object}", pose="{place_pose}"),
+            Release(object="{object}", surface="{surface}"),
+            Retreat(posture="carry"),
+        ],
+    )
+
+
+def verify() -> Node:
+    """Look whether the object stands where it should."""
+    look = Sequence(
+        "look",
+        [
+            LookAt(surface="{surface}", point="{goal}"),
+            DetectObject(object="{object}", surface="{surface}"),
+        ],
+    )
+    return Sequence(
+        "verify",
+        [
+            RetryUntilSuccessful("try_looks", [look], num_attempts=2),
+            ObjectAt(object="{object}", goal="{goal}", tolerance=0.015),
+        ],
+    )
+
+
+def survey() -> Node:
+    """Stand before a surface and believe in all that is seen on it."""
+    return RetryUntilSuccessful(
+        "try_stands",
+        [
+            Sequence(
+                "survey",
+                [
+                    FindStandPose(surface="{surface}", stand="{stand}"),
+                    MoveArm(posture="carry"),
+                    NavigateTo(goal="{stand}"),
+                    ScanScene(surface="{surface}", views=3),
+                ],
+            )
+        ],
+        num_attempts=2,
+    )
