@@ -7,6 +7,7 @@ fingers aside would hardly be felt; contacts, weight and inertia give the same w
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,16 +19,17 @@ from hal.api import ForceTorque, NotConnectedError
 from hal.pybullet.client import Reader, ReadPurpose, SimulationError
 from hal.pybullet.simulation import Simulation
 
-GRAVITY = np.array([0.0, 0.0, -9.81])
+GRAVITY = 9.81
 OLDEST_PREVIOUS = 0.05  # seconds back to which the rate of the momentum is taken
+
+Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Of all that is carried: ``momentum``, ``moment`` of it about the map's origin, at ``stamp``."""
+    """Of all that is carried: momentum and the moment of it about the map's origin, (6,), at ``stamp``."""
 
     momentum: NDArray[np.float64]
-    moment: NDArray[np.float64]
     stamp: float
 
 
@@ -92,38 +94,53 @@ class SimulatedForceTorque(ForceTorque):
     def _load(self, simulation: Simulation, reader: Reader) -> NDArray[np.float64]:
         """Force and torque (6,) in the sensor's frame."""
         pose = simulation.link_pose(reader, self._model.frame)
-        force, moment = self._weight_and_inertia(simulation, reader)
-        robot = simulation.built.robot
-        # All contacts are asked for: of one body alone, Bullet may swap the two of a contact, but not their friction.
-        for contact in reader.getContactPoints():
-            first = contact[1] == robot and contact[3] in self._masses
-            second = contact[2] == robot and contact[4] in self._masses
-            if first != second:
-                push = contact[9] * np.array(contact[7])  # on the first body
-                push = push + contact[10] * np.array(contact[11]) + contact[12] * np.array(contact[13])
-                push = push if first else -push
-                force += push
-                moment += np.cross(contact[5], push)
-        torque = moment - np.cross(pose.position, force)
-        return np.concatenate([pose.rotation.T @ force, pose.rotation.T @ torque])
+        load = self._weight_and_inertia(simulation, reader) + self._contacts(simulation, reader)
+        turned: NDArray[np.float64] = load.reshape(2, 3) @ pose.rotation  # of both: rotation.T @ vector
+        arm: NDArray[np.float64] = pose.rotation.T @ pose.position
+        turned[1] -= _cross(arm.tolist(), turned[0].tolist())
+        return turned.ravel()
 
-    def _weight_and_inertia(
-        self, simulation: Simulation, reader: Reader
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Force, and moment about the map's origin; spins of the single links count for nothing."""
-        force, moment, momentum, turning = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
-        indices = list(self._masses)
-        states = reader.getLinkStates(simulation.built.robot, indices, computeLinkVelocity=1)
-        for index, state in zip(indices, states, strict=True):
-            weight = self._masses[index] * GRAVITY
-            force += weight
-            moment += np.cross(state[0], weight)
-            moved = self._masses[index] * np.array(state[6])
-            momentum += moved
-            turning += np.cross(state[0], moved)
-        before, self._motion = self._motion, _Motion(momentum, turning, simulation.now)
-        if before is not None and 0.0 < simulation.now - before.stamp <= OLDEST_PREVIOUS:
-            passed = simulation.now - before.stamp
-            force -= (momentum - before.momentum) / passed
-            moment -= (turning - before.moment) / passed
-        return force, moment
+    def _contacts(self, simulation: Simulation, reader: Reader) -> NDArray[np.float64]:
+        """Force and moment about the map's origin of what touches from outside, (6,)."""
+        robot, carried = simulation.built.robot, self._masses
+        fx = fy = fz = mx = my = mz = 0.0
+        # All contacts are asked for: of one body alone, Bullet may swap the two of a contact, but not their friction.
+        for contact in simulation.contacts(reader):
+            first = contact[1] == robot and contact[3] in carried
+            second = contact[2] == robot and contact[4] in carried
+            if first == second:
+                continue
+            _, _, _, _, _, point, _, normal, _, press, slip, along, slip2, along2 = contact
+            if second:  # Bullet tells the push on the first body
+                press, slip, slip2 = -press, -slip, -slip2
+            push = (
+                press * normal[0] + slip * along[0] + slip2 * along2[0],
+                press * normal[1] + slip * along[1] + slip2 * along2[1],
+                press * normal[2] + slip * along[2] + slip2 * along2[2],
+            )
+            moment = _cross(point, push)
+            fx, fy, fz = fx + push[0], fy + push[1], fz + push[2]
+            mx, my, mz = mx + moment[0], my + moment[1], mz + moment[2]
+        return np.array((fx, fy, fz, mx, my, mz))
+
+    def _weight_and_inertia(self, simulation: Simulation, reader: Reader) -> NDArray[np.float64]:
+        """Force, and moment about the map's origin, (6,); spins of the single links count for nothing."""
+        wx = wy = wz = px = py = pz = hx = hy = hz = 0.0
+        states = reader.getLinkStates(simulation.built.robot, list(self._masses), computeLinkVelocity=1)
+        for mass, state in zip(self._masses.values(), states, strict=True):
+            (x, y, _), (u, v, w) = state[0], state[6]
+            turning = _cross(state[0], (u, v, w))
+            wx, wy, wz = wx - mass * GRAVITY * y, wy + mass * GRAVITY * x, wz - mass * GRAVITY
+            px, py, pz = px + mass * u, py + mass * v, pz + mass * w
+            hx, hy, hz = hx + mass * turning[0], hy + mass * turning[1], hz + mass * turning[2]
+        load = np.array((0.0, 0.0, wz, wx, wy, 0.0))
+        motion = _Motion(np.array((px, py, pz, hx, hy, hz)), simulation.now)
+        before, self._motion = self._motion, motion
+        if before is not None and 0.0 < motion.stamp - before.stamp <= OLDEST_PREVIOUS:
+            load -= (motion.momentum - before.momentum) / (motion.stamp - before.stamp)
+        return load
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> Vector:
+    """Of two triples: numpy's takes twenty times as long, and this is asked for each contact of each reading."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

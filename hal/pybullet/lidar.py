@@ -37,8 +37,7 @@ class SimulatedLidar(Lidar):
         starts = pose.position + directions * model.range_min
         ends = pose.position + directions * model.range_max
         hits = self._reader.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1)
-        bodies = np.fromiter((hit[0] for hit in hits), np.intp, model.beams)
-        shares = np.fromiter((hit[2] for hit in hits), np.float64, model.beams)
+        bodies, _, shares, _, _ = (np.array(column) for column in zip(*hits, strict=True))
         ranges = model.range_min + shares * (model.range_max - model.range_min)
         ranges = ranges + self._rng.standard_normal(model.beams) * model.noise
         seen = (

@@ -11,7 +11,6 @@ from hal.pybullet.open_hand_watcher import OpenHandWatcher
 from hal.pybullet.simulation import Simulation
 from hal.pybullet.tamper_watcher import TamperWatcher
 
-ALL_CONTACTS_EVERY = 15
 FULL_CHECK_EVERY = 60
 
 
@@ -58,10 +57,9 @@ class HonestyMonitor:
 
     def _look(self) -> None:
         motions, contacts = self._motions, self._contacts
-        complete = self._looks % ALL_CONTACTS_EVERY == 0
-        observation = self._observer.observe(motions.awake, complete)
+        observation = self._observer.observe()
         contacts.watch(observation)
-        motions.watch(observation, contacts.touched, contacts.robot_forces, complete)
+        motions.watch(observation, contacts.touched, contacts.robot_forces)
         self._open_hand.watch(observation, contacts.robot_forces)
         self._tampering.watch_constraints(observation.stamp)
         self._looks += 1

@@ -28,6 +28,7 @@ JOINT_JUMP = 0.01
 STUTTER = 1.5
 GRAVITY = 9.81
 FREE_FALL_TOLERANCE = 0.1
+RESTS_ON_NOTHING = 30  # looks in a row
 LIMIT_TOLERANCE = 5e-3
 SPEED_TOLERANCE = (1.05, 0.02)
 
@@ -56,12 +57,13 @@ class MotionWatcher:
             slots = simulation.slots(gripper.joint_names)
             lower[slots], upper[slots] = gripper.joint_range
             speed[slots] = gripper.max_speed * gripper.fastest_transmission
-        self._lower, self._upper = lower - LIMIT_TOLERANCE, upper + LIMIT_TOLERANCE
-        self._watched = np.isfinite(speed)  # not the wheels: they slip and stutter, and no pose hangs on them
-        self._top_speed = np.where(self._watched, speed, 0.0)
-        self._speed = speed * SPEED_TOLERANCE[0] + SPEED_TOLERANCE[1]
-        self._beyond: NDArray[np.bool_] = np.zeros(len(self._joint_names), bool)
-        self._too_fast = self._beyond.copy()
+        fastest = speed * SPEED_TOLERANCE[0] + SPEED_TOLERANCE[1]
+        self._least = np.array((lower - LIMIT_TOLERANCE, -fastest))
+        self._most = np.array((upper + LIMIT_TOLERANCE, fastest))
+        self._beyond: NDArray[np.bool_] = np.zeros(self._most.shape, bool)
+        # Infinite for the wheels, which have no limits: they slip and stutter, and no pose hangs on them.
+        period = simulation.parameters.monitor_every * self._time_step
+        self._stutter = JOINT_JUMP + STUTTER * period * speed
         self._before: Observation | None = None
         self._drift: dict[int, list[float]] = {body: [0.0] * 3 for body in self._names}
         self.awake: list[int] = list(self._names)
@@ -74,27 +76,25 @@ class MotionWatcher:
         self.joint_limits: list[Finding] = []
         self.velocity_limits: list[Finding] = []
 
-    def watch(
-        self, observation: Observation, touched: set[int], robot_forces: Mapping[int, float], complete: bool
-    ) -> None:
+    def watch(self, observation: Observation, touched: set[int], robot_forces: Mapping[int, float]) -> None:
         """Take in one observation.
 
-        ``touched``: the bodies that have contacts now, but for wheels on the floor, or of those only the awake ones
-        where the look is not ``complete``. ``robot_forces``: the robot's normal force on each body that it touches.
+        ``touched``: the bodies that have contacts now, but for wheels on the floor. ``robot_forces``: the robot's
+        normal force on each body that it touches.
         """
         self._robot_touches = self._robot in touched or self._robot in self._touched_before
         before = self._before
         if before is not None:
             time = observation.stamp - before.stamp
             undisturbed = not self._robot_touches and not any(body in self._objects for body in self.awake)
-            for body in self._names:
-                self._watch_body(
-                    body, before.bodies[body], observation.bodies[body], time, undisturbed, observation.stamp
-                )
+            for body, new in observation.bodies.items():
+                old = before.bodies[body]
+                if body in self._paths or new != old:  # else it rests as it did
+                    self._watch_body(body, old, new, time, undisturbed, observation.stamp)
             for body in self._objects:
                 if body in self._paths:
                     self._watch_free_fall(body, before.bodies[body], observation, time, touched)
-                elif complete:
+                else:
                     self._watch_rest(body, observation.stamp, touched)
             self._watch_joints(before, observation, time)
         self._watch_limits(observation)
@@ -168,30 +168,26 @@ class MotionWatcher:
     def _watch_rest(self, body: int, stamp: float, touched: set[int]) -> None:
         """What rests, rests on something."""
         self._afloat[body] = 0 if body in touched else self._afloat[body] + 1
-        if self._afloat[body] == 2:
+        if self._afloat[body] == RESTS_ON_NOTHING:
             self.unexplained_forces.append(Finding(stamp, f"{self._objects[body]} rests on nothing and does not fall"))
 
     def _watch_joints(self, before: Observation, observation: Observation, time: float) -> None:
         """Motors and bumps make joints stutter between two looks, but not faster than their top speed."""
         old, new = before.joints, observation.joints
-        residual = np.abs(new[0] - old[0] - (old[1] + new[1]) * (time / 2.0))
-        slack = JOINT_JUMP + STUTTER * time * self._top_speed
-        jumped = self._watched & (residual > slack + np.abs(new[1] - old[1]) * time)
-        if not jumped.any():
-            return
-        for slot in np.flatnonzero(jumped):
-            moved = new[0, slot] - old[0, slot]
-            self.jumps.append(Finding(observation.stamp, f"{self._joint_names[slot]} jumped by {moved:.4f}"))
+        change = new[:2] - old[:2]
+        residual = np.abs(change[0] - (old[1] + new[1]) * (time / 2.0))
+        jumped = residual > self._stutter + np.abs(change[1]) * time
+        if jumped.any():
+            for slot in np.flatnonzero(jumped):
+                text = f"{self._joint_names[slot]} jumped by {change[0, slot]:.4f}"
+                self.jumps.append(Finding(observation.stamp, text))
 
     def _watch_limits(self, observation: Observation) -> None:
-        position, velocity = observation.joints[0], np.abs(observation.joints[1])
-        beyond = (position < self._lower) | (position > self._upper)
-        too_fast = velocity > self._speed
-        if beyond.any() or too_fast.any():
-            for slot in np.flatnonzero(beyond & ~self._beyond):
-                text = f"{self._joint_names[slot]} at {position[slot]:.4f}"
-                self.joint_limits.append(Finding(observation.stamp, text))
-            for slot in np.flatnonzero(too_fast & ~self._too_fast):
-                text = f"{self._joint_names[slot]} at {velocity[slot]:.3f} per second"
-                self.velocity_limits.append(Finding(observation.stamp, text))
-        self._beyond, self._too_fast = beyond, too_fast
+        states = observation.joints[:2]
+        beyond = (states < self._least) | (states > self._most)
+        if beyond.any():
+            for row, slot in np.argwhere(beyond & ~self._beyond):
+                findings, unit = ((self.joint_limits, ""), (self.velocity_limits, " per second"))[row]
+                text = f"{self._joint_names[slot]} at {states[row, slot]:.4f}{unit}"
+                findings.append(Finding(observation.stamp, text))
+        self._beyond = beyond

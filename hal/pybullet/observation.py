@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hal.pybullet.client import Reader
-from hal.pybullet.simulation import Simulation
+from hal.pybullet.simulation import Contact, Simulation
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
-Contact = tuple[Any, ...]
 
 
 class BodyState(NamedTuple):
@@ -51,31 +50,19 @@ class Observer:
         ]
         self._pose = reader.getBasePositionAndOrientation
         self._velocity = reader.getBaseVelocity
-        self._contacts = reader.getContactPoints
+        self._reader = reader
         self._links = reader.getLinkStates
 
-    def observe(self, awake: Collection[int], everything: bool) -> Observation:
-        """Look now; contacts of the robot and of the ``awake`` objects, or of ``everything``."""
+    def observe(self) -> Observation:
+        """Look now."""
         simulation = self._simulation
         pose, velocity = self._pose, self._velocity
         bodies = {body: BodyState(*pose(body), *velocity(body)) for body in self._bodies}
         links = self._links(self._robot, self._fingers) if self._fingers else ()
-        contacts = self._contacts() if everything else self._contacts_of(awake)
         return Observation(
             stamp=simulation.steps * simulation.parameters.time_step,
             bodies=bodies,
-            contacts=contacts,
+            contacts=simulation.contacts(self._reader),
             joints=simulation.joint_states(),
             fingers={index: state[0] for index, state in zip(self._fingers, links, strict=True)},
         )
-
-    def _contacts_of(self, awake: Collection[int]) -> Sequence[Contact]:
-        """Each contact once: of the robot first, then of each awake object with what has not been asked."""
-        robot = self._robot
-        contacts: list[Contact] = list(self._contacts(bodyA=robot))
-        asked = {robot}
-        for body in awake:
-            if body not in asked:
-                contacts += [c for c in self._contacts(bodyA=body) if c[1] not in asked and c[2] not in asked]
-                asked.add(body)
-        return contacts

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,8 @@ from hal.pybullet.client import PhysicsClient, Reader, SimulationError
 from hal.pybullet.latches import Latches
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.world_builder import BuiltWorld, build_world
+
+Contact = tuple[Any, ...]
 
 
 class Simulation:
@@ -50,6 +53,8 @@ class Simulation:
         self._slots = {joint: slot for slot, joint in enumerate(self.joint_names)}
         self._states: NDArray[np.float64] = np.zeros((3, len(self._indices)))
         self._read_at = -1
+        self._contacts: Sequence[Contact] = ()
+        self._contacts_at = -1
         client.seal(self.built.robot)
 
     @property
@@ -84,9 +89,20 @@ class Simulation:
         """Encoders of all driven joints: rows position, velocity, motor effort; read once per step at most."""
         if self._read_at != self.steps:
             states = self.client.getJointStates(self.built.robot, self._indices)
-            self._states = np.array([(state[0], state[1], state[3]) for state in states]).T.reshape(3, -1)
+            columns = tuple(zip(*states, strict=True))
+            self._states = np.array((columns[0], columns[1], columns[3])) if columns else np.zeros((3, 0))
             self._read_at = self.steps
         return self._states
+
+    def contacts(self, reader: Reader) -> Sequence[Contact]:
+        """All contacts as pybullet tells them; read once per step at most, for all who ask.
+
+        To ask for those of the robot alone costs as much.
+        """
+        if self._contacts_at != self.steps or not reader.trusted:
+            self._contacts = reader.getContactPoints()
+            self._contacts_at = self.steps
+        return self._contacts
 
     def link_pose(self, reader: Reader, link: str) -> Pose:
         """True pose of a link of the robot in the map frame; SimulationError names the links there are."""

@@ -18,24 +18,29 @@ from bestman_bt.navigation.localization.base import LocalizationEstimate, Locali
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from bestman_bt.world_model import SemanticMap
 
+WEAK_PRIOR = 1e-6 * np.eye(3)
+
 
 @dataclass(frozen=True)
 class ScanToMapParameters:
     """Lengths in metres, angles in radians.
 
-    ``iterations`` of the match; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything in the
-    map are left out of iteration k. ``robust_scale``: residual at which a hit counts half. ``range_std``: noise of a
-    beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``: variance
-    that odometry gains per metre driven (m²/m), ``turn_slip``: per radian turned (rad²/rad), ``drift``: heading
-    variance per metre (rad²/m). A match is refused with less than ``min_inlier_ratio`` of the hits explained, or when
-    it lies more than ``max_deviation`` standard deviations from the prediction; if it explains ``sure_inlier_ratio``
-    of the hits all the same, the wheels have slipped, and the variances grow by ``surprise`` until it is believed.
+    ``iterations`` of the match; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything in the map
+    are left out of iteration k. Which line a hit belongs to is asked again after a step of more than
+    ``associate_again`` (metres, radians). ``robust_scale``: residual at which a hit counts half. ``range_std``: noise
+    of a beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``:
+    variance that odometry gains per metre driven (m²/m), ``turn_slip``: per radian turned (rad²/rad), ``drift``:
+    heading variance per metre (rad²/m). A match is refused with less than ``min_inlier_ratio`` of the hits explained,
+    or when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
+    ``sure_inlier_ratio`` of the hits all the same, the wheels have slipped, and the variances grow by ``surprise``
+    until it is believed.
     """
 
     iterations: int = 8
     gate_first: float = 0.25
     gate_decay: float = 0.6
     gate_last: float = 0.04
+    associate_again: float = 0.002
     robust_scale: float = 0.02
     range_std: float = 0.01
     wall_std: float = 0.001
@@ -109,7 +114,7 @@ class ScanToMap(Localizer):
             ]
         )
         # Directions that no hit constrains get a huge, finite variance.
-        measured = np.linalg.inv(information + 1e-6 * np.eye(3))
+        measured = np.linalg.inv(information + WEAK_PRIOR)
         expected = estimate.covariance + measured
         deviation = math.sqrt(float(innovation @ np.linalg.solve(expected, innovation)))
         if deviation > p.max_deviation:
@@ -139,38 +144,58 @@ class ScanToMap(Localizer):
         """The pose that fits best, its information matrix (3, 3), the inlier ratio and the residual."""
         p = self._parameters
         segments, bodies = self._segments[visible], self._bodies[visible]
-        along = segments[:, 2:] - segments[:, :2]
+        starts, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
         length2 = np.sum(along**2, axis=1)
         normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.sqrt(length2)[:, None]
-        state = np.array([pose.x, pose.y, pose.theta])
+        x, y, theta = pose.x, pose.y, pose.theta
+        moved = math.inf
+        jacobian = np.empty((3, len(hits)))
         for k in range(p.iterations):
-            turned = Pose2D(0.0, 0.0, state[2]).apply(hits)
-            points = turned + state[:2]
-            dx = points[:, 0, None] - segments[:, 0]
-            dy = points[:, 1, None] - segments[:, 1]
-            u = np.clip((dx * along[:, 0] + dy * along[:, 1]) / length2, 0.0, 1.0)
-            distance2 = (dx - u * along[:, 0]) ** 2 + (dy - u * along[:, 1]) ** 2
-            nearest = np.argmin(distance2, axis=1)
-            row = np.arange(len(hits))
-            normal = normals[nearest]
-            residuals = dx[row, nearest] * normal[:, 0] + dy[row, nearest] * normal[:, 1]
+            turned_x, turned_y = Pose2D(0.0, 0.0, theta).apply(hits).T
+            if moved > p.associate_again:
+                nearest = _nearest(turned_x + x, turned_y + y, starts, along, length2)
+                start_x, start_y = starts[nearest].T
+                share_x, share_y = (along[nearest] / length2[nearest, None]).T
+                normal_x, normal_y = jacobian[:2] = normals[nearest].T
+                squares, body, errors = length2[nearest], bodies[nearest], self._body_std[bodies[nearest]] ** 2
+            dx, dy = turned_x + (x - start_x), turned_y + (y - start_y)
+            residuals = dx * normal_x + dy * normal_y
+            u = dx * share_x + dy * share_y
+            beyond = u - u.clip(0.0, 1.0)
+            squared_residuals = residuals * residuals
             gate = p.gate_first * p.gate_decay**k + p.gate_last
-            inlier = distance2[row, nearest] < gate**2
-            weights = inlier / (1.0 + (residuals / p.robust_scale) ** 2)
-            body = bodies[nearest]
+            inlier = squared_residuals + beyond * beyond * squares < gate**2
+            weights = inlier / (1.0 + squared_residuals / p.robust_scale**2)
             hits_of_body = np.bincount(body, weights, minlength=len(self._body_std))
-            weights *= (1.0 / (p.range_std**2 + hits_of_body * self._body_std**2))[body]
-            jacobian = np.column_stack([normal, normal[:, 1] * turned[:, 0] - normal[:, 0] * turned[:, 1]])
-            weighted = jacobian * weights[:, None]
-            information = weighted.T @ jacobian
-            step = -np.linalg.solve(information + 1e-6 * np.eye(3), weighted.T @ residuals)
-            state += step
-            if k >= 3 and np.abs(step).max() < 1e-5:
+            weights /= p.range_std**2 + hits_of_body[body] * errors
+            jacobian[2] = normal_y * turned_x - normal_x * turned_y
+            weighted = jacobian * weights
+            information = weighted @ jacobian.T
+            step = -np.linalg.solve(information + WEAK_PRIOR, weighted @ residuals)
+            x, y, theta = x + float(step[0]), y + float(step[1]), theta + float(step[2])
+            moved = float(np.abs(step).max())
+            if k >= 3 and moved < 1e-5:
                 break
-        matched = Pose2D(float(state[0]), float(state[1]), wrap_angle(float(state[2])))
+        matched = Pose2D(x, y, wrap_angle(theta))
         count = int(inlier.sum())
         residual = math.sqrt(float(np.mean(residuals[inlier] ** 2))) if count else math.inf
         return matched, information, count / len(hits), residual
+
+
+def _nearest(
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    starts: NDArray[np.float64],
+    along: NDArray[np.float64],
+    length2: NDArray[np.float64],
+) -> NDArray[np.intp]:
+    """For each of N points the nearest of M segments, (N,)."""
+    dx, dy = x[:, None] - starts[:, 0], y[:, None] - starts[:, 1]
+    u = ((dx * along[:, 0] + dy * along[:, 1]) / length2).clip(0.0, 1.0)
+    dx -= u * along[:, 0]
+    dy -= u * along[:, 1]
+    nearest: NDArray[np.intp] = np.argmin(dx * dx + dy * dy, axis=1)
+    return nearest
 
 
 def _bodies(
