@@ -136,6 +136,7 @@ BEHAVIOURS = Registry(
         "GoalOnSurface": "behaviours.place_in:GoalOnSurface",
         "Grasp": "behaviours.grasp:Grasp",
         "Holding": "behaviours.grasp:Holding",
+        "IsOpen": "behaviours.leaf_conditions:IsOpen",
         "IsTidy": "behaviours.tidying:IsTidy",
         "LookAt": "behaviours.look:LookAt",
         "LookInto": "behaviours.look_into:LookInto",

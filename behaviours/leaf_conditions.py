@@ -1,0 +1,36 @@
+"""What is believed of doors and drawers, as conditions."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.leaf import find_leaf
+from behaviours.skill import SkillCondition, SkillFailure
+
+
+class IsOpen(SkillCondition):
+    """Whether a door or drawer is believed to be open by at least, or by at most, so much."""
+
+    INPUT_PORTS: ClassVar = {
+        "articulation": PortInformation(str, description="furniture/leaf of the map"),
+        "at_least": PortInformation(float, required=False, default_value=0.0, description="metres or radians"),
+        "at_most": PortInformation(float, required=False, default_value=math.inf, description="metres or radians"),
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the beliefs; takes no picture."""
+        name: str = self.get_input("articulation")
+        try:
+            leaf = find_leaf(self.skills, name).leaf
+        except SkillFailure as failure:
+            return failure.code, str(failure)
+        position = self.skills.world.articulations.get(name, 0.0)
+        unit = "rad" if leaf.kind == "revolute" else "m"
+        if position < self.get_input("at_least"):
+            return "not_open", f"{name} is open by {position:.2f} {unit} only"
+        if position > self.get_input("at_most"):
+            return "not_closed", f"{name} is open by {position:.2f} {unit}"
+        return None
