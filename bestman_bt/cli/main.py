@@ -19,6 +19,7 @@ VERBS = {
     "validate": "check tree files without running them",
     "object": "add, list and show objects",
     "calibrate": "calibrate a lens, a camera on an arm or on a head, from views of a board",
+    "twin": "stand in for a robot's controllers, over a simulated world in real time",
     "stop": "stop the robots of all running executors",
     "version": "print the versions of this package and of what it stands on",
 }

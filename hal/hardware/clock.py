@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from hal.api import Clock, Timer
 
-LONGEST_DEBT = 0.02
+LONGEST_DEBT = 0.05
 """Seconds by which a sleep that was too long shortens the next one, at most."""
 
 

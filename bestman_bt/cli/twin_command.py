@@ -1,0 +1,102 @@
+"""Examples: bestman-bt twin --robot my_xarm.yaml --scene pick_place_table; … --fault arm_controller:drop --at F."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings
+from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.scene import draw_world, load_scene
+from hal.twins import TwinError
+from hal.twins.json_lines import ask
+from hal.twins.twin_host import Hosted, TwinHost
+
+
+def command(
+    robot: Robot = None,
+    scene: Scene = None,
+    seed: Seed = 0,
+    settings: Settings = None,
+    judge: Annotated[
+        bool, typer.Option("--judge", help="Open the judge's socket: what is true, for evaluation.")
+    ] = False,
+    fault: Annotated[
+        str | None,
+        typer.Option(metavar="CONNECTION:FAULT[:VALUE]", help="Make a fault happen in twins that run, and end."),
+    ] = None,
+    at: Annotated[
+        Path | None, typer.Option(metavar="SOCKET", help="With --fault: the socket that the twins told.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Stand in for a robot's controllers: their wire protocols over a simulated world, in real time, until Ctrl-C."""
+    if fault is not None:
+        _make_fault(fault, at)
+        return
+    with json_output(as_json):
+        try:
+            host = _host(robot or "diff_xarm6", scene or "pick_place_table", seed, settings or [], judge)
+        except TwinError as error:
+            raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
+
+    def end(number: int, frame: FrameType | None) -> None:
+        host.close()
+
+    signal.signal(signal.SIGINT, end)
+    signal.signal(signal.SIGTERM, end)
+    try:
+        host.run(lambda hosted: _tell(hosted, as_json))
+    except TwinError as error:
+        raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
+
+
+def _host(robot: str, scene: str, seed: int, settings: list[str], judge: bool) -> TwinHost:
+    values = parse_settings(settings)
+    inner = {
+        kind: {key.removeprefix(f"{kind}."): value for key, value in values.items() if key.startswith(f"{kind}.")}
+        for kind in ("robot", "scene")
+    }
+    strange = [key for key in values if not key.startswith(("robot.", "scene."))]
+    if strange:
+        problems = [Problem(f"--set {key}", None, "", "should begin with robot. or scene.") for key in strange]
+        raise ConfigurationError(problems)
+    model = load_robot_model(robot, inner["robot"])
+    return TwinHost(model, draw_world(load_scene(scene, inner["scene"]), seed), seed, judge)
+
+
+def _tell(hosted: Hosted, as_json: bool) -> None:
+    document = hosted.document()
+    if as_json:
+        print(json.dumps(document), flush=True)
+        return
+    for name, address in hosted.addresses.items():
+        print(f"{name}: {address}")
+    print("drive it with: --driver hardware " + " ".join(f"--set {shlex.quote(s)}" for s in document["settings"]))
+    print(f"make faults with: bestman-bt twin --fault CONNECTION:FAULT --at {hosted.faults}")
+    if hosted.judge is not None:
+        print(f"judge: {hosted.judge}")
+    sys.stdout.flush()
+
+
+def _make_fault(fault: str, at: Path | None) -> None:
+    connection, _, rest = fault.partition(":")
+    name, _, value = rest.partition(":")
+    if at is None or not name:
+        raise ConfigurationError(
+            [Problem("--fault", None, "", "give CONNECTION:FAULT, and with --at the socket that the twins told")]
+        )
+    try:
+        question = {"connection": connection, "fault": name}
+        ask(at, question if not value else {**question, "value": float(value)})
+    except (LookupError, OSError, ValueError) as error:
+        raise ConfigurationError([Problem(f"--fault {fault}", None, "", str(error))]) from error

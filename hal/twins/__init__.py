@@ -1,0 +1,9 @@
+"""Protocol twins: a simulated world that speaks the wire protocols of real controllers, in real time.
+
+Clients of twins import ``TwinProcess``, which brings no simulation; the world is in ``hal.twins.twin_host``.
+"""
+
+from hal.twins.errors import TwinError
+from hal.twins.process import TwinProcess
+
+__all__ = ["TwinError", "TwinProcess"]

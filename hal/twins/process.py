@@ -1,0 +1,114 @@
+"""The twins in a process of their own, as a context manager."""
+
+from __future__ import annotations
+
+import json
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from hal.twins.errors import TwinError
+from hal.twins.json_lines import ask
+
+
+class TwinProcess:
+    """``bestman-bt twin`` in the background, from ``with`` on; ends with it.
+
+    ``addresses``: connection → address. ``settings``: dotted keys → values that lead a robot's YAML to the twins.
+    """
+
+    def __init__(
+        self,
+        robot: str | Path,
+        scene: str | Path,
+        seed: int = 0,
+        settings: Sequence[str] = (),
+        start_timeout: float = 60.0,
+    ) -> None:
+        self._command = [
+            sys.executable,
+            "-m",
+            "bestman_bt.cli.main",
+            "twin",
+            "--robot",
+            str(robot),
+            "--scene",
+            str(scene),
+        ]
+        self._command += ["--seed", str(seed), "--judge", "--json"]
+        self._command += [word for setting in settings for word in ("--set", setting)]
+        self._start_timeout = start_timeout
+        self._process: subprocess.Popen[str] | None = None
+        self._told: dict[str, Any] = {}
+
+    @property
+    def process(self) -> subprocess.Popen[str]:
+        """The process; RuntimeError before it was started."""
+        if self._process is None:
+            raise RuntimeError("the twins were not started")
+        return self._process
+
+    @property
+    def addresses(self) -> Mapping[str, str]:
+        """Connection → address."""
+        addresses: dict[str, str] = self._told["addresses"]
+        return addresses
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """For ``load_robot_model(name, settings)``."""
+        return {f"connections.{name}.address": address for name, address in self.addresses.items()}
+
+    def fault(self, connection: str, name: str, value: float | None = None) -> None:
+        """Make a fault happen."""
+        question = {"connection": connection, "fault": name}
+        ask(Path(self._told["faults"]), question if value is None else {**question, "value": value})
+
+    def judge(self, question: str, name: str = "") -> dict[str, Any]:
+        """What is true in the world."""
+        return ask(Path(self._told["judge"]), {"ask": question, "name": name})
+
+    def start(self) -> None:
+        """Start, and wait until the ports are open; TwinError with what the process said."""
+        self._process = subprocess.Popen(
+            self._command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+        )
+        first: queue.SimpleQueue[str] = queue.SimpleQueue()
+        output = self._process.stdout
+        assert output is not None
+        threading.Thread(target=lambda: first.put(output.readline()), daemon=True).start()
+        try:
+            line = first.get(timeout=self._start_timeout)
+        except queue.Empty:
+            line = ""
+        if not line.strip():
+            self._process.kill()
+            _, errors = self._process.communicate()
+            raise TwinError(f"the twins did not start: {errors.strip() or 'they said nothing'}")
+        self._told = json.loads(line)
+
+    def close(self) -> None:
+        """End the process; idempotent."""
+        if self._process is None:
+            return
+        self._process.terminate()
+        try:
+            self._process.communicate(timeout=5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+        self._process = None
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()

@@ -1,0 +1,130 @@
+"""One process with the world and the protocol twins of all controllers of a robot."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from bestman_bt.registry import Registry
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from bestman_bt.scene import World
+from hal.twins.errors import TwinError
+from hal.twins.faults import Faults
+from hal.twins.json_lines import JsonLineServer
+from hal.twins.judge_server import JudgeServer
+from hal.twins.world import TwinWorld
+
+TWINS = Registry("bestman_bt.twins", "protocol twin", {"xarm": "hal.twins.xarm_server:XArmTwin"})
+"""Driver of a connection → the class that speaks the controller's side of its protocol."""
+FIRST_ADDRESS, LAST_ADDRESS = 2, 254
+
+
+class Twin(Protocol):
+    """The controller's side of one connection.
+
+    Made as ``(connection, model, world, address)``, before the world runs; OSError where a port on the address is
+    taken. Its state is hung in ``world.ticks``.
+    """
+
+    faults: Faults
+
+    def start(self) -> None:
+        """Accept clients."""
+
+    def close(self) -> None:
+        """Close all ports."""
+
+
+@dataclass(frozen=True)
+class Hosted:
+    """Where things are: connection → address; the sockets of the judge and of the faults."""
+
+    addresses: Mapping[str, str]
+    judge: Path | None
+    faults: Path
+
+    def document(self) -> dict[str, Any]:
+        """As JSON; ``settings``: for ``--set``, so that the robot's own YAML reaches the twins."""
+        return {
+            "addresses": dict(self.addresses),
+            "judge": str(self.judge) if self.judge is not None else None,
+            "faults": str(self.faults),
+            "settings": [f"robot.connections.{name}.address={at}" for name, at in self.addresses.items()],
+        }
+
+
+class TwinHost:
+    """Hosts the twins of a robot's connections, each on a loopback address of its own, over one world.
+
+    ``run`` blocks, in the process's main thread; ``close`` ends it. ``judge``: whether to open the judge's socket.
+    """
+
+    def __init__(self, model: RobotModel, scene_world: World, seed: int = 0, judge: bool = False) -> None:
+        if not model.connections:
+            raise TwinError(f"robot {model.name!r} has no connections in its YAML, so there is nothing to stand in for")
+        self._model, self._judge = model, judge
+        self.world = TwinWorld(model, scene_world, seed)
+        self.twins: dict[str, Twin] = {}
+
+    def run(self, ready: Callable[[Hosted], None]) -> None:
+        """Build the world, open all ports, call ``ready``, and go on until ``close()``."""
+        with tempfile.TemporaryDirectory(prefix="bestman_twin_") as folder:
+            servers: list[JsonLineServer] = []
+            addresses: dict[str, str] = {}
+
+            def open_all() -> None:
+                free = iter(range(FIRST_ADDRESS, LAST_ADDRESS))
+                for name, connection in self._model.connections.items():
+                    self.twins[name], addresses[name] = self._place(connection, free)
+                faults = Path(folder) / "faults"
+                servers.append(JsonLineServer(faults, self._fault))
+                judge = Path(folder) / "judge" if self._judge else None
+                if judge is not None:
+                    servers.append(JudgeServer(judge, self.world))
+                for twin in self.twins.values():
+                    twin.start()
+                for server in servers:
+                    server.start()
+                ready(Hosted(addresses, judge, faults))
+
+            try:
+                self.world.run(open_all)
+            finally:
+                for twin in self.twins.values():
+                    twin.close()
+                for server in servers:
+                    server.close()
+
+    def close(self) -> None:
+        """End ``run``; from any thread or a signal handler."""
+        self.world.close()
+
+    def _place(self, connection: ConnectionConfig, free: Any) -> tuple[Twin, str]:
+        """A twin on the first loopback address whose ports are free."""
+        make = cast(Callable[..., Twin], TWINS.resolve(connection.driver))
+        why: OSError | None = None
+        for number in free:
+            address = f"127.0.0.{number}"
+            try:
+                return make(connection, self._model, self.world, address), address
+            except PermissionError as error:
+                raise TwinError(
+                    "a port below 1024 needs privileges: run as root, or sysctl net.ipv4.ip_unprivileged_port_start=502"
+                ) from error
+            except OSError as error:
+                why = error
+        raise TwinError("no loopback address has the twin's ports free") from why
+
+    def _fault(self, question: dict[str, Any]) -> Mapping[str, Any]:
+        """``{"connection": NAME, "fault": NAME, "value": NUMBER}``; without a fault, what there is."""
+        name = str(question.get("connection", ""))
+        if name not in self.twins:
+            raise LookupError(f"no connection {name!r}; there are {', '.join(self.twins)}")
+        faults = self.twins[name].faults
+        if "fault" in question:
+            faults.happen(str(question["fault"]), question.get("value"))
+        return {"faults": faults.names}

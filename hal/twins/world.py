@@ -1,0 +1,96 @@
+"""The world of the twins: one simulated robot that runs in real time, and whoever wants something of it."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future
+from typing import TypeVar
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
+
+Result = TypeVar("Result")
+LONGEST_DELAY = 0.25
+"""Seconds that the simulation may be behind real time; what it is behind beyond that is given up, and counted."""
+
+
+class TwinWorld:
+    """Steps a PyBullet robot in real time, in the thread that calls ``run()``; no other thread touches physics.
+
+    Protocol servers hang a function in ``ticks``: it is called before each physics step with the step's length, and
+    may use the robot's parts as any program does. Other threads hand in work by ``post`` and ``call``. Set-points are
+    taken at the physics rate: protocols bring up to 500 a second.
+    """
+
+    def __init__(self, model: RobotModel, world: World, seed: int = 0, parameters: PhysicsParameters | None = None):
+        self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters or PhysicsParameters(control_every=1))
+        self.ticks: list[Callable[[float], None]] = []
+        self.given_up = 0.0
+        self._truth: GroundTruth | None = None
+        self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._closing = threading.Event()
+        self._thread: int | None = None
+
+    @property
+    def truth(self) -> GroundTruth:
+        """What is true in this world, for the judge; made before time runs."""
+        if self._truth is None:
+            raise RuntimeError("the world does not run yet")
+        return self._truth
+
+    def now(self) -> float:
+        """Seconds of the simulation; it lags behind real time by a few milliseconds."""
+        return self.robot.clock.now()
+
+    def post(self, work: Callable[[], None]) -> None:
+        """Do ``work`` in the world's thread before the next step; it must not raise."""
+        self._work.put(work)
+
+    def call(self, work: Callable[[], Result], timeout: float = 5.0) -> Result:
+        """Do ``work`` in the world's thread and wait for what it returns or raises; TimeoutError."""
+        if threading.get_ident() == self._thread:
+            return work()
+        future: Future[Result] = Future()
+
+        def do() -> None:
+            try:
+                future.set_result(work())
+            except Exception as error:  # noqa: BLE001 - it belongs to the one who asked
+                future.set_exception(error)
+
+        self._work.put(do)
+        return future.result(timeout)
+
+    def run(self, ready: Callable[[], None]) -> None:
+        """Build the world, call ``ready``, and step until ``close()``."""
+        self._thread = threading.get_ident()
+        with self.robot as robot:
+            self._truth = GroundTruth(robot)
+            step = robot.simulation.parameters.time_step
+            ready()
+            due = time.monotonic()
+            while not self._closing.is_set():
+                while not self._work.empty():
+                    self._work.get()()
+                for tick in self.ticks:
+                    tick(step)
+                robot.clock.sleep(step)
+                due = self._wait(due + step)
+
+    def close(self) -> None:
+        """End ``run()``; from any thread or a signal handler."""
+        self._closing.set()
+
+    def _wait(self, due: float) -> float:
+        """Wait until a step is due; give up what cannot be caught up with."""
+        ahead = due - time.monotonic()
+        if ahead > 0.0:
+            time.sleep(ahead)
+        elif -ahead > LONGEST_DELAY:
+            self.given_up -= ahead
+            return time.monotonic()
+        return due

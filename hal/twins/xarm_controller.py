@@ -1,0 +1,210 @@
+"""The control box of an xArm as a state machine over the arm and the gripper of the twins' world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hal.api import Arm, Gripper, Motion
+from hal.twins.servo_follower import ServoFollower
+from hal.twins.world import TwinWorld
+
+Array = NDArray[np.float64]
+POSITION_MODE, SERVO_MODE = 0, 1
+COLLISION_ERROR, JOINT_LIMIT_ERROR, SPEED_ERROR = 31, 23, 24
+GRIPPER_OVERLOAD = 34
+TRACKING_TOLERANCE = 0.12
+TRACKING_TIME = 0.1
+PULSES = 850
+FASTEST_TURNS = 5000
+
+
+class State(IntEnum):
+    """The controller's state."""
+
+    MOVING = 1
+    SLEEPING = 2
+    PAUSED = 3
+    STOPPED = 4
+
+
+@dataclass(frozen=True, eq=False)
+class XArmReading:
+    """What the controller tells of its joints, (n,) each, and the gripper's position in pulses."""
+
+    positions: Array
+    velocities: Array
+    efforts: Array
+    pulses: int
+
+
+class XArmController:
+    """Called by the protocol server from its threads; touches the robot only in the world's thread (``tick``)."""
+
+    def __init__(self, world: TwinWorld, arm: Arm, gripper: Gripper | None) -> None:
+        self._world, self._arm, self._gripper = world, arm, gripper
+        self.axes = len(arm.joint_names)
+        self.mode, self.state, self.error, self.warning = POSITION_MODE, State.STOPPED, 0, 0
+        self.enabled = False
+        self.reduced = False
+        self.reduced_joint_speed = self.reduced_tool_speed = 0.0
+        self.gripper_enabled = False
+        self.gripper_error = 0
+        self.gripper_turns = FASTEST_TURNS
+        self._jammed = False
+        self._limits = arm.limits
+        self._lower = np.array([limit.lower for limit in arm.limits])
+        self._upper = np.array([limit.upper for limit in arm.limits])
+        self._speed = np.array([limit.velocity for limit in arm.limits])
+        self._follower: ServoFollower | None = None
+        self._motion: Motion | None = None
+        self._astray = 0.0
+        zero = np.zeros(self.axes)
+        self.reading = XArmReading(zero, zero, zero, 0)
+        world.ticks.append(self.tick)
+
+    # Commands, from any thread
+
+    def enable(self, on: bool) -> None:
+        """Switch the motors on or off."""
+        self.enabled = on
+        if not on:
+            self.set_state(int(State.STOPPED))
+
+    def set_mode(self, mode: int) -> None:
+        """0 position, 1 servo; motion ends, and a state of 0 has to follow."""
+        self.halt()
+        self.mode = mode
+
+    def set_state(self, asked: int) -> None:
+        """0 ready, 3 pause, 4 stop."""
+        if asked == 0:
+            if self.enabled and not self.error:
+                self.state = State.SLEEPING
+        elif asked == 3:
+            self.state = State.PAUSED
+        elif asked == 4:
+            self.state = State.STOPPED
+        if asked:
+            self.halt()
+
+    def clear_error(self) -> None:
+        """Forget the error; the state stays STOPPED."""
+        self.error = 0
+
+    def trip(self, error: int) -> None:
+        """An error: everything stops."""
+        self.error = error
+        self.state = State.STOPPED
+        self.halt()
+
+    def halt(self) -> None:
+        """The arm comes to rest; the gripper stays."""
+        self._world.post(self._halt)
+
+    def servo(self, positions: Array) -> bool:
+        """A streamed set-point; whether it was taken."""
+        if self.mode != SERVO_MODE or not self._ready():
+            return False
+        if np.any(positions < self._lower - 1e-3) or np.any(positions > self._upper + 1e-3):
+            self.trip(JOINT_LIMIT_ERROR)
+            return False
+        self._world.post(lambda: self._take(np.clip(positions, self._lower, self._upper)))
+        return True
+
+    def move(self, positions: Array, speed: float) -> bool:
+        """Point to point in position mode, at ``speed`` rad/s; whether it was taken. A newer one takes over."""
+        if self.mode != POSITION_MODE or not self._ready():
+            return False
+        if np.any(positions < self._lower - 1e-3) or np.any(positions > self._upper + 1e-3):
+            self.trip(JOINT_LIMIT_ERROR)
+            return False
+        share = float(np.clip(speed / float(np.max(self._speed)), 0.01, 1.0))
+        target = np.clip(positions, self._lower, self._upper)
+
+        def begin() -> None:
+            self._motion = self._arm.move_to(target, share)
+
+        self._world.post(begin)
+        return True
+
+    @property
+    def commands_left(self) -> int:
+        """How many motions are under way."""
+        motion = self._motion
+        return int(motion is not None and not motion.done)
+
+    # The gripper
+
+    def move_gripper(self, pulses: int) -> None:
+        """Go to a position of 0 (closed) to 850 (open)."""
+        gripper = self._gripper
+        if gripper is None or not self.gripper_enabled:
+            return
+        if self._jammed:
+            self.gripper_error = GRIPPER_OVERLOAD
+            return
+        ranges = gripper.description
+        share = float(np.clip(pulses / PULSES, 0.0, 1.0))
+        width = ranges.min_width + share * (ranges.max_width - ranges.min_width)
+        speed = float(np.clip(self.gripper_turns / FASTEST_TURNS, 0.05, 1.0)) * ranges.max_speed
+        self._world.post(lambda: self._move_gripper(gripper, width, speed))
+
+    def jam(self) -> None:
+        """The gripper's fingers are stuck where they are, until ``unjam``."""
+        self._jammed = True
+        if self._gripper is not None:
+            self._world.post(self._gripper.stop)
+
+    def unjam(self) -> None:
+        """The fingers are free again; an error stays until it is cleared."""
+        self._jammed = False
+
+    # The world's thread
+
+    def tick(self, dt: float) -> None:
+        """One physics step of the world is about to come."""
+        arm = self._arm
+        positions = arm.positions()
+        self.reading = XArmReading(positions, arm.velocities(), arm.efforts(), self._pulses())
+        follower = self._follower
+        if self.mode == SERVO_MODE and follower is not None and self.state in (State.MOVING, State.SLEEPING):
+            arm.servo(follower.advance(dt))
+            self.state = State.MOVING if follower.moving else State.SLEEPING
+            self._watch(follower, positions, dt)
+        elif self.mode == POSITION_MODE and self.state in (State.MOVING, State.SLEEPING):
+            self.state = State.MOVING if self.commands_left else State.SLEEPING
+
+    def _watch(self, follower: ServoFollower, positions: Array, dt: float) -> None:
+        """As a controller does: a jump is an error, and what holds a joint up is a collision."""
+        if follower.too_fast or (self.reduced and follower.faster_than(self.reduced_joint_speed)):
+            self.trip(SPEED_ERROR)
+        held_up = bool(np.any(np.abs(follower.setpoint - positions) > TRACKING_TOLERANCE))
+        self._astray = self._astray + dt if held_up else 0.0
+        if self._astray > TRACKING_TIME:
+            self.trip(COLLISION_ERROR)
+
+    def _take(self, goal: Array) -> None:
+        if self._follower is None:
+            self._follower = ServoFollower(self._arm.positions(), self._speed)
+        self._follower.take(goal)
+
+    def _halt(self) -> None:
+        self._arm.stop()
+        self._follower, self._motion, self._astray = None, None, 0.0
+
+    def _ready(self) -> bool:
+        return self.enabled and not self.error and self.state in (State.MOVING, State.SLEEPING)
+
+    def _move_gripper(self, gripper: Gripper, width: float, speed: float) -> None:
+        gripper.move(width, speed=speed)
+
+    def _pulses(self) -> int:
+        if self._gripper is None:
+            return 0
+        ranges = self._gripper.description
+        share = (self._gripper.width() - ranges.min_width) / (ranges.max_width - ranges.min_width)
+        return round(share * PULSES)

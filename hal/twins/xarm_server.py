@@ -1,0 +1,195 @@
+"""The twin of an xArm's control box: UFACTORY's private Modbus TCP on port 502, reports on 30001 to 30003.
+
+The frames are those that the vendor's Python SDK (1.18) sends and reads: big-endian integers, little-endian floats.
+"""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.api import Arm, Gripper
+from hal.twins.faults import Faults
+from hal.twins.flange import FlangePose
+from hal.twins.tcp_server import TcpServer
+from hal.twins.world import TwinWorld
+from hal.twins.xarm_controller import COLLISION_ERROR, JOINT_LIMIT_ERROR, State, XArmController
+from hal.twins.xarm_gripper_bus import GripperBus
+
+CONTROL_PORT = 502
+REPORTS = {30001: (145, 5.0), 30002: (494, 5.0), 30003: (135, 100.0)}
+"""Port → length of a report and how many come each second."""
+PRIVATE_PROTOCOLS = (2, 3)
+"""Without and with heartbeats of the client."""
+ERROR_FLAG, NOT_READY_FLAG = 0x40, 0x10
+FIRMWARE = "v2.5.0"
+
+
+class XArmTwin:
+    """Serves one arm, and its gripper if it has one, on ``address``. OSError where a port cannot be had."""
+
+    def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
+        robot = world.robot
+        arm_name = next(name for name in connection.parts if name in model.arms)
+        gripper_name = next((name for name in connection.parts if name in model.grippers), None)
+        self._servers: list[TcpServer] = []
+        try:
+            self._servers.append(TcpServer(address, CONTROL_PORT, self._attend))
+            for port, (length, rate) in REPORTS.items():
+                self._servers.append(TcpServer(address, port, self._reporter(length, rate)))
+        except OSError:
+            self.close()
+            raise
+        self.controller = XArmController(
+            world,
+            robot.part(arm_name, Arm),  # type: ignore[type-abstract]
+            robot.part(gripper_name, Gripper) if gripper_name else None,  # type: ignore[type-abstract]
+        )
+        self._bus = GripperBus(self.controller)
+        self._flange = FlangePose(model, arm_name)
+        self.faults = Faults()
+        self.faults.offer(
+            {
+                "protective_stop": lambda: self.controller.trip(COLLISION_ERROR),
+                "joint_limit": lambda: self.controller.trip(JOINT_LIMIT_ERROR),
+                "gripper_jam": self.controller.jam,
+                "gripper_free": self.controller.unjam,
+            }
+        )
+        self._registers = self._make_registers()
+
+    def start(self) -> None:
+        """Accept clients."""
+        for server in self._servers:
+            server.start()
+
+    def close(self) -> None:
+        """Close all ports."""
+        for server in self._servers:
+            server.close()
+
+    # The wire
+
+    def _attend(self, client: socket.socket) -> None:
+        """Requests of one client until it goes; a robot whose last client goes comes to rest."""
+        buffer = b""
+        lock = threading.Lock()
+        try:
+            while chunk := client.recv(4096):
+                if self.faults.wire.silent:
+                    continue
+                buffer += chunk
+                while len(buffer) >= 6 and len(buffer) >= 6 + int.from_bytes(buffer[4:6], "big"):
+                    end = 6 + int.from_bytes(buffer[4:6], "big")
+                    frame, buffer = buffer[:end], buffer[end:]
+                    self._answer(client, lock, frame)
+        finally:
+            if self._servers[0].clients <= 1:
+                self.controller.halt()
+
+    def _answer(self, client: socket.socket, lock: threading.Lock, frame: bytes) -> None:
+        transaction, protocol, length = struct.unpack_from(">HHH", frame)
+        if protocol not in PRIVATE_PROTOCOLS or length < 1:
+            return  # a heartbeat
+        if delay := self.faults.wire.delay:
+            time.sleep(delay)
+        register, data = frame[6], frame[7:]
+        answer = self._registers.get(register, _ignored)(data)
+        controller = self.controller
+        flags = (ERROR_FLAG if controller.error else 0) | (NOT_READY_FLAG if controller.state == State.STOPPED else 0)
+        if not self.faults.wire.silent:
+            with lock:
+                client.sendall(struct.pack(">HHHBB", transaction, protocol, len(answer) + 2, register, flags) + answer)
+
+    def _reporter(self, length: int, rate: float) -> Callable[[socket.socket], None]:
+        def report(client: socket.socket) -> None:
+            due = time.monotonic()
+            while True:
+                if not self.faults.wire.silent:
+                    client.sendall(self._report(length))
+                due = max(due + 1.0 / rate, time.monotonic())
+                time.sleep(due - time.monotonic())
+
+        return report
+
+    def _report(self, length: int) -> bytes:
+        controller, reading = self.controller, self.controller.reading
+        frame = struct.pack(">IBH", length, controller.mode << 4 | controller.state, controller.commands_left)
+        frame += _seven(reading.positions) + self._pose() + _seven(reading.efforts)
+        if length > 135:
+            frame += bytes([0, 0xFF if controller.enabled else 0, controller.error, controller.warning])
+            frame += _floats(*[0.0] * 6) + _floats(*[0.0] * 4) + bytes([3, 3]) + _floats(0.0, 0.0, -1.0)
+        if length > 145:
+            frame += bytes([controller.axes, controller.axes, 0, 0, 0, 0]) + FIRMWARE.encode().ljust(30, b"\0")
+            frame += _floats(1000.0, 1.0, 50000.0, 0.1, 1000.0, 20.0, 0.01, 20.0, 0.01, 3.14, 2.3, 2.7)
+        return frame.ljust(length, b"\0")
+
+    # The registers
+
+    def _make_registers(self) -> dict[int, Callable[[bytes], bytes]]:
+        controller, bus = self.controller, self._bus
+        axes = controller.axes
+        version = f"{axes},{axes},XI1304,AC1304,{FIRMWARE}".encode().ljust(40, b"\0")
+
+        def done(action: Callable[[bytes], object]) -> Callable[[bytes], bytes]:
+            def answer(data: bytes) -> bytes:
+                action(data)
+                return b""
+
+            return answer
+
+        return {
+            1: lambda data: version,
+            2: lambda data: b"XI130400000000AC130400000000".ljust(40, b"\0"),
+            11: done(lambda data: controller.enable(bool(data[1]))),
+            12: done(lambda data: controller.set_state(data[0])),
+            13: lambda data: bytes([controller.state]),
+            14: lambda data: struct.pack(">H", controller.commands_left),
+            15: lambda data: bytes([controller.error, controller.warning]),
+            16: done(lambda data: controller.clear_error()),
+            19: done(lambda data: controller.set_mode(data[0])),
+            23: done(self._move_joint),
+            24: done(self._move_joint),
+            29: done(lambda data: controller.servo(np.array(struct.unpack("<7f", data[:28])[:axes]))),
+            41: lambda data: self._pose(),
+            42: self._joint_states,
+            47: done(lambda data: setattr(controller, "reduced_tool_speed", struct.unpack("<f", data)[0])),
+            48: done(lambda data: setattr(controller, "reduced_joint_speed", struct.unpack("<f", data)[0])),
+            49: lambda data: bytes([controller.reduced]),
+            50: done(lambda data: setattr(controller, "reduced", bool(data[0]))),
+            124: bus.request,
+            127: done(bus.write_register),
+            128: bus.read_register,
+        }
+
+    def _move_joint(self, data: bytes) -> None:
+        values = struct.unpack("<10f", data[:40])
+        self.controller.move(np.array(values[: self.controller.axes]), values[7])
+
+    def _joint_states(self, data: bytes) -> bytes:
+        reading = self.controller.reading
+        columns = (reading.positions, reading.velocities, reading.efforts)
+        return b"".join(_seven(column) for column in columns[: (data[0] & 0x0F) if data else 1])
+
+    def _pose(self) -> bytes:
+        return _floats(*self._flange.millimetres(self.controller.reading.positions))
+
+
+def _ignored(data: bytes) -> bytes:
+    """A setting that has no effect in the twin: answered as done."""
+    return b""
+
+
+def _floats(*values: float) -> bytes:
+    return struct.pack(f"<{len(values)}f", *values)
+
+
+def _seven(values: np.ndarray) -> bytes:
+    return _floats(*values, *[0.0] * (7 - len(values)))

@@ -1,0 +1,111 @@
+"""xArm 6, xArm 7 and Lite 6 with the xArm gripper, through the vendor's Python SDK."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from hal.api import Part
+from hal.hardware import (
+    Connection,
+    ConnectionFailedError,
+    Fault,
+    HardwareGripper,
+    StreamedArm,
+    ToolLimits,
+)
+from hal.xarm.channels import XArmGripper, XArmJoints
+from hal.xarm.options import XArmOptions
+from hal.xarm.wire import XArmWire
+
+
+class XArmConnection(Connection):
+    """An arm and perhaps a gripper behind one controller.
+
+    All motions are set-points in the controller's servo mode at ``rate`` hertz, with a reading after each. Should the
+    client vanish, no more set-points come and the arm stays where the last one was.
+    """
+
+    driver: ClassVar[str] = "xarm"
+    extra: ClassVar[str] = "xarm"
+    options_type: ClassVar[type] = XArmOptions
+    declared_missing: Mapping[str, str] = {
+        "command(efforts=…)": "the controller takes no joint torques",
+        "gripper force": "the xArm gripper presses with a force of its own",
+    }
+
+    def make_parts(self) -> dict[str, Part]:
+        """The arm and the gripper of ``settings.parts``."""
+        self._wire = XArmWire(self.name, self.clock, self.sdk)
+        self._gripper_name: str | None = None
+        options: XArmOptions = self.options
+        parts: dict[str, Part] = {}
+        for name in self.settings.parts:
+            if name in self.model.arms:
+                arm = self.model.arms[name]
+                self._joints = XArmJoints(self._wire, len(arm.joint_names))
+                tool = ToolLimits(self.model, name, self.limits)
+                self._arm = StreamedArm(name, arm, self._joints, self.latch, 1.0 / options.rate, tool)
+                parts[name] = self._arm
+            elif name in self.model.grippers:
+                gripper = self.model.grippers[name]
+                channel = XArmGripper(self._wire, gripper, options.gripper_pulses)
+                self._gripper = HardwareGripper(name, gripper, channel, self.latch)
+                self._gripper_name = name
+                parts[name] = self._gripper
+        return parts
+
+    def open(self) -> None:
+        """Connect, clear errors, switch the motors on, enter servo mode."""
+        options: XArmOptions = self.options
+        wire = self._wire
+        wire.open(self.settings.address, options)
+        if wire.axes != len(self._arm.joint_names):
+            raise ConnectionFailedError(
+                f"{self.name}: the controller has {wire.axes} joints, {self._arm.name} has {len(self._arm.joint_names)}"
+            )
+        self._set_limits(options)
+        wire.make_ready(gripper=self._gripper_name is not None)
+        self._joints.refresh()
+        self.add_loop("set-points", options.rate, self._cycle)
+        if self._gripper_name is not None:
+            self.add_loop("gripper", options.gripper_rate, self._gripper.cycle)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._wire.close()
+
+    def heard(self) -> float:
+        """When the controller last replied."""
+        return self._wire.heard
+
+    def reported_fault(self) -> Fault | None:
+        """The error of the controller or of the gripper."""
+        return self._wire.fault
+
+    def recover(self) -> None:
+        """Clear errors and enter servo mode again."""
+        self._wire.make_ready(gripper=self._gripper_name is not None)
+        self._joints.refresh()
+
+    def _cycle(self, elapsed: float) -> None:
+        self._joints.refresh()
+        if self._wire.fault is None:
+            self._arm.cycle(elapsed)
+
+    def _set_limits(self, options: XArmOptions) -> None:
+        """What the controller is to hold itself to, beside what is enforced above it."""
+        wire = self._wire
+        sensitivity, payload = options.collision_sensitivity, options.payload
+        if sensitivity is not None:
+            wire.demand("the collision sensitivity", lambda arm: arm.set_collision_sensitivity(sensitivity, wait=False))
+        if payload is not None:
+            center = [1e3 * value for value in options.payload_center]
+            wire.demand("the payload", lambda arm: arm.set_tcp_load(payload, center, wait=False))
+        if options.reduced_mode:
+            joint_speed = max(limit.velocity for limit in self._arm.limits)
+            wire.demand("a joint speed", lambda arm: arm.set_reduced_max_joint_speed(joint_speed, is_radian=True))
+            if self.limits.tool_speed is not None:
+                tool_speed = 1e3 * self.limits.tool_speed
+                wire.demand("a tool speed", lambda arm: arm.set_reduced_max_tcp_speed(tool_speed))
+        wire.demand("reduced mode", lambda arm: arm.set_reduced_mode(options.reduced_mode))

@@ -1,0 +1,151 @@
+"""The connection to one xArm controller: round trips, when it was last heard, what it reports."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+from hal.api import Clock, MotionErrorCode
+from hal.hardware import ConnectionFailedError, Fault
+from hal.xarm.errors import controller_fault, gripper_fault
+from hal.xarm.options import XArmOptions
+from hal.xarm.sdk import discreet, import_sdk
+
+SERVO_MODE = 1
+READY, STOPPED = 0, (4, 5)
+ERROR_FLAGGED, WARNING_FLAGGED, STATE_NOT_READY = 1, 2, 9
+UNANSWERED = frozenset({-1, 3, 8})
+"""Codes of the SDK for: not connected, no reply in time, not sent. The watchdog judges these."""
+GRIPPER_FAULT = 102
+RECOVERY_TIME = 3.0
+MODE_CHANGE_TIME = 0.1
+"""Seconds that the controller takes to change its mode."""
+
+
+class XArmWire:
+    """Holds the SDK's object while connected. Used by the loops of one connection."""
+
+    def __init__(self, name: str, clock: Clock, load: Callable[[str], ModuleType]) -> None:
+        self._name, self._clock, self._load = name, clock, load
+        self._arm: Any = None
+        self._heard = 0.0
+        self._fault: Fault | None = None
+
+    @property
+    def heard(self) -> float:
+        """Time of the clock at which the last reply came."""
+        return self._heard
+
+    @property
+    def fault(self) -> Fault | None:
+        """What the controller or its gripper reported last."""
+        return self._fault
+
+    @property
+    def axes(self) -> int:
+        """The number of joints that the controller has told."""
+        return int(self._arm.axis)
+
+    def open(self, address: str, options: XArmOptions) -> None:
+        """Connect; ConnectionFailedError where nothing answers."""
+        sdk = import_sdk(self._load)
+        # No reports: each cycle reads, and the SDK's thread for reports polls a thousand times a second.
+        arm = sdk.wrapper.XArmAPI(
+            address,
+            is_radian=True,
+            do_not_open=True,
+            enable_report=False,
+            timed_comm=False,
+            forbid_uds=True,
+            check_cmdnum_limit=False,
+        )
+        overdue = threading.Timer(options.connect_timeout, arm.disconnect)
+        overdue.start()
+        self._arm = arm
+        try:
+            with discreet():
+                arm.connect()
+        except Exception as error:
+            raise ConnectionFailedError(f"{self._name}: no xArm controller answers at its address") from error
+        finally:
+            overdue.cancel()
+        if not arm.connected:
+            raise ConnectionFailedError(f"{self._name}: the xArm controller does not tell its version")
+        arm.set_timeout(options.reply_timeout)
+        self._heard, self._fault = self._clock.now(), None
+
+    def close(self) -> None:
+        """Leave servo mode as it is and close; idempotent."""
+        arm, self._arm = self._arm, None
+        if arm is not None:
+            arm.disconnect()
+
+    def ask(self, question: Callable[[Any], tuple[int, Any]]) -> Any:
+        """The answer to a question, None where there is none."""
+        if self._arm is None:
+            return None
+        code, answer = question(self._arm)
+        self._note(code)
+        return answer if code == 0 else None
+
+    def tell(self, what: str, command: Callable[[Any], int]) -> None:
+        """Give a command; a refusal becomes the fault that the controller reports."""
+        if self._arm is None:
+            return
+        code = command(self._arm)
+        self._note(code)
+        if code in UNANSWERED or code in (0, ERROR_FLAGGED, WARNING_FLAGGED, GRIPPER_FAULT):
+            return
+        if self._fault is None:
+            text = "the controller is not ready to move" if code == STATE_NOT_READY else f"the SDK refused a {what}"
+            self._fault = Fault(MotionErrorCode.FAULT, text, f"SDK {code}")
+
+    def demand(self, what: str, command: Callable[[Any], int]) -> None:
+        """Give a command that has to succeed; ConnectionFailedError where it does not."""
+        code = command(self._arm)
+        self._note(code)
+        if code not in (0, WARNING_FLAGGED):
+            reason = f": {self._fault}" if self._fault is not None else ""
+            raise ConnectionFailedError(f"{self._name}: the controller refused {what} (SDK {code}){reason}")
+
+    def make_ready(self, gripper: bool) -> None:
+        """Clear errors, switch the motors on, enter servo mode; ConnectionFailedError where an error stays."""
+        arm = self._arm
+        self._fault = None
+        arm.clean_error()
+        arm.clean_warn()
+        self.demand("motion_enable", lambda arm: arm.motion_enable(True))
+        self.demand("servo mode", lambda arm: arm.set_mode(SERVO_MODE))
+        self.demand("the ready state", lambda arm: arm.set_state(READY))
+        time.sleep(MODE_CHANGE_TIME)
+        deadline = time.monotonic() + RECOVERY_TIME
+        while arm.get_state()[1] in STOPPED:
+            self._look_for_errors()
+            if self._fault is not None or time.monotonic() > deadline:
+                why = str(self._fault) if self._fault is not None else "it stays stopped"
+                raise ConnectionFailedError(f"{self._name}: the xArm does not become ready: {why}")
+            time.sleep(0.02)
+        if gripper:
+            arm.clean_gripper_error()
+            self.demand("the gripper's position mode", lambda arm: arm.set_gripper_mode(0))
+            self.demand("the gripper", lambda arm: arm.set_gripper_enable(True))
+        self._heard = self._clock.now()
+
+    def _note(self, code: int) -> None:
+        """What a reply says about the controller; called after each one."""
+        if code in UNANSWERED:
+            return
+        self._heard = self._clock.now()
+        if code == GRIPPER_FAULT:
+            _, number = self._arm.get_gripper_err_code()
+            self._fault = gripper_fault(number, self._load)
+        if self._arm.has_err_warn:
+            self._look_for_errors()
+
+    def _look_for_errors(self) -> None:
+        code, (error, _) = self._arm.get_err_warn_code()
+        if code == 0 and error:
+            self._fault = controller_fault(error, self._load)
