@@ -8,15 +8,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from behaviours.computation import Job
 from behaviours.context import SkillContext
 from behaviours.skill import Skill, Steps
 from bestman_bt.manipulation.collision import CollisionWorld, hand_links
-from bestman_bt.manipulation.motion_planning import Upright
+from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode, TimedPlan, Upright
 from bestman_bt.manipulation.trajectory import SpeedScale
 
 MAX_HELD_TILT = math.radians(25.0)
 FREE_SPEED = SpeedScale(0.5, 0.35)
 CARRYING_SPEED = SpeedScale(0.4, 0.21)
+ESCAPE_SPEED = SpeedScale(0.05, 0.05)
 
 
 def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
@@ -27,8 +29,23 @@ def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
 def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld | None = None) -> Steps:
     """Plan around everything that is believed, or in ``world``, to one of ``goals``, each (n,) radians, and go there.
 
-    What is held stays upright within 25°, if it is now.
+    What is held stays upright within 25°, if it is now. Where the arm is believed to touch something already, a small
+    motion with ever more clearance comes first.
     """
+    skills = skill.skills
+    around = world if world is not None else skills.arm_world(skills.planning_scene())
+    try:
+        timed = yield _planned(skill, goals, around)
+    except PlanningError as refusal:
+        if refusal.code is not PlanningErrorCode.START_IN_COLLISION:
+            raise
+        yield from _escape(skill, around)
+        timed = yield _planned(skill, goals, around)
+    yield skills.arm.follow(timed.trajectory, free=True)
+
+
+def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Job[TimedPlan]:
+    """A motion from where the arm is."""
     skills = skill.skills
     start = skills.arm_positions()
     constraint, speed = None, FREE_SPEED
@@ -36,19 +53,32 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
         upright = Upright(skills.algorithms.kinematics, skills.world.held.tool_from_object, MAX_HELD_TILT)
         constraint = upright if upright.satisfied(start) else None
         speed = CARRYING_SPEED
-    around = world if world is not None else skills.arm_world(skills.planning_scene())
-    timed = yield skill.compute(
+    return skill.compute(
         "motion_planning",
         skills.algorithms.motion_planning.plan,
         start,
         goals,
-        around,
+        world,
         skills.arm_model,
         skills.rng,
         speed,
         constraint,
     )
-    yield skills.arm.follow(timed.trajectory, free=True)
+
+
+def _escape(skill: Skill, world: CollisionWorld) -> Steps:
+    """Out of what the arm is believed to touch, slowly, where a small motion does that."""
+    skills = skill.skills
+    trajectory = yield skill.compute(
+        "motion_planning",
+        skills.algorithms.motion_planning.escape,
+        skills.arm_positions(),
+        world,
+        skills.arm_model,
+        skills.rng,
+        ESCAPE_SPEED,
+    )
+    yield skills.arm.follow(trajectory)
 
 
 def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0) -> Steps:

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 from scipy.spatial.transform import Rotation
 
-from behaviours.arm_motion import follow_path, hand_contacts, move_free
+from behaviours.arm_motion import follow_path, move_free
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import find_surface
 from bestman_bt.control.arm import GuardedOutcome
 from bestman_bt.manipulation.collision import AttachedObject, CollisionWorld, PlanningScene, finger_contacts
 from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.perception.occupancy import freed
 from bestman_bt.world_model import ObjectBelief
 
 TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
@@ -189,21 +190,24 @@ class Push(Skill):
     def _believe(self, belief: ObjectBelief, went: NDArray[np.float64]) -> None:
         """It went along with the hand, ``went`` (3,) metres in the base frame, as far as can be felt."""
         skills = self.skills
+        if skills.world.occupancy is not None:
+            left = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
+            skills.world.occupancy = freed(skills.world.occupancy, left)
         moved = Pose(belief.pose.position + skills.map_from_base.rotation @ went, belief.pose.quaternion)
         skills.world.objects[belief.name] = replace(
             belief, pose=moved, position_std=max(belief.position_std, 0.01), stamp=skills.clock.now()
         )
 
     def _withdraw(self, name: str, plan: PushPlan) -> Steps:
-        """Straight back, as far as that is free, so that the hand touches the object no more."""
+        """Straight back as far as that is free; the object itself is ahead of the hand and in nobody's way."""
         skills = self.skills
         here = skills.base_from_tool()
-        scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, name))
-        world = skills.arm_world(scene)
+        world = skills.arm_world(skills.planning_scene(ignore=[name]))
         back = Pose(here.position - STANDOFF * plan.direction, here.quaternion)
         line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
-        if len(line.path) > 1:
-            yield from follow_path(self, line.path, world, speed=0.5)
+        if len(line.path) < 2:
+            raise SkillFailure("not_withdrawn", f"the hand cannot go back from the {name}: {line.failure}")
+        yield from follow_path(self, line.path, world, speed=0.5)
 
 
 def spread(model: ObjectModel, max_width: float) -> float:

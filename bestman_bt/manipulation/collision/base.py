@@ -43,6 +43,13 @@ class CollisionWorld(ABC):
         Padding is not subtracted. Infinite if nothing is checked.
         """
 
+    def clearance(self, positions: ArrayLike) -> float:
+        """How far from touching at ``positions`` (n,), metres: the smallest distance beyond a pair's padding.
+
+        Negative where ``is_free`` is false. A world that cannot tell the padding of its pairs gives the distance.
+        """
+        return self.distance(positions)
+
 
 class CollisionModel(ABC):
     """The geometry of a robot, prepared once, from which collision worlds are made cheaply."""

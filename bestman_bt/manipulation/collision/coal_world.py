@@ -148,6 +148,14 @@ class CoalCollisionWorld(CollisionWorld):
         pinocchio.computeDistances(self._model, self._data, self._geometry, self._geometry_data, q)
         return min((result.min_distance for result in self._geometry_data.distanceResults), default=math.inf)
 
+    def clearance(self, positions: ArrayLike) -> float:
+        """The smallest distance beyond a pair's padding at ``positions`` (n,), metres."""
+        q = self._configuration(positions)
+        fresh = pinocchio.GeometryData(self._geometry)  # else the last digits depend on what was asked before
+        pinocchio.computeDistances(self._model, self._data, self._geometry, fresh, q)
+        pairs = zip(fresh.distanceResults, self._margins, strict=True)
+        return min((result.min_distance - max(margin, _SMALLEST_MARGIN) for result, margin in pairs), default=math.inf)
+
     def _configuration(self, positions: ArrayLike) -> NDArray[np.float64]:
         q = np.asarray(positions, dtype=float)
         if q.shape != self._shape or not math.isfinite(q.dot(q)):

@@ -11,6 +11,7 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningErrorCode,
 )
 from bestman_bt.manipulation.motion_planning.bit_star import BITStar, BITStarParameters
+from bestman_bt.manipulation.motion_planning.escape import EscapeParameters, escape_path
 from bestman_bt.manipulation.motion_planning.kpiece import KPIECE, KPIECEParameters
 from bestman_bt.manipulation.motion_planning.path_cache import PathCache, PathCacheParameters
 from bestman_bt.manipulation.motion_planning.portfolio import Portfolio, PortfolioParameters
@@ -30,6 +31,7 @@ __all__ = [
     "Approach",
     "BITStar",
     "BITStarParameters",
+    "EscapeParameters",
     "KPIECEParameters",
     "MotionPlan",
     "MotionPlanner",
@@ -49,4 +51,5 @@ __all__ = [
     "TimedPlan",
     "Upright",
     "approaches",
+    "escape_path",
 ]

@@ -18,6 +18,7 @@ from bestman_bt.manipulation.motion_planning.base import (
     PlanningError,
     PlanningErrorCode,
 )
+from bestman_bt.manipulation.motion_planning.escape import escape_path
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples, first_touch
 from bestman_bt.messages import JointTrajectory
@@ -70,6 +71,25 @@ class TimedMotionPlanner:
             PlanningErrorCode.TIMED_PATH_INVALID,
             f"none of {self.attempts} timed motions keeps clear; the last {reason}",
         )
+
+    def escape(
+        self,
+        start: ArrayLike,
+        world: CollisionWorld,
+        limits: JointLimits,
+        rng: np.random.Generator,
+        scale: SpeedScale | None = None,
+    ) -> JointTrajectory:
+        """A small timed motion out of a ``start`` (n,) in collision, on which the clearance grows.
+
+        Raises PlanningError (``start_in_collision``) where there is none, or the start is free already.
+        """
+        path = escape_path(start, world, limits, rng)
+        if len(path) == 1:
+            raise PlanningError(
+                PlanningErrorCode.START_IN_COLLISION, "there is nothing to escape from: the start is free"
+            )
+        return self.timing.parametrize(path, limits, scale)
 
     def follow_path(
         self,
