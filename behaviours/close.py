@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import move_free
@@ -112,7 +113,7 @@ class Close(Skill):
         return None
 
     def _tip(self, push: Push, base_from_tool: Pose) -> Pose:
-        return self.skills.map_from_base @ base_from_tool @ Pose([0.0, 0.0, push.tip])
+        return self.skills.map_from_base @ base_from_tool @ Pose(np.array([0.0, 0.0, push.tip]))
 
     def _touch(self, push: Push) -> StepsTo[float]:
         """Go on straight until the front is felt; how far the leaf is open there."""
@@ -139,6 +140,7 @@ class Close(Skill):
             max_pull=self.get_input("max_push"),
             guide=plan.guide,
             axis=replace(axis, point=base_from_map.apply(axis.point[None])[0], direction=base @ axis.direction),
+            learns=False,
         )
         failure: SkillFailure | None = None
         try:

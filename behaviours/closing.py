@@ -68,7 +68,7 @@ class Push:
     def positions(self) -> list[float]:
         """Where the leaf is at the stations, from where it is believed to be to closed."""
         count = 1 + max(1, math.ceil(self.start * self.lever / STEP))
-        return np.linspace(self.start, 0.0, count).tolist()
+        return [float(position) for position in np.linspace(self.start, 0.0, count)]
 
     def stations(self, back: float = 0.0) -> list[list[Pose]]:
         """Tool poses in the map frame, per station one for each tilt; ``back``: metres before the front."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from bestman_bt.world_model import HandleBelief
 
 ENOUGH = 3
 """Plans that reach the end of the way, among which the best is chosen."""
+
+DEPTH = 0.006
+"""Metres by which a bar is held deeper than in the middle of the pads: on the way it creeps towards the tips."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +44,7 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
     is_free = free_along(skills, opening.leaf, positions, opening.touching)
     plans: list[HandlePull] = []
     for ranked in rank_grasps(handle_grasp_candidates(skills, belief)):
-        candidate = ranked.candidate
+        candidate = _deeper(ranked.candidate, opening)
         grasp = skills.map_from_base @ candidate.grasp
         tilts = opening.tilts(grasp)
         way = stations(opening, grasp, tilts, base_from_map)
@@ -63,3 +66,11 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
         if sum(plan.reached >= 1.0 for plan in plans) >= ENOUGH:
             break
     return max(plans, key=lambda plan: (plan.reached, plan.score)) if plans else None
+
+
+def _deeper(candidate: GraspCandidate, opening: Opening) -> GraspCandidate:
+    """The grasp with a bar nearer to the palm, where the finger tips have room before the front."""
+    if opening.touching != "nothing":
+        return candidate
+    grasp = candidate.grasp
+    return replace(candidate, grasp=replace(grasp, position=grasp.position + DEPTH * grasp.rotation[:, 2]))

@@ -103,6 +103,7 @@ class Open(Skill):
             grip=skills.gripper.watch_slip(ROLLS if opening.bar_turns else None),
             hint=leaf.leaf.kind,
             guide=plan.guide,
+            axis=opening.axis(skills.map_from_base.inverse()),
         )
         failure: SkillFailure | None = None
         try:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.leaf import Leaf, Touching, find_leaf
-from bestman_bt.control.arm import FollowGuide
+from bestman_bt.control.arm import FollowGuide, JointAxis
 from bestman_bt.manipulation.kinematics import ArcPath
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.grasp_pose import handle_motion
@@ -55,6 +55,13 @@ class Opening:
         """Where the leaf is at the stations, radians or metres from closed."""
         further = self.distance if self.angle is None else self.angle
         return [self.start + share * further for share in np.linspace(0.0, 1.0, len(self.way()))]
+
+    def axis(self, base_from_map: Pose) -> JointAxis | None:
+        """Where a door's hinge is believed to be, in the base frame; it opens in the positive sense."""
+        handle = self.handle.seen_from(base_from_map)
+        if self.angle is None or handle.hinge is None or handle.hinge_direction is None:
+            return None
+        return JointAxis("revolute", handle.hinge, handle.hinge_direction, _radius(handle), 0.0)
 
     @property
     def touching(self) -> Touching:

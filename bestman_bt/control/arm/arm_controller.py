@@ -82,10 +82,6 @@ class ArmController:
         """Measured positions, (n,) radians."""
         return self._arm.positions()
 
-    def velocities(self) -> NDArray[np.float64]:
-        """Measured velocities, (n,) rad/s."""
-        return self._arm.velocities()
-
     def follow(
         self, trajectory: JointTrajectory, guard: Guard | None = None, free: bool = False
     ) -> ControlHandle[None]:
@@ -137,6 +133,7 @@ class ArmController:
         hint: JointKind | None = None,
         guide: FollowGuide | None = None,
         axis: JointAxis | None = None,
+        learns: bool = True,
     ) -> ControlHandle[FollowedMotion]:
         """Go along with a door or drawer whose handle the hand holds, or that it pushes.
 
@@ -145,8 +142,8 @@ class ArmController:
         one is to be given. ``max_pull``, ``max_side``: newtons along and across the motion. ``turn``: share of a door's
         turn by which the hand turns with it; at 0 the bar turns between the fingers. ``grip``: answers with a text when
         the handle is lost (``GripperController.watch_slip``). ``hint``: the kind of joint, where it is known.
-        ``guide``: a planned way for hand and arm, which goes before ``turn``. ``axis``: the joint's axis in the base
-        frame; the hand then keeps to it instead of learning (a pushing hand is not led by what it pushes).
+        ``guide``: a planned way for hand and arm, which goes before ``turn``. ``axis``: where the joint is believed
+        to be, base frame; the hand's own way tells better later, if it ``learns`` (a hand that pushes is not led).
         The result, also of a following that failed, is a FollowedMotion. ValueError for values that make no sense.
         """
         start = _unit(direction)
@@ -156,7 +153,7 @@ class ArmController:
         kinematics, wrist = self._feeling("follow_constraint")
         handle: ControlHandle[FollowedMotion] = ControlHandle(self._cancel_stream)
         stream = ToolStream(self._arm, kinematics, self._streaming)
-        goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis)
+        goal = FollowGoal(speed, distance, angle, max_pull, max_side, turn, guide, axis, learns)
         following = ConstraintFollowing(stream, wrist, start, goal, handle, grip, hint, self._following)
         self._run(following, handle, stream)
         return handle

@@ -63,7 +63,7 @@ class FollowGoal:
 
     ``max_pull``, ``max_side``: newtons along and across. ``turn``: share of the door's turn that the hand turns with
     it; 0 keeps the hand's direction, and the bar turns between the fingers. ``guide``: a plan that says this in more
-    detail. ``axis``: about or along which to go, base frame, instead of what the hand's own way tells.
+    detail. ``axis``: about or along which to go at first, base frame; ``learns``: until the hand's own way tells more.
     """
 
     speed: float
@@ -74,6 +74,7 @@ class FollowGoal:
     turn: float = 1.0
     guide: FollowGuide | None = None
     axis: JointAxis | None = None
+    learns: bool = True
 
 
 class ConstraintFollowing:
@@ -94,7 +95,9 @@ class ConstraintFollowing:
         self._parameters = parameters or ConstraintFollowingParameters()
         self._held_at = np.zeros(3) if goal.guide is None else goal.guide.held_at
         self._start = self._held(stream.measured())
-        self._estimator = JointAxisEstimator(direction, self._start, hint, self._parameters.axis, goal.axis)
+        self._estimator = JointAxisEstimator(
+            direction, self._start, hint, self._parameters.axis, goal.axis, goal.learns
+        )
         self._force: Array = np.zeros(3)
         self._speed = self._turned = self._time = 0.0
         self._peak = np.zeros(2)

@@ -23,7 +23,8 @@ class JointAxisParameters:
 
     ``spacing``: between two places of the way that count. ``bulge``: of the way from its chord, from which a circle is
     believed; ``hinted_bulge``: the same where a hinge is expected. ``longest_radius``: of a hinge.
-    ``recent``: length of the way's end that gives the direction, as long as there is no circle.
+    ``recent``: length of the way's end that gives the direction, as long as there is no circle. ``enough``: length of
+    the way from which what is learned goes before what was believed.
     """
 
     spacing: float = 0.002
@@ -31,6 +32,7 @@ class JointAxisParameters:
     hinted_bulge: float = 0.0008
     longest_radius: float = 1.5
     recent: float = 0.016
+    enough: float = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +72,10 @@ class JointAxis:
 
 
 class JointAxisEstimator:
-    """Takes the places of the hand one after another; ``axis`` is the best guess up to now, or the ``known`` one."""
+    """Takes the places of the hand one after another; ``axis`` is the best guess up to now.
+
+    ``believed``: what to go by at first; ``learns``: whether the hand's way tells better later.
+    """
 
     def __init__(
         self,
@@ -78,20 +83,22 @@ class JointAxisEstimator:
         start: Array,
         hint: JointKind | None = None,
         parameters: JointAxisParameters | None = None,
-        known: JointAxis | None = None,
+        believed: JointAxis | None = None,
+        learns: bool = True,
     ) -> None:
         self._parameters = parameters or JointAxisParameters()
         self._hint = hint
         self._way = [np.array(start, dtype=float)]
-        self._known = known is not None
-        self.axis = known or JointAxis("prismatic", self._way[0], np.array(direction, dtype=float), 0.0, 0.0)
+        self._believed, self._learns = believed, learns
+        self.axis = believed or JointAxis("prismatic", self._way[0], np.array(direction, dtype=float), 0.0, 0.0)
 
     def add(self, position: Array) -> None:
         """Take in where the hand is."""
-        if self._known or float(np.linalg.norm(position - self._way[-1])) < self._parameters.spacing:
+        if not self._learns or float(np.linalg.norm(position - self._way[-1])) < self._parameters.spacing:
             return
         self._way.append(np.array(position, dtype=float))
-        if len(self._way) >= 5:
+        far = float(np.linalg.norm(position - self._way[0])) >= self._parameters.enough
+        if len(self._way) >= 5 and (far or self._believed is None):
             self.axis = self._fit(np.array(self._way))
 
     def _fit(self, way: Array) -> JointAxis:
