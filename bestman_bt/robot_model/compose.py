@@ -124,6 +124,8 @@ def _write_limits(part: PlacedPart) -> None:
     elif isinstance(config, BasePart):
         speed = (config.max_vx + config.max_wz * config.track / 2) / config.wheel_radius
         limits = dict.fromkeys(config.wheel_joints, (0.0, -1.0, speed, config.wheel_torque))
+        steering = (0.0, -1.0, config.steering_speed, config.steering_torque)
+        limits |= dict.fromkeys(config.steering_joints, steering)
     for element in part.elements:
         row_or_none = limits.get(element.get("name", "")) if element.tag == "joint" else None
         if row_or_none is None:

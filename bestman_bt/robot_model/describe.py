@@ -47,7 +47,12 @@ def describe(
     """The model of ``urdf``; ``placed``: its parts by name, ``ignored_pairs``: links that need no collision check."""
     hand_of = _hands(urdf, placed)
     tools = {arm: placed[gripper].config for gripper, arm in hand_of.items()}
-    wheels = frozenset(j for p in placed.values() if isinstance(p.config, BasePart) for j in p.config.wheel_joints)
+    wheels = frozenset(
+        joint
+        for part in placed.values()
+        if isinstance(part.config, BasePart)
+        for joint in (*part.config.wheel_joints, *part.config.steering_joints)
+    )
     bases: dict[str, BaseModel] = {}
     arms: dict[str, ArmModel] = {}
     grippers: dict[str, GripperModel] = {}
@@ -58,7 +63,7 @@ def describe(
     for part_name, part in placed.items():
         match part.config:
             case BasePart() as base:
-                bases[part_name] = _base(base, part.root, _footprint(urdf, base_frame, part, placed))
+                bases[part_name] = _base(base, urdf, base_frame, part, placed)
             case ArmPart() as arm:
                 hand = tools.get(part_name)
                 arms[part_name] = ArmModel(
@@ -119,23 +124,24 @@ def _hands(urdf: ET.Element, placed: Mapping[str, PlacedPart]) -> dict[str, str]
     return hands
 
 
+def _pose(link: str, base_frame: str, parents: Mapping[str, tuple[str, ET.Element]]) -> Pose:
+    """Of a link in the base frame, all joints at zero; on the floor below it for links that carry the base frame."""
+    if link == base_frame or link not in parents:
+        return Pose()
+    parent, joint = parents[link]
+    return _pose(parent, base_frame, parents) @ origin_pose(joint)
+
+
 def _footprint(
     urdf: ET.Element, base_frame: str, base: PlacedPart, placed: Mapping[str, PlacedPart]
 ) -> tuple[tuple[float, float], ...]:
     parents = _joint_parents(urdf)
-
-    def pose(link: str) -> Pose:
-        if link == base_frame or link not in parents:
-            return Pose()
-        parent, joint = parents[link]
-        return pose(parent) @ origin_pose(joint)
-
     rigid = set(base.links)
     for part in placed.values():
         if isinstance(part.config, StructurePart) and _rides_on(part.root, rigid, parents):
             rigid |= set(part.links)
     links = [link for link in urdf.findall("link") if link.get("name", "") in rigid]
-    return footprint(links, {link.get("name", ""): pose(link.get("name", "")) for link in links})
+    return footprint(links, {link.get("name", ""): _pose(link.get("name", ""), base_frame, parents) for link in links})
 
 
 def _rides_on(link: str, rigid: set[str], parents: Mapping[str, tuple[str, ET.Element]]) -> bool:
@@ -155,10 +161,15 @@ def _limits(limits: JointLimitsConfig) -> dict[str, NDArray[np.float64]]:
     return arrays
 
 
-def _base(base: BasePart, root: str, corners: tuple[tuple[float, float], ...]) -> BaseModel:
+def _base(
+    base: BasePart, urdf: ET.Element, base_frame: str, part: PlacedPart, placed: Mapping[str, PlacedPart]
+) -> BaseModel:
+    parents = _joint_parents(urdf)
+    wheel_of = {joint.get("name", ""): child for child, (_, joint) in parents.items()}
+    wheels = [_pose(wheel_of[joint], base_frame, parents).position for joint in base.wheel_joints]
     return BaseModel(
         kind=base.drive,
-        frame=root,
+        frame=part.root,
         wheel_joints=base.wheel_joints,
         wheel_radius=base.wheel_radius,
         track=base.track,
@@ -169,7 +180,13 @@ def _base(base: BasePart, root: str, corners: tuple[tuple[float, float], ...]) -
         max_wz=base.max_wz,
         max_acceleration=base.max_acceleration,
         max_angular_acceleration=base.max_angular_acceleration,
-        footprint=corners,
+        footprint=_footprint(urdf, base_frame, part, placed),
+        wheel_places=tuple((round(float(x), 6), round(float(y), 6)) for x, y, _ in wheels),
+        turning_slip=base.turning_slip,
+        wheel_friction=base.wheel_friction,
+        steering_joints=base.steering_joints,
+        steering_torque=base.steering_torque,
+        steering_speed=base.steering_speed,
     )
 
 

@@ -1,4 +1,4 @@
-"""Parts that are drawn from dimensions instead of a URDF file: a base, a post, a pan-tilt, sensors."""
+"""Parts that are drawn from dimensions instead of a URDF file, by name; here posts, heads and sensors."""
 
 from __future__ import annotations
 
@@ -9,12 +9,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from bestman_bt.configuration.quantity import Color, Length, Lengths3, Mass, PositiveLength, Size3
-from bestman_bt.messages import Box, Cylinder, Sphere
+from bestman_bt.messages import Box, Cylinder
+from bestman_bt.robot_model.generated_bases import (
+    DifferentialBase,
+    SteeredBase,
+    differential_base,
+    steered_base,
+)
 from bestman_bt.robot_model.generated_hands import ParallelHand, parallel_hand
 from bestman_bt.robot_model.urdf_elements import (
     box_inertial,
     fixed_joint,
-    inertial,
     link,
     shape,
     turning_joint,
@@ -23,31 +28,6 @@ from bestman_bt.robot_model.urdf_elements import (
 _RUBBER, _STEEL, _DARK = (0.08, 0.08, 0.09), (0.62, 0.64, 0.67), (0.13, 0.14, 0.16)
 _ACROSS = (math.pi / 2, 0.0, 0.0)  # turns a cylinder's axis from z to y
 _ALONG = (0.0, math.pi / 2, 0.0)  # … from z to x
-
-
-@dataclass(frozen=True)
-class DifferentialBase:
-    """Two driven wheels on the axis through the base frame, ball casters on the middle line before and behind.
-
-    ``chassis_height``: of the chassis' centre above the floor; ``centre_of_mass``: its height.
-    ``caster_drop``: how much lower than the wheels the casters reach.
-    ``scanner_height``: of a dark slot drawn around the chassis.
-    """
-
-    chassis_mass: Mass
-    chassis_size: Size3
-    chassis_height: PositiveLength
-    centre_of_mass: PositiveLength
-    wheel_radius: PositiveLength
-    wheel_width: PositiveLength
-    wheel_mass: Mass
-    track: PositiveLength
-    caster_radius: PositiveLength
-    caster_distance: PositiveLength
-    caster_mass: Mass
-    caster_drop: Length
-    scanner_height: PositiveLength
-    color: Color = (0.16, 0.29, 0.42)
 
 
 @dataclass(frozen=True)
@@ -87,63 +67,6 @@ class BuiltInLidar:
     """A scanner inside another part's housing: a frame without a shape of its own."""
 
     xyz: Lengths3 = (0.0, 0.0, 0.0)
-
-
-def differential_base(name: str, d: DifferentialBase) -> list[ET.Element]:
-    """Links ``base_link, left_wheel, right_wheel, front_caster, rear_caster`` (``name`` is ``base``)."""
-    x, y, z = d.chassis_size
-    bottom, top = d.chassis_height - z / 2, d.chassis_height + z / 2
-    slot = Box((x + 0.004, y + 0.004, 0.035))
-    deck = Box((x - 0.03, y - 0.03, 0.006))
-    root = f"{name}_link"
-    elements = [
-        link(
-            root,
-            box_inertial(d.chassis_mass, (x, y, z * 5 / 6), (0, 0, d.centre_of_mass)),
-            shape("visual", Box((x, y, z)), (0, 0, d.chassis_height), rgba=(*d.color, 1), material=f"{root}_paint"),
-            shape("visual", slot, (0, 0, d.scanner_height), rgba=(*_DARK, 1), material=f"{root}_slot"),
-            shape("visual", deck, (0, 0, top + 0.003), rgba=(*_STEEL, 1), material=f"{root}_deck"),
-            shape("collision", Box((x, y, z)), (0, 0, d.chassis_height)),
-        )
-    ]
-    radius, width, mass = d.wheel_radius, d.wheel_width, d.wheel_mass
-    across = mass / 12 * (3 * radius**2 + width**2)
-    for side, sign in (("left", 1), ("right", -1)):
-        wheel = f"{side}_wheel"
-        elements += [
-            link(
-                wheel,
-                inertial(mass, (across, mass * radius**2 / 2, across)),
-                shape("visual", Cylinder(radius, width), rpy=_ACROSS, rgba=(*_RUBBER, 1), material=f"{wheel}_tyre"),
-                shape(
-                    "visual",
-                    Cylinder(0.6 * radius, width + 0.004),
-                    rpy=_ACROSS,
-                    rgba=(*_STEEL, 1),
-                    material=f"{wheel}_hub",
-                ),
-                shape("collision", Cylinder(radius, width), rpy=_ACROSS),
-            ),
-            turning_joint(f"{wheel}_joint", root, wheel, (0, 1, 0), (0, sign * d.track / 2, radius), continuous=True),
-        ]
-    ball = Sphere(d.caster_radius)
-    neck = Cylinder(0.7 * d.caster_radius, max(bottom - d.caster_radius, 0.005))
-    for end, sign in (("front", 1), ("rear", -1)):
-        caster = f"{end}_caster"
-        lift = (bottom - d.caster_radius) / 2
-        elements += [
-            link(
-                caster,
-                inertial(d.caster_mass, (0.4 * d.caster_mass * d.caster_radius**2,) * 3),
-                shape("visual", ball, rgba=(*_RUBBER, 1), material=f"{caster}_ball"),
-                shape("visual", neck, (0, 0, lift), rgba=(*_STEEL, 1), material=f"{caster}_neck"),
-                shape("collision", ball),
-            ),
-            fixed_joint(
-                f"{caster}_joint", root, caster, (sign * d.caster_distance, 0, d.caster_radius - d.caster_drop)
-            ),
-        ]
-    return elements
 
 
 def post(name: str, d: Post) -> list[ET.Element]:
@@ -226,5 +149,6 @@ GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element]]]] = {
     "pan_tilt": (PanTilt, pan_tilt),
     "camera_body": (CameraBody, camera_body),
     "built_in_lidar": (BuiltInLidar, built_in_lidar),
+    "steered_base": (SteeredBase, steered_base),
     "sensing_flange": (SensingFlange, sensing_flange),
 }

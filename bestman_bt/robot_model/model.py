@@ -102,9 +102,11 @@ class GripperModel:
 
 @dataclass(frozen=True)
 class BaseModel:
-    """A wheeled base; metres, m/s, rad/s, m/s², N m. ``kind``: ``differential`` (later issues add more).
+    """A wheeled base; metres, m/s, rad/s, m/s², N m. ``kind``: ``differential``, ``skid`` or ``steered``.
 
-    ``wheel_joints``: (left, right). ``footprint``: corners (x, y) in the base frame, counter-clockwise.
+    ``wheel_joints``: left and right in turns, or, steered, as ``steering_joints``; ``wheel_places``: (x, y) of each in
+    the base frame. ``turning_slip``: how much wider than ``track`` it behaves when it turns. ``footprint``: corners
+    (x, y) in the base frame, counter-clockwise. ``wheel_friction``: of the tyres, None for the floor's own choice.
     """
 
     kind: str
@@ -120,6 +122,17 @@ class BaseModel:
     max_acceleration: float
     max_angular_acceleration: float
     footprint: tuple[tuple[float, float], ...]
+    wheel_places: tuple[tuple[float, float], ...] = ()
+    turning_slip: float = 1.0
+    wheel_friction: float | None = None
+    steering_joints: tuple[str, ...] = ()
+    steering_torque: float = 0.0
+    steering_speed: float = 0.0
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """All driven joints: wheels, then steering."""
+        return self.wheel_joints + self.steering_joints
 
 
 @dataclass(frozen=True, eq=False)

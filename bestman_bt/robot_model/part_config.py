@@ -104,15 +104,27 @@ class PartConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class BasePart(PartConfig):
-    """A wheeled base; ``wheel_joints`` (left, right)."""
+    """A wheeled base.
+
+    ``drive``: ``differential`` and ``skid`` have wheels that cannot be steered, left and right in turns; a skid drive
+    drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
+    2007). ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
+    ``payload``: what it may carry by its maker's word.
+    """
 
     kind: Literal["base"]
-    drive: Literal["differential"]
+    drive: Literal["differential", "skid", "steered"]
     wheel_joints: tuple[str, ...]
     wheel_radius: PositiveLength
     track: PositiveLength
+    turning_slip: Factor = 1.0
     wheel_torque: Torque
+    wheel_friction: Friction | None = None
     caster_links: tuple[str, ...] = ()
+    steering_joints: tuple[str, ...] = ()
+    steering_torque: Torque = 0.0
+    steering_speed: AngularSpeed = 0.0
+    payload: Mass | None = None
     max_vx: Speed
     max_vy: Speed = 0.0
     max_wz: AngularSpeed

@@ -21,7 +21,18 @@ from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, sh
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
 WIDTH_TOLERANCE = 1e-3
-_NAME_FIELDS = ("root", "tip", "tool", "frame", "wheel_joints", "caster_links", "joints", "finger_links", "may_touch")
+_NAME_FIELDS = (
+    "root",
+    "tip",
+    "tool",
+    "frame",
+    "wheel_joints",
+    "steering_joints",
+    "caster_links",
+    "joints",
+    "finger_links",
+    "may_touch",
+)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Simulated differential-drive bases: wheel motors within acceleration limits, dead-man, odometry from encoders."""
+"""Simulated bases on wheels: motors within acceleration limits, dead-man, odometry from encoders."""
 
 from __future__ import annotations
 
@@ -6,25 +6,27 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import pybullet
-from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.robot_model import BaseModel
-from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus
+from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.parts import PartMotion
-from hal.pybullet.differential_drive import DifferentialDrive, Odometry
+from hal.pybullet.drive import Odometry, Velocity, make_drives
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation
+from hal.pybullet.wheel_motors import WheelMotors
 
 PARK_AFTER = 0.1
 ARRIVED = 0.001
 HEADING_GAIN = 2.0
+STILL: Velocity = (0.0, 0.0, 0.0)
+# Steered wheels that point further than this from where they should stand still until they have turned, radians.
+ASTRAY = math.radians(20.0)
 
 
 class SimulatedBase(MobileBase):
-    """A base on two driven wheels and casters. Standing, its wheels are held in position."""
+    """A base on driven wheels. Standing, they are held in position."""
 
     def __init__(
         self,
@@ -37,17 +39,14 @@ class SimulatedBase(MobileBase):
         super().__init__(name)
         self._model, self._parameters = model, parameters
         self._connection = Connection(name, stopped)
-        left, right, track = (1.0 + parameters.odometry_calibration * float(error) for error in rng.normal(size=3))
-        self._drive = DifferentialDrive(model.wheel_radius, model.wheel_radius, model.track)
-        self._believed = DifferentialDrive(model.wheel_radius * left, model.wheel_radius * right, model.track * track)
-        self._odometry = Odometry(self._believed, 0.0, 0.0)
-        self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
-        self._indices: list[int] = []
-        self._wanted = (0.0, 0.0)  # vx, wz that set_velocity or a motion asks for
-        self._commanded = (0.0, 0.0)  # the same after the acceleration limits: what the wheels get
+        self._drive, self._believed = make_drives(model, parameters.odometry_calibration, rng)
+        self._odometry = Odometry(self._believed, np.zeros(len(model.wheel_joints)))
+        self._attached: WheelMotors | None = None
+        self._wanted = STILL  # what set_velocity or a motion asks for
+        self._commanded = STILL  # the same after the acceleration limits: what the wheels get
         self._lapses_in = 0.0
         self._course: _Course | None = None
-        self._braking = (0.0, 0.0)
+        self._braking = (0.0, 0.0)  # m/s² and rad/s², where more than the limits
         self._still_for = 0.0
         self._parked = False
 
@@ -74,9 +73,7 @@ class SimulatedBase(MobileBase):
 
     def velocity(self) -> Twist2D:
         """Velocity from the wheels' speeds."""
-        left, right = self._connection.simulation.joint_states()[1, self._slots]
-        vx, wz = self._believed.twist(float(left), float(right))
-        return Twist2D(vx, 0.0, wz)
+        return Twist2D(*self._believed.motion(self._motors.speeds, self._motors.steering))
 
     # Commands
 
@@ -93,7 +90,7 @@ class SimulatedBase(MobileBase):
                 raise self._connection.refuse("set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")
         self._connection.begin(None)
         self._course = None
-        self._wanted = (float(vx), float(wz))
+        self._wanted = (float(vx), float(vy), float(wz))
         self._lapses_in = self._parameters.command_timeout
 
     def move_forward(self, distance: float) -> Motion:
@@ -118,8 +115,8 @@ class SimulatedBase(MobileBase):
         """Brake to rest within half a second."""
         if not self._connection.present:
             return
-        vx, wz = self._commanded
-        self._halt((abs(vx) / self._parameters.stop_time, abs(wz) / self._parameters.stop_time))
+        vx, vy, wz = self._commanded
+        self._halt((math.hypot(vx, vy) / self._parameters.stop_time, abs(wz) / self._parameters.stop_time))
         self._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
 
     def brake(self) -> None:
@@ -131,11 +128,9 @@ class SimulatedBase(MobileBase):
     def attach(self, simulation: Simulation) -> None:
         """Stand, with odometry at zero."""
         self._connection.attach(simulation)
-        self._slots = simulation.slots(self._model.wheel_joints)
-        self._indices = simulation.indices(self._model.wheel_joints)
-        left, right = self._wheel_angles()
-        self._odometry = Odometry(self._believed, left, right)
-        self._wanted = self._commanded = (0.0, 0.0)
+        self._attached = WheelMotors(simulation, self._model, self._parameters)
+        self._odometry = Odometry(self._believed, self._motors.angles)
+        self._wanted = self._commanded = STILL
         self._course, self._parked = None, False
         self._park()
         simulation.controls.append(self._control)
@@ -149,51 +144,52 @@ class SimulatedBase(MobileBase):
         period = self._parameters.control_period
         if self._course is not None:
             self._steer(self._course, period)
-        elif self._wanted != (0.0, 0.0):
+        elif self._wanted != STILL:
             self._lapses_in -= period
             if self._lapses_in < -1e-9:
-                self._wanted = (0.0, 0.0)
-        if self._wanted == (0.0, 0.0) and self._commanded == (0.0, 0.0):
+                self._wanted = STILL
+        if self._wanted == STILL and self._commanded == STILL:
             if not self._parked:
                 self._wait_for_rest(period)
             return
         self._drive_wheels(period)
 
     def _drive_wheels(self, period: float) -> None:
-        vx_step = max(self._model.max_acceleration, self._braking[0]) * period
-        wz_step = max(self._model.max_angular_acceleration, self._braking[1]) * period
-        vx, wz = self._commanded
-        vx += min(max(self._wanted[0] - vx, -vx_step), vx_step)
-        wz += min(max(self._wanted[1] - wz, -wz_step), wz_step)
-        self._commanded = (vx, wz)
+        """Steered wheels first turn to where the velocity asks them to; meanwhile it stays what it was."""
         self._parked, self._still_for = False, 0.0
-        simulation = self._connection.simulation
-        simulation.client.setJointMotorControlArray(
-            simulation.built.robot,
-            self._indices,
-            pybullet.VELOCITY_CONTROL,
-            targetVelocities=list(self._drive.wheel_speeds(vx, wz)),
-            forces=[self._model.wheel_torque] * 2,
+        velocity = self._accelerated(period)
+        angles = self._drive.steering_angles(velocity, self._motors.steering)
+        if self._motors.steer(angles) > ASTRAY:
+            self._motors.drive(np.zeros(len(self._model.wheel_joints)))
+            return
+        self._commanded = velocity
+        self._motors.drive(self._drive.wheel_speeds(velocity, self._motors.steering))
+
+    def _accelerated(self, period: float) -> Velocity:
+        """The commanded velocity, one period nearer to the wanted one within the limits of acceleration."""
+        step = max(self._model.max_acceleration, self._braking[0]) * period
+        turn = max(self._model.max_angular_acceleration, self._braking[1]) * period
+        dx, dy, dw = (wanted - now for wanted, now in zip(self._wanted, self._commanded, strict=True))
+        if self._model.steering_joints:  # in one stride, so that the wheels keep pointing one way
+            share = min(1.0, step / max(math.hypot(dx, dy), 1e-9), turn / max(abs(dw), 1e-9))
+            if share == 1.0:
+                return self._wanted
+            dx, dy, dw = share * dx, share * dy, share * dw
+        vx, vy, wz = self._commanded
+        return (
+            vx + min(max(dx, -step), step),
+            vy + min(max(dy, -step), step),
+            wz + min(max(dw, -turn), turn),
         )
 
     def _wait_for_rest(self, period: float) -> None:
-        left, right = self._connection.simulation.joint_states()[1, self._slots]
-        still = max(abs(left), abs(right)) * self._model.wheel_radius < 0.01
+        still = float(np.abs(self._motors.speeds).max()) * self._model.wheel_radius < 0.01
         self._still_for = self._still_for + period if still else 0.0
         if self._still_for >= PARK_AFTER:
             self._park()
 
     def _park(self) -> None:
-        """Hold the wheels by position: a velocity motor at zero gives way under the arm."""
-        simulation = self._connection.simulation
-        simulation.client.setJointMotorControlArray(
-            simulation.built.robot,
-            self._indices,
-            pybullet.POSITION_CONTROL,
-            targetPositions=list(self._wheel_angles()),
-            forces=[self._model.wheel_torque] * 2,
-            positionGains=[self._parameters.wheel_hold_gain] * 2,
-        )
+        self._motors.park()
         self._parked = True
 
     # Motions
@@ -221,7 +217,7 @@ class SimulatedBase(MobileBase):
         turn = course.heading - odometry.heading
         course.time_left -= period
         if course.turning:
-            remaining, speed = turn, self._commanded[1]
+            remaining, speed = turn, self._commanded[2]
             limit, acceleration = model.max_wz, model.max_angular_acceleration
         else:
             remaining, speed = course.distance - odometry.travelled, self._commanded[0]
@@ -241,21 +237,23 @@ class SimulatedBase(MobileBase):
             min(limit, math.sqrt(1.6 * acceleration * abs(remaining)), 6.0 * abs(remaining)), remaining
         )
         if course.turning:
-            self._wanted = (0.0, wanted)
+            self._wanted = (0.0, 0.0, wanted)
         else:
-            self._wanted = (wanted, max(-model.max_wz, min(model.max_wz, HEADING_GAIN * turn)))
+            self._wanted = (wanted, 0.0, max(-model.max_wz, min(model.max_wz, HEADING_GAIN * turn)))
 
     def _halt(self, braking: tuple[float, float]) -> None:
         self._course = None
-        self._wanted = (0.0, 0.0)
+        self._wanted = STILL
         self._braking = braking
 
-    def _wheel_angles(self) -> tuple[float, float]:
-        angles = self._connection.simulation.joint_states()[0]
-        return float(angles[self._slots[0]]), float(angles[self._slots[1]])
+    @property
+    def _motors(self) -> WheelMotors:
+        if self._attached is None or not self._connection.present:
+            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
+        return self._attached
 
     def _update_odometry(self) -> None:
-        self._odometry.update(*self._wheel_angles())
+        self._odometry.update(self._motors.angles, self._motors.steering)
 
 
 class _Course:

@@ -43,7 +43,7 @@ class Simulation:
             joint
             for group in (model.bases, model.arms, model.grippers, model.joint_groups)
             for part in group.values()
-            for joint in (part.wheel_joints if hasattr(part, "wheel_joints") else part.joint_names)
+            for joint in part.joint_names
         ]
         missing = [joint for joint in movable if joint not in self.built.joints]
         if missing:

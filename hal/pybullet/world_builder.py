@@ -187,7 +187,8 @@ def _set_up_robot(
         for link in base.caster_links:
             client.changeDynamics(robot, links[link], lateralFriction=parameters.caster_friction)
         for joint in base.wheel_joints:
-            client.changeDynamics(robot, joints[joint], lateralFriction=parameters.wheel_friction)
+            friction = parameters.wheel_friction if base.wheel_friction is None else base.wheel_friction
+            client.changeDynamics(robot, joints[joint], lateralFriction=friction)
             # Without the anchor a locked wheel creeps: a swing of the arm moves the base by 7 mm and 1.8 degrees.
             client.changeDynamics(robot, joints[joint], frictionAnchor=1)
     posture = next((model.postures[name] for name in parameters.initial_postures if name in model.postures), {})
