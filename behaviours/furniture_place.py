@@ -12,9 +12,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.context import SkillContext
 from bestman_bt.messages import Box, Handle, Pose2D, wrap_angle
-from bestman_bt.world_model import MapFurniture, MapLeaf
+from bestman_bt.world_model import MapFurniture, MapLeaf, WorldModel
 
 SAME_SIZE = 0.05
 """Metres by which a seen panel may differ from the map's front board."""
@@ -26,9 +25,8 @@ HEADING_ERROR = math.radians(0.4)
 """How well a piece is known once a front of it was measured, metres and radians."""
 
 
-def believe_place(skills: SkillContext, furniture: str, handle: Handle) -> None:
+def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
     """Correct where the map has a piece by a handle's panel, if that is one of its closed fronts; once per piece."""
-    world = skills.world
     piece = world.map.furniture[furniture]
     if piece.position_error <= POSITION_ERROR:
         return

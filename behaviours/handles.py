@@ -51,7 +51,7 @@ class DetectHandle(Skill):
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
         for name in chosen:
             if (on := skills.world.handles[name].furniture) is not None:
-                believe_place(skills, on, skills.world.handles[name].handle)
+                believe_place(skills.world, on, skills.world.handles[name].handle)
         self.set_output("count", len(chosen))
         if not chosen:
             where = f" on the {furniture.name}" if furniture is not None else ""

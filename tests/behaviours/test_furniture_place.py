@@ -1,0 +1,91 @@
+"""A front that is seen tells where the piece stands, if it may be that front and is shut."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from behaviours.furniture_place import HEADING_ERROR, POSITION_ERROR, believe_place
+from bestman_bt.messages import Handle, Pose, Pose2D
+from bestman_bt.scene import draw_world, load_scene, semantic_map
+from bestman_bt.world_model import WorldModel
+
+OFF = Pose2D(0.025, -0.02, math.radians(1.5))
+FRONT = (-0.24, 0.0, 0.7033)
+SIZE = (0.796, 0.253)
+
+
+@pytest.fixture
+def believed() -> WorldModel:
+    return WorldModel(semantic_map(draw_world(load_scene("chest_room"), 3)))
+
+
+def handle_on(chest: Pose2D, height: float = FRONT[2], size: tuple[float, float] | None = SIZE) -> Handle:
+    """A handle on a front at ``height`` of a chest that really stands at ``chest``."""
+    outwards = Pose.from_xyz_rpy((FRONT[0], FRONT[1], height), (math.pi / 2, 0.0, -math.pi / 2))
+    panel = chest.to_pose() @ outwards
+    bar = panel @ Pose([0.0, 0.0, 0.04])
+    none = size is None
+    return Handle(
+        "bar",
+        bar,
+        0.007,
+        0.22,
+        0.04,
+        bar.rotation[:, 2],
+        1.0,
+        0.001,
+        panel=None if none else panel,
+        panel_size=size,
+    )
+
+
+def test_the_piece_is_believed_to_stand_where_its_front_was_seen(believed) -> None:
+    true = believed.map.furniture["drawer_chest"].pose @ OFF
+    believe_place(believed, "drawer_chest", handle_on(true))
+    piece = believed.map.furniture["drawer_chest"]
+    assert piece.pose.distance_to(true) < 1e-6
+    assert piece.pose.theta == pytest.approx(true.theta)
+    assert (piece.position_error, piece.heading_error) == (POSITION_ERROR, HEADING_ERROR)
+    assert believed.surface("drawer_chest/top")[0] is piece
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"size": None},
+        {"size": (0.60, 0.253)},
+        {"height": 0.58},
+    ],
+    ids=["no borders seen", "another size", "another height"],
+)
+def test_what_is_no_front_of_the_map_tells_nothing(believed, change) -> None:
+    before = believed.map.furniture["drawer_chest"]
+    believe_place(believed, "drawer_chest", handle_on(before.pose @ OFF, **change))
+    assert believed.map.furniture["drawer_chest"] is before
+
+
+def test_a_front_that_is_farther_out_than_the_map_can_be_wrong_is_not_shut(believed) -> None:
+    before = believed.map.furniture["drawer_chest"]
+    believe_place(believed, "drawer_chest", handle_on(before.pose @ Pose2D(-0.15, 0.0, 0.0)))
+    assert believed.map.furniture["drawer_chest"] is before
+
+
+def test_the_front_of_a_drawer_that_is_believed_open_tells_nothing(believed) -> None:
+    believed.believe_articulation("drawer_chest/drawer_3", 0.2)
+    before = believed.map.furniture["drawer_chest"]
+    believe_place(believed, "drawer_chest", handle_on(before.pose @ OFF))
+    assert believed.map.furniture["drawer_chest"] is before
+
+
+def test_what_was_measured_once_is_kept(believed) -> None:
+    true = believed.map.furniture["drawer_chest"].pose @ OFF
+    believe_place(believed, "drawer_chest", handle_on(true))
+    measured = believed.map.furniture["drawer_chest"]
+    worse = replace(handle_on(true @ Pose2D(0.005, 0.0, 0.0)))
+    believe_place(believed, "drawer_chest", worse)
+    assert believed.map.furniture["drawer_chest"] is measured
+    assert np.allclose(measured.pose.xy, true.xy)
