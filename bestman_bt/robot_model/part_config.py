@@ -109,7 +109,8 @@ class BasePart(PartConfig):
     ``drive``: ``differential`` and ``skid`` have wheels that cannot be steered, left and right in turns; a skid drive
     drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
     2007). ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
-    ``payload``: what it may carry by its maker's word.
+    ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``payload``: what it may carry
+    by its maker's word.
     """
 
     kind: Literal["base"]
@@ -120,6 +121,7 @@ class BasePart(PartConfig):
     turning_slip: Factor = 1.0
     wheel_torque: Torque
     wheel_friction: Friction | None = None
+    rotor_inertia: Inertia = 0.0
     caster_links: tuple[str, ...] = ()
     steering_joints: tuple[str, ...] = ()
     steering_torque: Torque = 0.0

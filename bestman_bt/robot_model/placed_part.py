@@ -16,7 +16,7 @@ from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table
 from bestman_bt.robot_model.generators import GENERATORS
 from bestman_bt.robot_model.missing_inertia import add_rotor_inertia, complete_inertial
-from bestman_bt.robot_model.part_config import PART_KINDS, AnyPart, ContactConfig, GripperPart, PadConfig
+from bestman_bt.robot_model.part_config import PART_KINDS, AnyPart, BasePart, ContactConfig, GripperPart, PadConfig
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, shape
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
@@ -77,12 +77,7 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
     for element in elements:
         if element.tag == "link":
             _dress(element, config)
-    if isinstance(config, GripperPart) and config.rotor_inertia > 0.0:
-        turned = {*config.joints, *(mimic.joint for mimic in mimics)}
-        ends = {child_of(element) for element in elements if element.get("name", "") in turned}
-        for element in elements:
-            if element.tag == "link" and element.get("name", "") in ends:
-                add_rotor_inertia(element, config.rotor_inertia)
+    _add_rotors(config, elements, mimics)
     if names & taken:
         renamed = {old: f"{name}_{old}" for old in names}
         _rename(elements, renamed)
@@ -114,6 +109,17 @@ def _opening(
         message = f"at open_at the fingers are {1e3 * widths[0]:.1f} mm apart by the URDF, not {config.max_width:g} m"
         raise ConfigurationError([document.problem(("max_width",), message)])
     return table
+
+
+def _add_rotors(config: AnyPart, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]) -> None:
+    if not isinstance(config, GripperPart | BasePart) or config.rotor_inertia == 0.0:
+        return
+    joints = config.wheel_joints if isinstance(config, BasePart) else config.joints
+    turned = {*joints, *(mimic.joint for mimic in mimics)}
+    ends = {child_of(element) for element in elements if element.get("name", "") in turned}
+    for element in elements:
+        if element.tag == "link" and element.get("name", "") in ends:
+            add_rotor_inertia(element, config.rotor_inertia)
 
 
 def _added_frames(config: AnyPart) -> list[ET.Element]:
