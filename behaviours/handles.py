@@ -8,6 +8,8 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.furniture_place import believe_place
+from behaviours.leaf import Leaf, find_leaf
+from behaviours.leaf_seen import opening_seen
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.affordance import HandleScene
@@ -22,11 +24,15 @@ SAME_HANDLE = 0.05
 class DetectHandle(Skill):
     """Look for handles through the head camera, on one piece of furniture or anywhere; fail if there is none.
 
-    All that are seen are believed; the output is the one nearest to ``near``, else the surest.
+    All that are seen are believed; the output is the one nearest to ``near``, else the surest. Of an ``articulation``
+    it also tells, and believes, how far that stands open.
     """
 
     INPUT_PORTS: ClassVar = {
         "furniture": PortInformation(str, required=False, description="furniture of the map, such as fridge"),
+        "articulation": PortInformation(
+            str, required=False, description="only on this door or drawer, furniture/leaf, however far it is open"
+        ),
         "near": PortInformation(Pose, required=False, description="choose the handle nearest to this, map frame"),
         "joint": PortInformation(str, required=False, description="only handles of a revolute or a prismatic joint"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
@@ -35,6 +41,9 @@ class DetectHandle(Skill):
         "handle": PortInformation(str, required=False, description="the name under which the handle is believed"),
         "pose": PortInformation(Pose, required=False, description="of the handle, in the map frame"),
         "count": PortInformation(int, required=False, description="how many were seen"),
+        "opening": PortInformation(
+            float, required=False, description="how far the articulation is open, metres or radians"
+        ),
     }
     DECLARATION = Declaration(effects=("handle_known({furniture})",))
 
@@ -47,6 +56,10 @@ class DetectHandle(Skill):
             "handle_detection", skills.algorithms.affordance.detect, view.in_base, skills.rng
         )
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
+        articulation: str = self.get_input("articulation") or ""
+        leaf = find_leaf(skills, articulation) if articulation else None
+        if leaf is not None:
+            seen = self._on_leaf(leaf, seen)
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
         for name in chosen:
@@ -54,13 +67,25 @@ class DetectHandle(Skill):
                 believe_place(skills.world, on, skills.world.handles[name].handle)
         self.set_output("count", len(chosen))
         if not chosen:
-            where = f" on the {furniture.name}" if furniture is not None else ""
-            why = scene.reason or f"{len(seen)} handles in view, none of them as asked"
+            on = articulation or (furniture.name if furniture is not None else "")
+            where = f" on the {on}" if on else ""
+            why = scene.reason or f"{len(scene.handles)} handles in view, none of them as asked"
             raise SkillFailure("handle_not_found", f"no handle{where}: {why}")
         best = min(chosen, key=lambda name: self._rank(skills.world.handles[name].handle))
         self.set_output("handle", best)
         self.set_output("pose", skills.world.handles[best].handle.pose)
         self.feedback_message = f"{best}: {skills.world.handles[best].handle.kind}, {len(chosen)} in all"
+
+    def _on_leaf(self, leaf: Leaf, seen: list[Handle]) -> list[Handle]:
+        """Those on a door or drawer; it is believed to be as far open as the surest of them says."""
+        skills = self.skills
+        openings = [(handle, opening_seen(leaf, handle)) for handle in seen]
+        found = [(handle, opening) for handle, opening in openings if opening is not None]
+        if found:
+            _, opening = max(found, key=lambda entry: entry[0].confidence)
+            skills.world.believe_articulation(leaf.articulation, opening)
+            self.set_output("opening", opening)
+        return [handle for handle, _ in found]
 
     def _furniture(self) -> MapFurniture | None:
         name = self.get_input("furniture")
@@ -110,7 +135,10 @@ def _same(known: Handle, seen: Handle) -> bool:
 
 def _belongs(handle: Handle, furniture: MapFurniture) -> bool:
     low_enough = float(handle.pose.position[2]) < furniture.height + MAP_MARGIN
-    return low_enough and furniture.covers(handle.pose.position[:2], MAP_MARGIN)
+    if low_enough and furniture.covers(handle.pose.position[:2], MAP_MARGIN):
+        return True
+    leaves = (Leaf(f"{furniture.name}/{leaf.name}", furniture, leaf) for leaf in furniture.leaves)
+    return any(opening_seen(leaf, handle) is not None for leaf in leaves)
 
 
 def _area(furniture: MapFurniture) -> float:

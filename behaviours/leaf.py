@@ -12,7 +12,12 @@ from numpy.typing import NDArray
 from behaviours.arm_motion import hand_contacts
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
-from bestman_bt.manipulation.collision import CollisionWorld, finger_contacts, planning_scene_from_world_model
+from bestman_bt.manipulation.collision import (
+    CollisionWorld,
+    PlanningScene,
+    finger_contacts,
+    planning_scene_from_world_model,
+)
 from bestman_bt.manipulation.kinematics import IsFreeAt
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf
@@ -74,11 +79,30 @@ def world_at_leaf(
     touching: Touching,
     stand: Pose2D | None = None,
     ignore: Iterable[str] = (),
+    margin: float = 0.0,
 ) -> CollisionWorld:
     """What the arm has around it while the leaf is open by ``position``, radians or metres.
 
-    ``stand``: where the base will be, None where it is. ``ignore``: names to leave out.
+    ``stand``: where the base will be, None where it is. ``ignore``: names to leave out. ``margin``: by how much more or
+    less the leaf may be open.
     """
+    scene = _scene_at_leaf(skills, leaf, position, touching, stand, ignore)
+    if margin > 0.0:
+        others = [_scene_at_leaf(skills, leaf, position + off, touching, stand, ignore) for off in (-margin, margin)]
+        may_be = [o for other in (scene, *others) for o in other.obstacles if o.name == leaf.articulation]
+        if may_be:
+            scene = scene.adding(replace(may_be[0], shapes=tuple(s for body in may_be for s in body.shapes)))
+    return skills.arm_world(scene)
+
+
+def _scene_at_leaf(
+    skills: SkillContext,
+    leaf: Leaf,
+    position: float,
+    touching: Touching,
+    stand: Pose2D | None,
+    ignore: Iterable[str],
+) -> PlanningScene:
     world = replace(skills.world, articulations={**skills.world.articulations, leaf.articulation: position})
     if stand is not None:
         world = replace(world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()))
@@ -89,7 +113,7 @@ def world_at_leaf(
             allowed += hand_contacts(skills, leaf.articulation)
         elif touching == "fingers":
             allowed += finger_contacts(skills.robot, leaf.articulation, skills.arm.name)
-    scene = planning_scene_from_world_model(
+    return planning_scene_from_world_model(
         world,
         skills.robot,
         skills.joints.positions(),
@@ -98,7 +122,6 @@ def world_at_leaf(
         allowed_pairs=allowed,
         hollow=[leaf.furniture.name],
     )
-    return skills.arm_world(scene)
 
 
 def free_along(

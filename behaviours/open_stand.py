@@ -21,6 +21,8 @@ from bestman_bt.world_model import HandleBelief
 
 LOOK_DISTANCES = (0.90, 1.05, 0.75, 1.20)
 """Metres from a front to the middle of the base that looks at it."""
+LOOK_BEARINGS = tuple(math.radians(degrees) for degrees in (0, 50, -50))
+"""From where to look at it, from straight before it: a door that stands open unknown to the robot may be edge-on."""
 DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95, 1.05)
 """Metres from a handle to the middle of the base that pulls it."""
 BEARINGS = tuple(math.radians(degrees) for degrees in range(-75, 76, 15))
@@ -39,17 +41,23 @@ class FindLookStand(Skill):
     }
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
+    def on_load(self) -> None:
+        """Nothing has been tried yet."""
+        self._asked = 0
+
     def execute(self) -> Steps:
-        """The first distance at which the base has room."""
+        """The first distance at which the base has room; each time it is asked again from another side, in turn."""
         articulation: str = self.get_input("articulation")
         leaf = find_leaf(self.skills, articulation)
         front = leaf.front(self.skills.world.articulations.get(articulation, 0.0))
-        furniture = leaf.furniture
-        side = float(furniture.pose.to_pose().inverse().apply(leaf.front(0.0).position[None])[0][1])
+        facing = math.atan2(-float(front.rotation[1, 0]), -float(front.rotation[0, 0]))
         clearance = yield self.compute("stand_planning", lambda: self.skills.costmap().clearance_at)
-        for distance in LOOK_DISTANCES:
-            stand = furniture.pose @ Pose2D(-furniture.footprint[0] / 2 - distance, side, 0.0)
-            if clearance(stand) > 0.0:
+        first = self._asked % len(LOOK_BEARINGS)
+        self._asked += 1
+        for bearing in (*LOOK_BEARINGS[first:], *LOOK_BEARINGS[:first]):
+            stands = stands_around(front.position[:2], LOOK_DISTANCES, (facing + bearing,), (0.0,))
+            stand = next((stand for stand in stands if clearance(stand) > 0.0), None)
+            if stand is not None:
                 self.set_output("stand", stand)
                 self.set_output("front", front)
                 return

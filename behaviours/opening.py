@@ -28,7 +28,7 @@ PARALLEL = 0.98
 """Cosine between bar and hinge from which on the bar may turn between the fingers."""
 FINGER_ROOM = 0.03
 """Metres between front and bar from which on fingers around the bar are clear of the front."""
-TILTS = tuple(math.radians(degrees) for degrees in range(-60, 61, 10))
+TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 """Turns of the hand about a bar, from straight at the front."""
 
 

@@ -12,6 +12,8 @@ from bestman_bt.messages import Pose
 
 BACK_OFF = 0.12
 """Metres that the hand goes straight back first."""
+UNSURE = {"revolute": 0.06, "prismatic": 0.015}
+"""By how much a leaf may be open more or less than the hand's way has told, radians or metres."""
 
 
 def withdraw(skill: Skill, leaf: Leaf, posture: str) -> Steps:
@@ -26,9 +28,10 @@ def withdraw(skill: Skill, leaf: Leaf, posture: str) -> Steps:
     line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
     if len(line.path) > 1:
         yield from follow_path(skill, line.path, world, speed=0.5)
-    around = world_at_leaf(skills, leaf, position, "free")
-    if not around.is_free(skills.arm_positions()):
-        around = world_at_leaf(skills, leaf, position, "free", ignore=[leaf.articulation])
+    for margin, ignore in ((UNSURE[leaf.leaf.kind], ()), (0.0, ()), (0.0, (leaf.articulation,))):
+        around = world_at_leaf(skills, leaf, position, "free", ignore=ignore, margin=margin)
+        if around.is_free(skills.arm_positions()):
+            break
     yield from move_free(skill, [skills.robot.posture(posture, skills.arm_model.joint_names)], around)
 
 
