@@ -156,9 +156,15 @@ class Connection(ABC):
         for part in self._moving():
             part.fail(fault)
 
-    def clear(self) -> None:
-        """After a stop: clear what the controller reports, or connect again where the wire is lost."""
-        fault = self.fault()
+    def clear(self, noted: Fault | None) -> None:
+        """After a stop because of ``noted``: clear what the controller reports, or connect again where it was lost.
+
+        A wire that was lost for a while is opened anew, even if it works again: nobody knows what has happened since.
+        """
+        if not self.connected:
+            self.connect()
+            return
+        fault = noted or self.fault()
         if fault is None:
             return
         if fault.code is MotionErrorCode.DISCONNECTED or self._crash is not None:

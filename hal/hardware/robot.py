@@ -111,8 +111,8 @@ class HardwareRobot(Robot):
         """
         with self._lock:
             if self._watchdog is not None:
-                for connection in self._connections.values():
-                    connection.clear()
+                for name, connection in self._connections.items():
+                    connection.clear(self._faults.get(name))
             self._faults.clear()
             self._latch.clear()
 

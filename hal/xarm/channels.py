@@ -72,6 +72,6 @@ class XArmGripper(GripperChannel):
 
 
 def _set_position(arm: Any, pulses: int, turns: int) -> int:
-    """Without waiting for the arm to stand still, as the SDK would."""
-    code: int = arm.set_gripper_position(pulses, speed=turns, wait=False, wait_motion=False)
+    """Without waiting for the arm to stand still, as the SDK would; the next reading tells of errors."""
+    code: int = arm.set_gripper_position(pulses, speed=turns, wait=False, wait_motion=False, check_err=False)
     return code

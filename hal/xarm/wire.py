@@ -33,6 +33,7 @@ class XArmWire:
         self._arm: Any = None
         self._heard = 0.0
         self._fault: Fault | None = None
+        self._judging = threading.RLock()  # a reply from before a recovery says nothing about the time after it
 
     @property
     def heard(self) -> float:
@@ -83,11 +84,12 @@ class XArmWire:
         if arm is not None:
             arm.disconnect()
 
-    def ask(self, question: Callable[[Any], tuple[int, Any]]) -> Any:
+    def ask(self, question: Callable[[Any], tuple[int, Any] | int]) -> Any:
         """The answer to a question, None where there is none."""
         if self._arm is None:
             return None
-        code, answer = question(self._arm)
+        reply = question(self._arm)
+        code, answer = reply if isinstance(reply, tuple) else (reply, None)  # some faults come as a bare code
         self._note(code)
         return answer if code == 0 else None
 
@@ -113,26 +115,29 @@ class XArmWire:
 
     def make_ready(self, gripper: bool) -> None:
         """Clear errors, switch the motors on, enter servo mode; ConnectionFailedError where an error stays."""
-        arm = self._arm
-        self._fault = None
-        arm.clean_error()
-        arm.clean_warn()
-        self.demand("motion_enable", lambda arm: arm.motion_enable(True))
-        self.demand("servo mode", lambda arm: arm.set_mode(SERVO_MODE))
-        self.demand("the ready state", lambda arm: arm.set_state(READY))
+        with self._judging:
+            self._fault = None
+            self._arm.clean_error()
+            self._arm.clean_warn()
+            self.demand("motion_enable", lambda arm: arm.motion_enable(True))
+            self.demand("servo mode", lambda arm: arm.set_mode(SERVO_MODE))
+            self.demand("the ready state", lambda arm: arm.set_state(READY))
+            self._await_readiness()
+            if gripper:
+                self._arm.clean_gripper_error()
+                self.demand("the gripper's position mode", lambda arm: arm.set_gripper_mode(0))
+                self.demand("the gripper", lambda arm: arm.set_gripper_enable(True))
+            self._heard, self._fault = self._clock.now(), None
+
+    def _await_readiness(self) -> None:
         time.sleep(MODE_CHANGE_TIME)
         deadline = time.monotonic() + RECOVERY_TIME
-        while arm.get_state()[1] in STOPPED:
+        while self._arm.get_state()[1] in STOPPED:
             self._look_for_errors()
             if self._fault is not None or time.monotonic() > deadline:
                 why = str(self._fault) if self._fault is not None else "it stays stopped"
                 raise ConnectionFailedError(f"{self._name}: the xArm does not become ready: {why}")
             time.sleep(0.02)
-        if gripper:
-            arm.clean_gripper_error()
-            self.demand("the gripper's position mode", lambda arm: arm.set_gripper_mode(0))
-            self.demand("the gripper", lambda arm: arm.set_gripper_enable(True))
-        self._heard = self._clock.now()
 
     def _note(self, code: int) -> None:
         """What a reply says about the controller; called after each one."""
@@ -140,12 +145,15 @@ class XArmWire:
             return
         self._heard = self._clock.now()
         if code == GRIPPER_FAULT:
-            _, number = self._arm.get_gripper_err_code()
-            self._fault = gripper_fault(number, self._load)
+            with self._judging:
+                _, number = self._arm.get_gripper_err_code()
+                if number:
+                    self._fault = gripper_fault(number, self._load)
         if self._arm.has_err_warn:
             self._look_for_errors()
 
     def _look_for_errors(self) -> None:
-        code, (error, _) = self._arm.get_err_warn_code()
-        if code == 0 and error:
-            self._fault = controller_fault(error, self._load)
+        with self._judging:
+            code, (error, _) = self._arm.get_err_warn_code()
+            if code == 0 and error:
+                self._fault = controller_fault(error, self._load)

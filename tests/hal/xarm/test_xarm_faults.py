@@ -1,0 +1,169 @@
+"""What goes wrong with an xArm stops the robot in time, says why with the vendor's number, and can be cleared."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionErrorCode, MotionStatus, NoDataError
+from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.twins import TwinProcess
+
+CONTROLLER = "arm_controller"
+SLACK = 0.15
+"""Seconds that a test gives on top of what is promised, because the machine is shared."""
+
+
+def swing(robot: HardwareRobot) -> Motion:
+    """A slow motion of the arm that is well under way."""
+    arm = robot.part("arm", Arm)
+    here = arm.positions()
+    motion = arm.move_to(here + np.array([0.8 if here[0] < 0 else -0.8, 0, 0, 0, 0, 0]), 0.2)
+    robot.clock.sleep(0.4)
+    assert not motion.done, motion.error
+    return motion
+
+
+def ended(robot: HardwareRobot, motion: Motion, limit: float) -> float:
+    """Seconds until the motion ended."""
+    start = time.monotonic()
+    while not motion.done:
+        assert time.monotonic() < start + limit + SLACK, f"the motion still runs after {limit} s"
+        robot.clock.sleep(0.005)
+    return time.monotonic() - start
+
+
+def works_again(robot: HardwareRobot) -> None:
+    robot.clear_stop()
+    motion = swing(robot)
+    motion.cancel()
+    robot.clock.sleep(0.5)
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "number"),
+    [("protective_stop", MotionErrorCode.COLLISION, "C31"), ("joint_limit", MotionErrorCode.FAULT, "C23")],
+)
+def test_an_error_of_the_controller_fails_the_motion_with_its_number_and_stops_the_robot(
+    robot: HardwareRobot, twin: TwinProcess, fault: str, code: MotionErrorCode, number: str
+) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, fault)
+    ended(robot, motion, 0.1)
+    assert motion.status is MotionStatus.FAILED
+    assert motion.error is not None
+    assert motion.error.code is code
+    assert number in motion.error.text
+    robot.clock.sleep(0.05)
+    assert robot.stopped
+    assert robot.faults[CONTROLLER].vendor_code == number
+    assert number in robot.diagnostics()[CONTROLLER]
+    with pytest.raises(CommandRefusedError, match=number):
+        robot.part("arm", Arm).move_to(robot.part("arm", Arm).positions())
+    works_again(robot)
+
+
+def test_a_pulled_cable_is_noticed_within_the_watchdog_time(robot: HardwareRobot, twin: TwinProcess) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, "drop")
+    ended(robot, motion, 0.3)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    assert robot.stopped
+    with pytest.raises(NoDataError, match="arm"):
+        robot.part("arm", Arm).positions()
+    twin.fault(CONTROLLER, "restore")
+    works_again(robot)
+
+
+def test_the_stop_cannot_be_cleared_while_the_cable_is_out(robot: HardwareRobot, twin: TwinProcess) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, "drop")
+    ended(robot, motion, 0.3)
+    with pytest.raises(ConnectionFailedError, match=CONTROLLER):
+        robot.clear_stop()
+    assert robot.stopped
+    twin.fault(CONTROLLER, "restore")
+    works_again(robot)
+
+
+def test_a_link_that_takes_200_ms_is_taken_for_lost(robot: HardwareRobot, twin: TwinProcess) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, "delay", 0.2)
+    ended(robot, motion, 0.6)
+    assert motion.error is not None
+    assert motion.error.code in (MotionErrorCode.DISCONNECTED, MotionErrorCode.TIMEOUT)
+    twin.fault(CONTROLLER, "restore")
+    works_again(robot)
+
+
+def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, "delay", 0.03)
+    ended(robot, motion, 3.0)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.TIMEOUT
+    assert "too slowly" in motion.error.text
+    twin.fault(CONTROLLER, "restore")
+    robot.clock.sleep(0.5)
+    assert CONTROLLER not in robot.faults  # the controller has seen no jump of the set-points
+    works_again(robot)
+
+
+def test_a_jammed_gripper_fails_its_motion_with_the_grippers_number(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    twin.fault(CONTROLLER, "gripper_jam")
+    gripper = robot.part("gripper", Gripper)
+    motion = gripper.move(0.02)
+    ended(robot, motion, 1.0)
+    assert motion.error is not None
+    assert "G34" in motion.error.text
+    assert robot.stopped
+    twin.fault(CONTROLLER, "gripper_free")
+    robot.clear_stop()
+    freed = gripper.move(0.05)
+    ended(robot, freed, 3.0)
+    assert freed.status is MotionStatus.SUCCEEDED
+
+
+CLIENT = """
+import sys, time
+from bestman_bt.robot_model import load_robot_model
+from hal.api import Arm
+from hal.hardware import HardwareRobot
+robot = HardwareRobot(load_robot_model(sys.argv[1], {"connections.arm_controller.address": sys.argv[2]}))
+robot.connect()
+arm = robot.part("arm", Arm)
+arm.move_to(arm.positions() + [1.5 if arm.positions()[0] < 0 else -1.5, 0, 0, 0, 0, 0], 0.2)
+time.sleep(0.6)
+print("moving", flush=True)
+time.sleep(60)
+"""
+
+
+def test_a_client_that_is_killed_leaves_the_arm_at_rest(xarm_model: RobotModel, twin: TwinProcess) -> None:
+    robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
+    arguments = [sys.executable, "-c", CLIENT, robot_file, twin.addresses[CONTROLLER]]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as client:
+        assert client.stdout is not None
+        assert client.stdout.readline() == "moving\n"
+        moving = twin.judge("joints", "arm")["velocities"]
+        client.send_signal(signal.SIGKILL)
+        client.wait()
+        time.sleep(0.3)
+        after = twin.judge("joints", "arm")
+        time.sleep(0.3)
+        later = twin.judge("joints", "arm")
+    assert abs(moving[0]) > 0.1
+    assert np.max(np.abs(after["velocities"])) < 0.01
+    assert np.max(np.abs(np.subtract(later["positions"], after["positions"]))) < 1e-3
