@@ -36,6 +36,8 @@ CLEAR = 0.01
 """Metres that all of the hand but the fingertips stays away from the object."""
 FINE = 0.002
 """Metres between two waypoints of the approach, which ends before the first one that would touch."""
+SPARE = 0.003
+"""Metres more than the scene's padding at which the approach ends: the timed motion bends a little."""
 SPREAD = 0.5
 """The fingers stand apart by this share of the object's width."""
 EDGE = 0.03
@@ -134,7 +136,7 @@ class Push(Skill):
         base_from_map = skills.map_from_base.inverse()
         base_from_object = base_from_map @ belief.pose
         scene = self._untouched(belief)
-        free = skills.arm_world(scene)
+        free = skills.arm_world(replace(scene, padding=scene.padding + SPARE))
         direction, distance = _way(base_from_object, base_from_map @ goal)
         plans = []
         for behind in push_tool_poses(belief.model, base_from_object, direction):
@@ -149,7 +151,8 @@ class Push(Skill):
                 world = self._pushing_world(scene, belief, here.inverse() @ base_from_object)
                 if touching and cartesian_path(kinematics, into.path[-1], pushed, world.is_free).complete:
                     cost = float(np.abs(pre - reference).max())
-                    plans.append(PushPlan(pre, into.path, direction, scene.padding + FINE / 2, distance, cost))
+                    gap = scene.padding + SPARE + FINE / 2
+                    plans.append(PushPlan(pre, into.path, direction, gap, distance, cost))
         return min(plans, key=lambda plan: plan.cost) if plans else None
 
     def _is_touched(

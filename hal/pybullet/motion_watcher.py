@@ -139,9 +139,12 @@ class MotionWatcher:
             drift[:] = (0.0, 0.0, 0.0)
             return
         if slack <= WAKING:
-            drift[0] = DRIFT_DECAY * drift[0] + rx
-            drift[1] = DRIFT_DECAY * drift[1] + ry
-            drift[2] = DRIFT_DECAY * drift[2] + rz
+            # Bullet leaves some bodies at rest a velocity that moves nothing: what has not moved has not crept.
+            residual = math.hypot(rx, ry, rz)
+            share = min(1.0, math.dist(new.position, old.position) / residual) if residual > 0.0 else 0.0
+            drift[0] = DRIFT_DECAY * drift[0] + share * rx
+            drift[1] = DRIFT_DECAY * drift[1] + share * ry
+            drift[2] = DRIFT_DECAY * drift[2] + share * rz
             if math.hypot(*drift) > DRIFT:
                 self.jumps.append(Finding(stamp, f"{self._names[body]} crept by {1e3 * math.hypot(*drift):.1f} mm"))
                 drift[:] = (0.0, 0.0, 0.0)
