@@ -41,26 +41,33 @@ class PolicyMotion:
         self._width = skills.gripper.width()
         self._chunk: tuple[ActionChunk, float] | None = None
 
-    def asked_positions(self) -> NDArray[np.float64]:
-        """Where the arm is asked to be now, (n,) radians; at rest, where it is.
+    @property
+    def asked_width(self) -> float:
+        """What the gripper was told last, metres."""
+        return self._width
 
-        Deltas that are added to what was asked make up for what gravity and lag take away.
+    def asked(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Positions and velocities that the arm is asked to have now, (n,) each; at rest, where it is.
+
+        Deltas that are added to what was asked make up for what gravity and lag take away, and what encoders tell of
+        velocities is coarse.
         """
         now, motion = self._skills.clock.now(), self.stream.motion
         if motion is not None and self.stream.moving(now):
-            return motion.state(now).positions
-        return self._skills.arm_positions()
+            state = motion.state(now)
+            return state.positions, state.velocities
+        positions = self._skills.arm_positions()
+        return positions, np.zeros(len(positions))
 
     def follow(self, spliced: StreamedMotion) -> None:
         """Go on along a checked motion; StaleChunkError where it is too late for it."""
         trajectory = self.stream.accept(spliced, self._skills.clock.now())
         self._arm = self._skills.arm.follow(trajectory, guard=self._objection)
 
-    def carry_out(self, chunk: ActionChunk, seen: float) -> StepsTo[bool]:
-        """Until half of the chunk is over, which began at ``seen``; returns whether the gripper did something."""
+    def carry_out(self, chunk: ActionChunk, seen: float, count: int) -> StepsTo[bool]:
+        """Until ``count`` actions of the chunk are over, which began at ``seen``; returns whether the gripper moved."""
         self._chunk = chunk, seen
-        half = seen + max(1, len(chunk.actions) // 2) * chunk.dt
-        return (yield from self._until(half))
+        return (yield from self._until(seen + max(1, count) * chunk.dt))
 
     def finish(self) -> Steps:
         """Until the motion under way is at rest."""

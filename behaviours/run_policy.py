@@ -38,7 +38,7 @@ SUCCESSES = ("goal", "holding", "lifted")
 class RunPolicy(Skill):
     """Act by a learned policy until the tool is at the goal, or the gripper holds something, or has lifted it.
 
-    The policy is asked again half-way through each chunk, and the motion goes on without a stop. Each chunk is checked
+    The policy is asked again before its chunk is over, and the motion goes on without a stop. Each chunk is checked
     against the workspace and against everything that is believed to be there before it moves anything. Fails with
     ``timeout``, ``stalled``, ``workspace``, ``collision``, or with what the policy itself is to blame for, such as
     ``bad_action`` or ``policy_unreachable``. The hand may touch ``object``, which is believed to be held at the end.
@@ -61,6 +61,9 @@ class RunPolicy(Skill):
     }
     OUTPUT_PORTS: ClassVar = {"chunks": PortInformation(int, required=False, description="how many were carried out")}
 
+    motion: PolicyMotion | None = None
+    """What moves while the skill runs, for those who record it."""
+
     def execute(self) -> Steps:
         """Ask, check, move, look again while it moves."""
         policy = self.skills.policies(self.get_input("policy"))
@@ -69,10 +72,11 @@ class RunPolicy(Skill):
             box = self._check(policy.specification, goal)
             yield from self._open_hand(policy.specification)
             deadline = self.skills.clock.now() + self.get_input("timeout")
-            motion = PolicyMotion(self.skills, box, deadline)
+            self.motion = motion = PolicyMotion(self.skills, box, deadline)
             try:
                 yield from self._run(policy, motion, goal)
             finally:
+                self.motion = None
                 motion.cancel()
         finally:
             policy.close()
@@ -89,8 +93,8 @@ class RunPolicy(Skill):
                     break
             if clock.now() >= motion.deadline:
                 raise SkillFailure("timeout", f"not there in time{self._distance(goal)}")
-            seen, start = clock.now(), motion.asked_positions()
-            chunk = yield self.compute("policy", policy.act, self._observation(spec, goal))
+            seen, (start, velocities) = clock.now(), motion.asked()
+            chunk = yield self.compute("policy", policy.act, self._observation(spec, goal, velocities))
             path = chunk_path(chunk, start, self.skills.algorithms.kinematics, self.skills.arm_model)
             moves = bool(np.abs(path - start).max() > STILL) or motion.stream.moving(seen)
             if moves:
@@ -100,7 +104,7 @@ class RunPolicy(Skill):
                     motion.follow(spliced)
                 except StaleChunkError:
                     continue  # the arm has come to rest meanwhile, or does so now: look again
-            acted = yield from motion.carry_out(chunk, seen)
+            acted = yield from motion.carry_out(chunk, seen, spec.executed or len(chunk.actions) // 2)
             still = 0 if moves or acted else still + 1
             if still == STILL_CHUNKS:
                 raise SkillFailure("stalled", f"the policy does not move any more{self._distance(goal)}")
@@ -173,7 +177,9 @@ class RunPolicy(Skill):
         error = pose_error(goal, self.skills.base_from_tool())
         return f": {np.linalg.norm(error[:3]):.3f} m and {np.linalg.norm(error[3:]):.2f} rad from the goal"
 
-    def _observation(self, spec: PolicySpecification, goal: Pose | None) -> Observation:
+    def _observation(
+        self, spec: PolicySpecification, goal: Pose | None, velocities: NDArray[np.float64]
+    ) -> Observation:
         skills = self.skills
         cameras = {"head": skills.camera, "wrist": skills.wrist_camera}
         images: dict[str, NDArray[np.uint8]] = {}
@@ -188,7 +194,7 @@ class RunPolicy(Skill):
             np.zeros(0) if goal is None else pose_vector(goal),
             skills.gripper.width(),
             images,
-            skills.arm.velocities(),
+            velocities,
         )
 
     def _checked(

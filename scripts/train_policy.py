@@ -14,22 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bestman_bt.configuration import data_root, find_data
-from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.manipulation.policy import (
-    PICKING_FEATURES,
-    REACHING_FEATURES,
-    BehaviourCloningParameters,
-    PickedObject,
-    PickingExpert,
-    PickingParameters,
-    ReachingExpert,
-    clone,
-)
-from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspTarget, ModelBased, ModelBasedParameters
-from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.scene.object_file import read_object
+from bestman_bt.configuration import data_root
+from bestman_bt.manipulation.policy import PICKING_FEATURES, REACHING_FEATURES, BehaviourCloningParameters, clone
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.runtime.policy_experts import picking_expert, reaching_expert
 
 PICKED = "cup"
 
@@ -50,25 +38,6 @@ RECIPES = {
 }
 
 
-def picked_object(robot: RobotModel, name: str = PICKED) -> PickedObject:
-    """The best grasp from above that our grasp planner finds; the middle of the object stands at 0.8 m."""
-    model = read_object(find_data("object", name))
-    target = GraspTarget.of_model(model, Pose.from_xyz_rpy((0.6, 0.0, 0.8)))
-    support = 0.8 + float(model.bounds()[0, 2])
-    candidates = ModelBased(ModelBasedParameters()).plan(target, robot.grippers["gripper"], support)
-    best = next(candidate for candidate in candidates if candidate.approach == "top")
-    return PickedObject(name, float(best.grasp.position[2]) - 0.8, best.width, best.opening)
-
-
-def make_expert(which: str, robot: RobotModel) -> ReachingExpert | PickingExpert:
-    """Who makes the demonstrations."""
-    arm = robot.arms["arm"]
-    kinematics, home = DampedLeastSquares(robot), robot.posture("home", arm.joint_names)
-    if which == "reach":
-        return ReachingExpert(kinematics, arm, home)
-    return PickingExpert(kinematics, arm, home, picked_object(robot), PickingParameters())
-
-
 def main() -> None:
     """Read the arguments, train, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -80,7 +49,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     recipe, robot = RECIPES[options.which], load_robot_model(options.robot)
-    expert, rng = make_expert(options.which, robot), np.random.default_rng(options.seed)
+    rng = np.random.default_rng(options.seed)
+    expert = reaching_expert(robot) if options.which == "reach" else picking_expert(robot, PICKED)
     episodes = options.episodes or recipe.episodes
     started = time.perf_counter()
     demonstrations = [expert.demonstrate(rng) for _ in range(episodes)]

@@ -16,6 +16,7 @@ from bestman_bt.manipulation.policy.errors import (
     PolicyUnreachableError,
     StaleChunkError,
 )
+from bestman_bt.manipulation.policy.expert_policy import ExpertPolicy
 from bestman_bt.manipulation.policy.features import feature_vector, pose_error, pose_vector
 from bestman_bt.manipulation.policy.load import load_policy
 from bestman_bt.manipulation.policy.onnx_policy import (
@@ -50,6 +51,7 @@ __all__ = [
     "Demonstration",
     "DemonstrationFormat",
     "DemonstrationRecorder",
+    "ExpertPolicy",
     "MissingPolicyExtraError",
     "Observation",
     "OnnxPolicy",

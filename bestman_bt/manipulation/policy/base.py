@@ -33,7 +33,8 @@ class Observation:
     ``joint_positions``: (n,) radians. ``base_from_tool``: by encoders. ``gripper_width``: metres, or None.
     ``goal``: (g,) what is asked, as the specification says; for a reach x, y, z and the quaternion xyzw of the tool,
     in the base frame, for a pick the object's pose as perception has it. ``images``: (H, W, 3) uint8 RGB by the
-    camera's role. ``joint_velocities``: (n,) rad/s by encoders, or None. Raises PolicyObservationError.
+    camera's role. ``joint_velocities``: (n,) rad/s, as the arm is asked to move now, or None. Raises
+    PolicyObservationError.
     """
 
     joint_positions: NDArray[np.float64]

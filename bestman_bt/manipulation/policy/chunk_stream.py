@@ -27,6 +27,8 @@ _TARGET_SHARE = 0.9
 """Share of the limits that a waypoint may ask for: ruckig needs some room to arrive in time."""
 _MARGIN = 0.03
 """rad that waypoints keep from the joint limits: between them the motion may swing out a little."""
+_SWING = 0.01
+"""rad by which a joint may pass the end of the chunk and come back."""
 _SKIP = 4
 """How many waypoints ahead the motion looks when it cannot be in time at the next one."""
 
@@ -178,12 +180,15 @@ class ChunkStream:
 
     def _timed(self, times: Array, waypoints: Array, state: StreamState, at: float) -> StreamedMotion:
         """Ruckig from waypoint to waypoint, each passed in motion; ``times`` count from ``at``."""
-        targets = self._targets(times, waypoints, state)
+        targets, last = self._targets(times, waypoints, state), len(times) - 1
+        braking = self._braking(times, targets)
         now, late, index = 0.0, 0.0, 1
         sampled: list[tuple[float, StreamState]] = [(0.0, state)]
-        while index < len(times):
+        while index <= last:
+            # Up to where it brakes for its end, then that in one go.
+            choices = range(index, min(index + _SKIP, braking + 1)) if index <= braking else (last,)
             best: tuple[float, int, ruckig.Trajectory] | None = None
-            for ahead in range(index, min(index + _SKIP, len(times))):
+            for ahead in choices:
                 span = float(times[ahead]) + late - now
                 segment = self._segment(sampled[-1][1], targets[ahead], span)
                 if segment is not None and (best is None or segment.duration - span < best[0] - 1e-3):
@@ -201,6 +206,19 @@ class ChunkStream:
                 sampled.append((now + time, StreamState(*map(np.array, (position, velocity, acceleration)))))
             now, index = now + segment.duration, reached + 1
         return self._motion(sampled, at)
+
+    def _braking(self, times: Array, targets: list[StreamState]) -> int:
+        """The last waypoint from which the motion can come to rest at the end of the chunk without passing it."""
+        end = targets[-1]
+        for index in range(len(targets) - 2, 0, -1):
+            segment = self._segment(targets[index], end, float(times[-1] - times[index]))
+            if segment is None:
+                continue
+            ends = np.sort([targets[index].positions, end.positions], axis=0)
+            extrema = np.array([(extremum.min, extremum.max) for extremum in segment.position_extrema]).T
+            if np.all(extrema[0] >= ends[0] - _SWING) and np.all(extrema[1] <= ends[1] + _SWING):
+                return index
+        return 0
 
     def _targets(self, times: Array, waypoints: Array, start: StreamState) -> list[StreamState]:
         """Waypoints with the velocities and accelerations at which they are passed; the last one at rest."""

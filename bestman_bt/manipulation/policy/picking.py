@@ -135,6 +135,7 @@ class PickingExpert:
             space="joint_deltas",
             horizon=p.horizon,
             dt=p.dt,
+            executed=p.executed,
             robot=robot,
             needs_gripper=True,
             moves_gripper=True,
@@ -179,6 +180,11 @@ class PickingExpert:
             chunks.append(np.column_stack([deltas, gripper]))
             state = self._pushed(steps[p.executed], rng)
         return Demonstration(tuple(observations), np.array(chunks))
+
+    def plan(self, state: PickState, goal: Pose) -> tuple[Array, Array]:
+        """The next H joint deltas (H, n) and what the gripper is told (H,); PolicyError at a limit of the arm."""
+        steps, gripper = self._ahead(state, goal)
+        return np.diff([step.positions for step in steps], axis=0), np.array(gripper)
 
     def lifted(self, state: PickState, goal: Pose) -> bool:
         """Whether the object is in the hand and as high as it shall be, within a centimetre."""

@@ -84,6 +84,7 @@ class ReachingExpert:
             space="joint_deltas",
             horizon=p.horizon,
             dt=p.dt,
+            executed=p.executed,
             robot=robot,
             workspace=(tuple(low.tolist()), tuple(high.tolist())),
             description="moves the tool to the goal pose; trained by behaviour cloning of reaching",

@@ -1,4 +1,4 @@
-"""Trying a policy in kinematics alone: the first half of each chunk is carried out exactly, then it is asked again."""
+"""Trying a policy in kinematics alone: of each chunk what is meant to be executed is, exactly; then the next."""
 
 from __future__ import annotations
 
@@ -45,10 +45,9 @@ def roll_out(
         tool = kinematics.tool_pose(path[-1])
         chunk = policy.act(Observation(path[-1], tool, pose_vector(told), joint_velocities=velocities))
         steps = chunk_path(chunk, path[-1], kinematics, arm)
-        half = max(1, (len(steps) - 1) // 2)
-        path.extend(steps[1 : half + 1])
-        following = steps[min(half + 1, len(steps) - 1)]
-        velocities = (following - steps[half - 1]) / (2.0 * chunk.dt)
+        done = policy.specification.executed or max(1, (len(steps) - 1) // 2)
+        path.extend(steps[1 : done + 1])
+        velocities = (steps[min(done + 1, len(steps) - 1)] - steps[done - 1]) / (2.0 * chunk.dt)
         error = pose_error(judged, kinematics.tool_pose(path[-1]))
         errors.append((np.linalg.norm(error[:3]), np.linalg.norm(error[3:])))
     return Rollout(np.array(path), np.array(errors))

@@ -16,7 +16,8 @@ class PolicySpecification:
 
     ``robot``: the robot model it was trained on; empty: any that fits. ``joint_names``: the n joints, in the order of
     positions and actions. ``space``: value of an ``ActionSpace``. ``horizon``: H; 0: it varies. ``dt``: seconds per
-    action. ``goal_size``: entries of the goal vector. ``images``: camera → (H, W) pixels. ``needs_gripper``: whether it
+    action. ``executed``: how many actions are carried out before it is asked again; 0: half of them.
+    ``goal_size``: entries of the goal vector. ``images``: camera → (H, W) pixels. ``needs_gripper``: whether it
     looks at the gripper's width. ``moves_gripper``: whether its chunks have widths; ``open_width``: metres, that of
     an open gripper, where it only opens and closes.
     ``workspace``: lower and upper corner of the box, in the base frame, in which the tool may be while it acts: where
@@ -27,6 +28,7 @@ class PolicySpecification:
     space: str
     horizon: int
     dt: float
+    executed: int = 0
     goal_size: int = 7
     robot: str = ""
     images: Mapping[str, tuple[int, int]] = field(default_factory=dict)

@@ -1,0 +1,36 @@
+"""The picking expert as a policy: it shows in physics what a learned one is to imitate."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
+from bestman_bt.manipulation.policy.errors import PolicyObservationError
+from bestman_bt.manipulation.policy.picking import PickingExpert, PickState
+from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.messages import Pose
+
+
+class ExpertPolicy(Policy):
+    """Sees what a learned policy sees, and answers by planning."""
+
+    def __init__(self, expert: PickingExpert, robot: str) -> None:
+        self._expert, self._specification = expert, expert.specification(robot)
+
+    @property
+    def specification(self) -> PolicySpecification:
+        """That of the policy which learns from it."""
+        return self._specification
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def act(self, observation: Observation) -> ActionChunk:
+        """See Policy; PolicyObservationError without velocities, the gripper's width or a pose as goal."""
+        velocities, width, goal = observation.joint_velocities, observation.gripper_width, observation.goal
+        if velocities is None or width is None or goal.shape != (7,):
+            raise PolicyObservationError("the expert needs velocities, the gripper's width and a pose as goal")
+        state = PickState(observation.joint_positions, velocities, np.zeros(len(velocities)), width)
+        deltas, gripper = self._expert.plan(state, Pose(goal[:3], goal[3:]))
+        widths = np.where(gripper > 0.0, self._specification.open_width, 0.0)
+        return ActionChunk(deltas, self._specification.dt, ActionSpace.JOINT_DELTAS, widths)
