@@ -22,10 +22,12 @@ from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.calibration_overlay import with_calibration
 from bestman_bt.robot_model.describe import describe
 from bestman_bt.robot_model.hardware_config import with_hardware
+from bestman_bt.robot_model.load_limits import load_problems
 from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.mounting import mount_place, mount_problems
 from bestman_bt.robot_model.part_config import ArmPart, BasePart, GripperPart, JointGroupPart
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
-from bestman_bt.robot_model.robot_config import MountedPart, RobotConfig
+from bestman_bt.robot_model.robot_config import RobotConfig
 from bestman_bt.robot_model.urdf_elements import fixed_joint
 
 
@@ -54,18 +56,23 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     urdf = ET.Element("robot", name=name)
     for part in placed.values():
         urdf.extend(part.elements)
-        mounted = config.parts[part.name]
-        if mounted.mount is not None:
-            urdf.append(fixed_joint(f"{part.name}_mount_joint", mounted.mount, part.root, mounted.xyz, mounted.rpy))
+        place = mount_place(config.parts[part.name], placed)
+        if place is not None:
+            link, xyz, rpy = place
+            urdf.append(fixed_joint(f"{part.name}_mount_joint", link, part.root, xyz, rpy))
         _write_limits(part)
     links = {link.get("name", "") for link in urdf.findall("link")}
-    if config.base_frame not in links:
-        message = f"no link {config.base_frame!r}; {suggestion(config.base_frame, list(links))}"
+    base_frame = config.base_frame or next(iter(placed.values())).root
+    if base_frame not in links:
+        message = f"no link {base_frame!r}; {suggestion(base_frame, list(links))}"
         raise ConfigurationError([document.problem(("base_frame",), message)])
     postures = _postures(config, document, placed)
     ignored = _declared_pairs(config, document, placed, links)
     ET.indent(urdf)
-    model = describe(name, urdf, config.base_frame, placed, postures, ignored)
+    model = describe(name, urdf, base_frame, placed, postures, ignored)
+    problems = load_problems(model, placed, document)
+    if problems:
+        raise ConfigurationError(problems)
     return with_hardware(model, config, document)
 
 
@@ -73,42 +80,28 @@ def _place_parts(config: RobotConfig, document: Document) -> dict[str, PlacedPar
     problems: list[Problem] = []
     placed: dict[str, PlacedPart] = {}
     taken: set[str] = set()
-    links: list[str] = []
     unread = False  # a part that could not be read takes its frames away: no word on later mounts
     for part_name, mounted in config.parts.items():
-        if not unread:
-            problems += _mount_problems(document, part_name, mounted, links)
         changes = document.below("parts", part_name, "set") if mounted.set else Document({})
         asked_by = document.problem(("parts", part_name, "part"), "")
         try:
-            part = read_part(part_name, mounted.part, changes, asked_by, taken)
+            part: PlacedPart | None = read_part(part_name, mounted.part, changes, asked_by, taken)
         except ConfigurationError as error:
-            problems += error.problems
+            part = None
+            faults = error.problems
+        if not unread:
+            problems += mount_problems(document, part_name, mounted, part, placed)
+        if part is None:
+            problems += faults
             unread = True
             continue
         placed[part_name] = part
         taken |= {element.get("name", "") for element in part.elements}
-        links += part.links
     if not config.parts:
         problems.append(document.problem(("parts",), "a robot needs at least one part"))
     if problems:
         raise ConfigurationError(problems)
     return placed
-
-
-def _mount_problems(document: Document, part_name: str, mounted: MountedPart, links: list[str]) -> list[Problem]:
-    first = not links
-    if first and mounted.mount is not None:
-        return [document.problem(("parts", part_name, "mount"), "the first part is the root and is mounted on nothing")]
-    if not first and mounted.mount is None:
-        message = f"'mount' is missing: the link that carries the part; there are {', '.join(links)}"
-        return [document.problem(("parts", part_name), message)]
-    if mounted.mount is not None and mounted.mount not in links:
-        message = (
-            f"no frame {mounted.mount!r} to mount on; {suggestion(mounted.mount, links)} (frames: {', '.join(links)})"
-        )
-        return [document.problem(("parts", part_name, "mount"), message)]
-    return []
 
 
 def _write_limits(part: PlacedPart) -> None:
@@ -133,6 +126,8 @@ def _write_limits(part: PlacedPart) -> None:
         limit = element.find("limit")
         limit = ET.SubElement(element, "limit") if limit is None else limit
         lower, upper, velocity, effort = row_or_none
+        if element.get("type") == "continuous" and isinstance(config, ArmPart | JointGroupPart):
+            element.set("type", "revolute")  # its description says how far the cables let it turn
         if element.get("type") == "continuous":
             limit.attrib.pop("lower", None)
             limit.attrib.pop("upper", None)

@@ -31,6 +31,7 @@ from bestman_bt.robot_model.part_config import (
     JointLimitsConfig,
     LidarPart,
     StructurePart,
+    SuctionPart,
 )
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.self_pairs import allowed_self_pairs
@@ -69,11 +70,13 @@ def describe(
                 arms[part_name] = ArmModel(
                     joint_names=arm.joints,
                     base_frame=part.root,
-                    tool_frame=hand.tool if isinstance(hand, GripperPart) else arm.tip,
+                    tool_frame=hand.tool if isinstance(hand, GripperPart | SuctionPart) else arm.tip,
                     **_limits(arm.limits),
                 )
             case GripperPart() as gripper:
                 grippers[part_name] = _gripper(gripper, part)
+            case SuctionPart() as cup:
+                grippers[part_name] = _suction(cup, part.root)
             case JointGroupPart() as group:
                 groups[part_name] = JointGroupModel(joint_names=group.joints, **_limits(group.limits))
             case CameraPart() as camera:
@@ -115,7 +118,7 @@ def _hands(urdf: ET.Element, placed: Mapping[str, PlacedPart]) -> dict[str, str]
     arm_of_link = {link: p.name for p in placed.values() if isinstance(p.config, ArmPart) for link in p.links}
     hands = {}
     for part in placed.values():
-        if isinstance(part.config, GripperPart):
+        if isinstance(part.config, GripperPart | SuctionPart):
             link = part.root
             while link in parents and link not in arm_of_link:
                 link = parents[link][0]
@@ -204,6 +207,23 @@ def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:
         friction=gripper.friction,
         opening=part.opening,
         followers=tuple(mimic for mimic in part.mimics if mimic.joint not in gripper.joints),
+    )
+
+
+def _suction(cup: SuctionPart, root: str) -> GripperModel:
+    return GripperModel(
+        joint_names=(),
+        finger_links=(cup.cup,),
+        hand_link=root,
+        min_width=0.0,
+        max_width=2 * cup.cup_radius,
+        max_speed=1.0,
+        max_force=cup.max_force,
+        finger_depth=cup.cup_depth,
+        pad_size=(2 * cup.cup_radius, 2 * cup.cup_radius),
+        friction=cup.friction,
+        kind="suction",
+        seal_gap=cup.seal_gap,
     )
 
 

@@ -16,7 +16,14 @@ from bestman_bt.robot_model.generated_bases import (
     differential_base,
     steered_base,
 )
-from bestman_bt.robot_model.generated_hands import ParallelHand, parallel_hand
+from bestman_bt.robot_model.generated_hands import (
+    ParallelHand,
+    SuctionCup,
+    SwingingHand,
+    parallel_hand,
+    suction_cup,
+    swinging_hand,
+)
 from bestman_bt.robot_model.urdf_elements import (
     box_inertial,
     fixed_joint,
@@ -24,6 +31,7 @@ from bestman_bt.robot_model.urdf_elements import (
     shape,
     turning_joint,
 )
+from bestman_bt.robot_model.urdf_source import Subtree
 
 _RUBBER, _STEEL, _DARK = (0.08, 0.08, 0.09), (0.62, 0.64, 0.67), (0.13, 0.14, 0.16)
 _ACROSS = (math.pi / 2, 0.0, 0.0)  # turns a cylinder's axis from z to y
@@ -142,7 +150,7 @@ def sensing_flange(name: str, _: SensingFlange) -> list[ET.Element]:
     return [link(f"{name}_link")]
 
 
-GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element]]]] = {
+GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element] | Subtree]]] = {
     "differential_base": (DifferentialBase, differential_base),
     "parallel_hand": (ParallelHand, parallel_hand),
     "post": (Post, post),
@@ -150,5 +158,7 @@ GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element]]]] = {
     "camera_body": (CameraBody, camera_body),
     "built_in_lidar": (BuiltInLidar, built_in_lidar),
     "steered_base": (SteeredBase, steered_base),
+    "suction_cup": (SuctionCup, suction_cup),
+    "swinging_hand": (SwingingHand, swinging_hand),
     "sensing_flange": (SensingFlange, sensing_flange),
 }

@@ -33,13 +33,14 @@ class ArmModel:
 
 @dataclass(frozen=True)
 class GripperModel:
-    """A parallel gripper; widths in metres.
+    """A gripper of the ``kind`` ``parallel`` or ``suction``; widths in metres.
 
     ``joint_names``: the joints that drive its fingers, all alike: sliding ones share the width equally, others are
     related to it by ``opening``, pairs (position, width) from the widest to the closed hand. ``followers``: joints
     that a mechanism couples to these. ``finger_links``: the links that may touch a grasped object. ``hand_link``:
     their parent. ``finger_depth``: metres from the tool frame back to the palm, ``pad_size``: (width across, height
-    along z) metres.
+    along z) metres. A suction cup has no joints and one finger link, the cup; ``max_force`` is what its vacuum holds
+    with, and its widths are nominal: 0 sucks, ``max_width`` lets go.
     """
 
     joint_names: tuple[str, ...]
@@ -54,6 +55,8 @@ class GripperModel:
     friction: float
     opening: tuple[tuple[float, float], ...] = ()
     followers: tuple[MimicJoint, ...] = ()
+    kind: str = "parallel"
+    seal_gap: float = 0.0
 
     def joint_positions(self, width: float) -> dict[str, float]:
         """Positions of all joints of the hand, followers included, when it is open by ``width``."""

@@ -109,8 +109,8 @@ class BasePart(PartConfig):
     ``drive``: ``differential`` and ``skid`` have wheels that cannot be steered, left and right in turns; a skid drive
     drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
     2007). ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
-    ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``payload``: what it may carry
-    by its maker's word.
+    ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``deck``: where a column for an
+    arm stands on it. ``payload``: what it may carry by its maker's word.
     """
 
     kind: Literal["base"]
@@ -126,6 +126,7 @@ class BasePart(PartConfig):
     steering_joints: tuple[str, ...] = ()
     steering_torque: Torque = 0.0
     steering_speed: AngularSpeed = 0.0
+    deck: FrameConfig | None = None
     payload: Mass | None = None
     max_vx: Speed
     max_vy: Speed = 0.0
@@ -136,9 +137,10 @@ class BasePart(PartConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class StructurePart(PartConfig):
-    """Links without joints of their own: a column, a mast, a shelf."""
+    """Links without joints of their own: a column, a mast, a shelf. ``top``: the link that carries other parts."""
 
     kind: Literal["structure"]
+    top: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,6 +180,23 @@ class GripperPart(PartConfig):
     max_force: Force
     finger_depth: PositiveLength
     pad_size: Size2
+    friction: Friction
+
+
+@dataclass(frozen=True, kw_only=True)
+class SuctionPart(PartConfig):
+    """A suction cup: ``tool``: in the middle of the rim of the link ``cup``, z out of it.
+
+    ``max_force``: with which a full vacuum holds, perpendicular to the cup. ``seal_gap``: how far off a surface may be.
+    """
+
+    kind: Literal["suction"]
+    tool: str
+    cup: str
+    cup_radius: PositiveLength
+    cup_depth: PositiveLength
+    max_force: Force
+    seal_gap: Length = 0.001
     friction: Friction
 
 
@@ -253,7 +272,15 @@ class ForceTorquePart(PartConfig):
 
 
 AnyPart: TypeAlias = (
-    BasePart | StructurePart | ArmPart | GripperPart | JointGroupPart | CameraPart | LidarPart | ForceTorquePart
+    BasePart
+    | StructurePart
+    | ArmPart
+    | GripperPart
+    | SuctionPart
+    | JointGroupPart
+    | CameraPart
+    | LidarPart
+    | ForceTorquePart
 )
 
 PART_KINDS: dict[str, type[AnyPart]] = {
@@ -261,6 +288,7 @@ PART_KINDS: dict[str, type[AnyPart]] = {
     "structure": StructurePart,
     "arm": ArmPart,
     "gripper": GripperPart,
+    "suction": SuctionPart,
     "joint_group": JointGroupPart,
     "camera": CameraPart,
     "lidar": LidarPart,

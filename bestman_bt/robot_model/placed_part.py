@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ WIDTH_TOLERANCE = 1e-3
 _NAME_FIELDS = (
     "root",
     "tip",
+    "top",
     "tool",
     "frame",
     "wheel_joints",
@@ -31,6 +33,7 @@ _NAME_FIELDS = (
     "caster_links",
     "joints",
     "finger_links",
+    "cup",
     "may_touch",
 )
 
@@ -54,6 +57,12 @@ class PlacedPart:
     def links(self) -> list[str]:
         """Names of the part's links."""
         return [element.get("name", "") for element in self.elements if element.tag == "link"]
+
+    def mass_of(self, links: Iterable[str]) -> float:
+        """The mass of some of its links, kg."""
+        wanted = set(links)
+        masses = (e.find("inertial/mass") for e in self.elements if e.tag == "link" and e.get("name", "") in wanted)
+        return sum(float(mass.get("value", "0")) for mass in masses if mass is not None)
 
 
 def read_part(name: str, description: str, changes: Document, asked_by: Problem, taken: set[str]) -> PlacedPart:
@@ -164,8 +173,10 @@ def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> S
         raise ConfigurationError(
             dataclasses.replace(p, field=f"dimensions.{p.field}" if p.field else "dimensions") for p in error.problems
         ) from error
-    elements = generate(name, dimensions)
-    return Subtree(elements, elements[0].get("name", ""))
+    generated_part = generate(name, dimensions)
+    if isinstance(generated_part, Subtree):
+        return generated_part
+    return Subtree(generated_part, generated_part[0].get("name", ""))
 
 
 def _check_names(config: AnyPart, document: Document, names: set[str]) -> None:

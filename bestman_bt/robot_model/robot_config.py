@@ -14,6 +14,7 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyCon
 class MountedPart:
     """One part of a robot: ``part`` names its description, ``mount`` the link of an earlier part that carries it.
 
+    The name of an earlier part means the link that it carries others with: an arm's tip, a column's top, a base's deck.
     ``xyz`` (metres) and ``rpy`` (radians) place the part's root on that link. ``set`` replaces single fields of the
     part's description.
     """
@@ -27,7 +28,7 @@ class MountedPart:
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """A robot: its parts by name, the first one is the root.
+    """A robot: its parts by name, the first one is the root. ``base_frame``: by default the root of the first part.
 
     ``calibration``: files that a calibration wrote; what they say of parts is laid over ``parts``.
     ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot meet, left
@@ -35,8 +36,8 @@ class RobotConfig:
     ``safety``: what it may do at most.
     """
 
-    base_frame: str
     parts: Mapping[str, MountedPart]
+    base_frame: str | None = None
     postures: Mapping[str, Mapping[str, tuple[JointPosition, ...]]] = field(default_factory=dict)
     never_touch: tuple[tuple[str, str], ...] = ()
     calibration: tuple[str, ...] = ()

@@ -1,0 +1,81 @@
+"""Where parts are mounted: on a link of an earlier part, or simply on that part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from bestman_bt.configuration import Document, Problem
+from bestman_bt.messages import Pose
+from bestman_bt.registry import suggestion
+from bestman_bt.robot_model.part_config import ArmPart, BasePart, StructurePart
+from bestman_bt.robot_model.placed_part import PlacedPart
+from bestman_bt.robot_model.robot_config import MountedPart
+from bestman_bt.robot_model.urdf_elements import child_of
+
+Vector = tuple[float, float, float]
+Place = tuple[str, Vector, Vector]
+"""A link, and where the root of the part is on it: xyz in metres, roll, pitch and yaw in radians."""
+
+
+def mount_place(mounted: MountedPart, placed: Mapping[str, PlacedPart]) -> Place | None:
+    """Where a part goes; None if its ``mount`` is neither a link nor a part that carries others.
+
+    The name of a part means its ``tip`` (of an arm), ``top`` (of a structure) or ``deck`` (of a base).
+    """
+    own, name = (mounted.xyz, mounted.rpy), mounted.mount or ""
+    if any(name in part.links for part in placed.values()):
+        return name, *own
+    carrier = placed[name].config if name in placed else None
+    if isinstance(carrier, ArmPart):
+        return carrier.tip, *own
+    if isinstance(carrier, StructurePart) and carrier.top is not None:
+        return carrier.top, *own
+    if isinstance(carrier, BasePart) and carrier.deck is not None:
+        pose = Pose.from_xyz_rpy(carrier.deck.xyz, carrier.deck.rpy) @ Pose.from_xyz_rpy(*own)
+        x, y, z = pose.position.tolist()
+        return carrier.deck.link, (x, y, z), pose.roll_pitch_yaw
+    return None
+
+
+def mount_problems(
+    document: Document, name: str, mounted: MountedPart, part: PlacedPart | None, placed: Mapping[str, PlacedPart]
+) -> list[Problem]:
+    """What is wrong with where ``part`` (None: it could not be read) is mounted; ``placed``: the parts before it."""
+    field = ("parts", name, "mount")
+    links = [link for earlier in placed.values() for link in earlier.links]
+    if not links:
+        if mounted.mount is None:
+            return []
+        return [document.problem(field, "the first part is the root and is mounted on nothing")]
+    if part is not None and isinstance(part.config, BasePart):
+        return [document.problem(("parts", name), "a base stands on the floor: it has to be the first part")]
+    if mounted.mount is None:
+        message = f"'mount' is missing: the link that carries the part; there are {', '.join(links)}"
+        return [document.problem(("parts", name), message)]
+    place = mount_place(mounted, placed)
+    if place is None:
+        return [document.problem(field, _no_frame(mounted.mount, placed, links))]
+    wheel = _wheel_that_turns(place[0], placed)
+    if wheel is not None:
+        message = f"{place[0]!r} turns with the joint {wheel!r} of a wheel: nothing can be mounted there"
+        return [document.problem(field, message)]
+    return []
+
+
+def _no_frame(mount: str, placed: Mapping[str, PlacedPart], links: list[str]) -> str:
+    if mount in placed:
+        return (
+            f"the {placed[mount].config.kind} {mount!r} does not say where it carries something: name a link of it "
+            f"({', '.join(placed[mount].links)})"
+        )
+    return f"no frame {mount!r} to mount on; {suggestion(mount, [*placed, *links])} (frames: {', '.join(links)})"
+
+
+def _wheel_that_turns(link: str, placed: Mapping[str, PlacedPart]) -> str | None:
+    for part in placed.values():
+        if isinstance(part.config, BasePart):
+            turned = {*part.config.wheel_joints, *part.config.steering_joints}
+            for element in part.elements:
+                if element.get("name", "") in turned and child_of(element) == link:
+                    return element.get("name", "")
+    return None
