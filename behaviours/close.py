@@ -59,7 +59,14 @@ class Close(Skill):
     OUTPUT_PORTS: ClassVar = {
         "left": PortInformation(float, required=False, description="how far it may still be open, metres or radians")
     }
-    DECLARATION = Declaration(pre=("not holding(any)",), effects=("not open({articulation})",))
+    DECLARATION = Declaration(
+        pre=("not holding(any)",),
+        effects=("not open({articulation})",),
+        recovery={
+            "no_push": "stand elsewhere: FindCloseStand, NavigateTo",
+            "not_found": "it is open less, or farther, than believed: FindLookStand, DetectHandle",
+        },
+    )
 
     def execute(self) -> Steps:
         """Plan, close the fingers, touch, push, withdraw."""

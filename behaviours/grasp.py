@@ -57,7 +57,14 @@ class PlanGrasp(Skill):
         "count": PortInformation(int, required=False, default_value=4, description="how many to keep"),
     }
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, description="planned grasps, best first")}
-    DECLARATION = Declaration(pre=("located({object})",), effects=("grasps_known({object})",))
+    DECLARATION = Declaration(
+        pre=("located({object})",),
+        effects=("grasps_known({object})",),
+        recovery={
+            "object_not_found": "DetectObject first",
+            "no_grasp": "stand elsewhere: FindStandPose, NavigateTo; or look again: DetectObject",
+        },
+    )
 
     def execute(self) -> Steps:
         """Propose, check, rank."""
@@ -118,7 +125,15 @@ class Grasp(Skill):
         "force": PortInformation(float, required=False, description="closing force, newtons; by default by the weight"),
     }
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, required=False, description="the grasps that are left")}
-    DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))
+    DECLARATION = Declaration(
+        pre=("grasps_known({object})", "not holding(any)"),
+        effects=("holding({object})",),
+        recovery={
+            "no_path": "Grasp again: the next planned grasp",
+            "grasp_failed": "the object has moved: DetectObject, PlanGrasp",
+            "no_grasp": "PlanGrasp from another stand: FindStandPose, NavigateTo",
+        },
+    )
 
     def on_load(self) -> None:
         """Nothing has failed yet."""

@@ -35,7 +35,11 @@ class LookInto(Skill):
         "object": PortInformation(str, required=False, description="an object on it; looked at where it has been seen"),
         "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
     }
-    DECLARATION = Declaration(pre=("not holding(any)",), effects=("looking_at({surface})",))
+    DECLARATION = Declaration(
+        pre=("not holding(any)",),
+        effects=("looking_at({surface})",),
+        recovery={"no_view": "stand elsewhere: FindStandPose, NavigateTo; from afar: LookAt"},
+    )
 
     def execute(self) -> Steps:
         """Find postures of the arm, go to the first that is reached."""

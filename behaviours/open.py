@@ -50,7 +50,17 @@ class Open(Skill):
     OUTPUT_PORTS: ClassVar = {
         "opened": PortInformation(float, required=False, description="how far it is open, metres or radians")
     }
-    DECLARATION = Declaration(pre=("handle_known({handle})", "not holding(any)"), effects=("open({articulation})",))
+    DECLARATION = Declaration(
+        pre=("handle_known({handle})", "not holding(any)"),
+        effects=("open({articulation})",),
+        recovery={
+            "handle_not_found": "DetectHandle first",
+            "no_grasp": "stand elsewhere: FindOpenStand, NavigateTo",
+            "grasp_failed": "look again from near by: LookAt, DetectHandle",
+            "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
+            "out_of_reach": "Open again, from another stand: FindOpenStand, NavigateTo",
+        },
+    )
 
     def execute(self) -> Steps:
         """Plan, grasp, follow, let go, withdraw."""

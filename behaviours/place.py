@@ -43,7 +43,13 @@ class FindPlacePose(Skill):
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
     OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="of the placed object, in the map frame")}
-    DECLARATION = Declaration(effects=("free({goal})",))
+    DECLARATION = Declaration(
+        effects=("free({goal})",),
+        recovery={
+            "goal_taken": "another goal: FindFreePlace",
+            "goal_not_seen": "another view: FindStandPose, NavigateTo, LookAt",
+        },
+    )
 
     def execute(self) -> Steps:
         """Capture, measure the surface, look for room."""
@@ -88,7 +94,14 @@ class PlaceOn(Skill):
         "object": PortInformation(str, description="the held object"),
         "pose": PortInformation(Pose, description="where it shall stand, in the map frame"),
     }
-    DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
+    DECLARATION = Declaration(
+        pre=("holding({object})", "free({pose})"),
+        effects=("lowered({object}, {pose})",),
+        recovery={
+            "not_holding": "find it and take it: DetectObject, PlanGrasp, Grasp",
+            "no_approach": "stand elsewhere: FindStandPose, NavigateTo",
+        },
+    )
 
     def execute(self) -> Steps:
         """Plan above and down, then move."""

@@ -50,7 +50,12 @@ class PlaceIn(PlaceOn):
         "pose": PortInformation(Pose, description="where it shall stand in the drawer, in the map frame"),
     }
     DECLARATION = Declaration(
-        pre=("holding({object})", "free({pose})"), hold=("open(drawer)",), effects=("lowered({object}, {pose})",)
+        pre=("holding({object})", "free({pose})"),
+        effects=("lowered({object}, {pose})",),
+        recovery={
+            **PlaceOn.DECLARATION.recovery,
+            "no_drawer": "see that it stands open: IsOpen, Open; ask where the goal is now: GoalOnSurface",
+        },
     )
 
     def _above(self, held: HeldObject) -> float:

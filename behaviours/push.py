@@ -81,7 +81,12 @@ class Push(Skill):
         "pushed": PortInformation(float, required=False, description="metres that the hand went on with the object")
     }
     DECLARATION = Declaration(
-        pre=("located({object})", "not holding(any)", "free({goal})"), effects=("at({object}, {goal})",)
+        pre=("located({object})", "not holding(any)", "free({goal})"),
+        effects=("at({object}, {goal})",),
+        recovery={
+            "object_not_found": "DetectObject first",
+            "no_approach": "stand elsewhere: FindPushStand, NavigateTo",
+        },
     )
 
     def execute(self) -> Steps:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
 
 from py_trees.ports import PortInformation
@@ -49,11 +49,13 @@ class Declaration:
     """What a skill needs and brings about, in terms of its ports: ``holding({object})``, ``at({goal})``.
 
     ``pre``: must hold at the start. ``hold``: must hold all the way. ``effects``: hold after success; ``not`` negates.
+    ``recovery``: error code → what a tree may try then, by the names of leaves.
     """
 
     pre: tuple[str, ...] = ()
     hold: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
+    recovery: Mapping[str, str] = field(default_factory=dict)
 
 
 class Explained:
