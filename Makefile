@@ -35,7 +35,7 @@ eval-full: install
 	$(BIN)/bestman-bt eval manipulation --jobs $(JOBS) --episodes 50
 
 gallery: install
-	$(BIN)/python scripts/gallery.py --jobs $(JOBS)
+	$(BIN)/python scripts/gallery --jobs $(JOBS)
 
 lint: install
 	$(BIN)/ruff check .

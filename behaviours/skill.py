@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
@@ -14,6 +15,7 @@ from behaviours.failure import Failure
 from bestman_bt.control import ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, StatefulAction
 from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
 
 Result = TypeVar("Result")
@@ -104,6 +106,14 @@ class Skill(Explained, StatefulAction):
         """Do the work: ``result = yield handle`` waits; raise SkillFailure to fail."""
         raise NotImplementedError(f"{type(self).__name__} does not define execute()")
 
+    def get_input(self, port: str) -> Any:
+        """The value of a port; SkillFailure (``bad_input``) for a number that is none."""
+        value = super().get_input(port)
+        numbers = [value] if isinstance(value, float) else _coordinates(value)
+        if any(math.isnan(number) for number in numbers):
+            raise SkillFailure("bad_input", f"{port} is {value}; finite numbers are accepted")
+        return value
+
     def compute(self, what: str, work: Any, *arguments: Any, **options: Any) -> Job[Any]:
         """Submit ``work(*arguments, **options)``; ``what`` names its configured cost."""
         skills = self.skills
@@ -168,6 +178,16 @@ class SkillCondition(Explained, Condition):
         """SUCCESS if the condition holds."""
         refusal = self.check()
         return self.succeed() if refusal is None else self.explain(*refusal)
+
+
+def _coordinates(value: Any) -> list[float]:
+    """The numbers of a pose; none of anything else."""
+    match value:
+        case Pose():
+            return [*value.position.tolist(), *value.quaternion.tolist()]
+        case Pose2D():
+            return [value.x, value.y, value.theta]
+    return []
 
 
 def _outcome(pending: Awaitable) -> Any:
