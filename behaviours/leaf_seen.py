@@ -13,6 +13,8 @@ ACROSS = 0.05
 """Metres by which a handle may be beside its front, in addition to what the map may be off."""
 FACING = math.cos(math.radians(12.0))
 """Cosine of what a drawer's front may be turned."""
+LEVER = 0.3
+"""Share of a door's width that a handle is from the hinge at least: nearer, a gap looks like a recessed edge."""
 SHUT = {"prismatic": 0.02, "revolute": math.radians(2.5)}
 """What seems open by less than that, in addition to what the map may be off, counts as shut."""
 
@@ -40,6 +42,8 @@ def opening_seen(leaf: Leaf, handle: Handle) -> float | None:
         position = math.atan2(float(np.cross(closed, handle.outward) @ axis), float(closed @ handle.outward))
         error = piece.heading_error
     if not -error - SHUT[leaf.leaf.kind] <= position <= leaf.leaf.upper + error:
+        return None
+    if leaf.leaf.kind == "revolute" and leaf.lever(handle.pose.position) < LEVER * width:
         return None
     x, y, z = leaf.front(position).inverse().apply(handle.pose.position[None])[0]
     before = abs(x + thickness / 2 + handle.standoff) < slack

@@ -7,32 +7,61 @@ import math
 import pytest
 
 from bestman_bt.configuration import load_run
-from tests.behaviours.truth import audited, known_world, succeeds
+from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
-START = ("scene.robot_start.x=[-0.7, -0.65]", "scene.robot_start.y=[0.0, 0.05]", "scene.robot_start.yaw=[0.0, 0.05]")
-CLOSE = (
-    '<Sequence><FindCloseStand articulation="{articulation}" stand="{s}"/><MoveArm posture="carry"/>'
-    '<NavigateTo goal="{s}"/><Close articulation="{articulation}" left="{left}"/></Sequence>'
+DRAWER, DOOR = "drawer_chest/drawer_3", "fridge/upper_door"
+LOOK = (
+    '<FindLookStand articulation="{articulation}" stand="{s}" front="{front}"/><LookAt point="{front}"/>'
+    '<DetectHandle articulation="{articulation}" near="{front}"/>'
 )
+CLOSE = f'<Sequence>{LOOK}<Close articulation="{{articulation}}" left="{{left}}"/></Sequence>'
 
 
-def standing_open(task: str, leaf: str, position: str):
+def standing_open(task: str, leaf: str, written: str, stand: tuple[float, float, float], *more: str):
+    """A robot at ``stand`` (x, y, degrees) before furniture of which one leaf is open."""
     furniture, _, part = leaf.partition("/")
-    return known_world(
-        load_run(task, seed=1, settings=(*START, f"scene.furniture.{furniture}.open={{{part}: {position}}}"))
-    )
+    at = [f"scene.robot_start.{axis}=[{value}, {value}]" for axis, value in zip(("x", "y"), stand, strict=False)]
+    turn = f"scene.robot_start.yaw=[{math.radians(stand[2])}, {math.radians(stand[2])}]"
+    opened = f"scene.furniture.{furniture}.open={{{part}: {written}}}"
+    return known_world(load_run(task, seed=1, settings=(*at, turn, opened, "scene.start_clearance=20 cm", *more)))
 
 
 @pytest.mark.parametrize(
-    ("task", "leaf", "written", "position"),
-    [("open_drawer", "drawer_chest/drawer_3", "22 cm", 0.22), ("open_fridge", "fridge/upper_door", "80 deg", 1.40)],
+    ("task", "leaf", "written", "position", "stand"),
+    [
+        ("open_drawer", DRAWER, "22 cm", 0.22, (0.36, 0.33, -16.0)),
+        ("open_fridge", DOOR, "55 deg", 0.96, (0.52, -0.53, 44.0)),
+    ],
 )
-def test_what_is_believed_to_stand_open_is_pushed_shut(task: str, leaf: str, written: str, position: float) -> None:
-    with standing_open(task, leaf, written) as (session, truth):
-        session.skills.world.articulations[leaf] = position + 0.01
+def test_what_is_believed_to_stand_open_is_pushed_shut_by_the_fingers_alone(
+    task: str, leaf: str, written: str, position: float, stand: tuple[float, float, float]
+) -> None:
+    with standing_open(task, leaf, written, stand) as (session, truth):
+        session.skills.world.articulations[leaf] = position
         assert succeeds(session, CLOSE)
-        assert truth.articulation_position(leaf) < (0.005 if position < 1.0 else math.radians(1.0))
+        assert truth.articulation_position(leaf) < 0.005
         assert session.skills.world.articulations[leaf] == 0.0
         assert audited(session).honest
         touched = {body for contact in audited(session).collisions for body in (contact.first, contact.second)}
         assert touched <= {"panda_leftfinger", "panda_rightfinger", leaf.partition("/")[0]}
+
+
+def test_a_drawer_that_jams_is_told_with_how_far_it_is_open(tmp_path) -> None:
+    with standing_open("open_drawer", DRAWER, "22 cm", (0.36, 0.33, -16.0)) as (session, truth):
+        session.skills.world.articulations[DRAWER] = 0.22
+        simulation = session.robot.simulation
+        body, joint = simulation.built.articulations[DRAWER]
+        simulation.client.setJointMotorControl2(body, joint, 0, targetVelocity=0.0, force=400.0)
+        code, words = why_not(session, CLOSE)
+        assert code == "jammed", words
+        assert session.skills.world.articulations[DRAWER] == pytest.approx(
+            truth.articulation_position(DRAWER), abs=0.04
+        )
+        assert truth.articulation_position(DRAWER) > 0.20
+
+
+def test_a_drawer_that_is_not_where_it_is_believed_to_be_is_told() -> None:
+    with standing_open("open_drawer", DRAWER, "2 cm", (0.36, 0.33, -16.0)) as (session, _):
+        session.skills.world.articulations[DRAWER] = 0.22
+        code, words = why_not(session, '<Close articulation="{articulation}"/>')
+        assert code == "not_found", words

@@ -1,0 +1,67 @@
+"""How far a door or drawer stands open, told by a handle: every kind of leaf, and handles that are on no leaf."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from behaviours.leaf import Leaf
+from behaviours.leaf_seen import opening_seen
+from bestman_bt.messages import Handle, Pose, Pose2D
+from bestman_bt.scene import PlacedFurniture, Wall, World, read_furniture, semantic_map
+
+AT = Pose2D(1.2, -0.4, 0.7)
+OFF = Pose2D(1.22, -0.38, 0.72)  # where it really stands, within the map's error
+
+WALLS = (Wall((-3.0, -3.0), (3.0, -3.0), 1.2, 0.1), Wall((3.0, -3.0), (3.0, 3.0), 1.2, 0.1))
+
+
+def leaf_and_handle(name: str, part: str, position: float) -> tuple[Leaf, Handle]:
+    """The leaf as the map has it, and the true handle, on the leaf that is open by ``position``."""
+    model = read_furniture(name)
+    placed = PlacedFurniture(name, model, AT, OFF)
+    piece = semantic_map(World("one", 0, WALLS, (placed,), (), Pose2D(), {})).furniture[name]
+    articulation = next(leaf for leaf in model.articulations if leaf.name == part)
+    handle = articulation.handle.seen_from(placed.pose @ articulation.moved(position))
+    return Leaf(f"{name}/{part}", piece, piece.leaf(part)), handle
+
+
+@pytest.mark.parametrize("part", ["upper_door", "lower_door"])
+@pytest.mark.parametrize("degrees", [10.0, 30.0, 55.0, 90.0])
+def test_a_door_tells_by_the_direction_that_its_handle_faces(part: str, degrees: float) -> None:
+    leaf, handle = leaf_and_handle("fridge", part, math.radians(degrees))
+    assert opening_seen(leaf, handle) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
+
+
+@pytest.mark.parametrize("position", [0.10, 0.22, 0.30])
+def test_a_drawer_tells_by_how_far_its_handle_stands_out(position: float) -> None:
+    leaf, handle = leaf_and_handle("drawer_chest", "drawer_2", position)
+    assert opening_seen(leaf, handle) == pytest.approx(position, abs=0.045)
+
+
+@pytest.mark.parametrize(("name", "part"), [("fridge", "upper_door"), ("drawer_chest", "drawer_2")])
+def test_what_the_error_of_the_map_explains_counts_as_shut(name: str, part: str) -> None:
+    leaf, handle = leaf_and_handle(name, part, 0.0)
+    assert opening_seen(leaf, handle) == 0.0
+
+
+def test_a_handle_of_another_leaf_tells_nothing() -> None:
+    upper, _ = leaf_and_handle("fridge", "upper_door", 0.0)
+    _, lower_handle = leaf_and_handle("fridge", "lower_door", 0.5)
+    assert opening_seen(upper, lower_handle) is None
+    second, _ = leaf_and_handle("drawer_chest", "drawer_2", 0.0)
+    _, third_handle = leaf_and_handle("drawer_chest", "drawer_3", 0.2)
+    assert opening_seen(second, third_handle) is None
+
+
+def test_what_is_beside_the_leaf_or_at_its_hinge_is_no_handle_of_it() -> None:
+    leaf, handle = leaf_and_handle("fridge", "upper_door", 0.8)
+    for way in (np.array([0.0, 0.0, 0.5]), 0.5 * handle.outward):
+        moved = replace(handle, pose=Pose(handle.pose.position + way, handle.pose.quaternion))
+        assert opening_seen(leaf, moved) is None
+    assert handle.hinge is not None
+    at_hinge = np.array([*handle.hinge[:2], handle.pose.position[2]]) + 0.05 * handle.outward
+    assert opening_seen(leaf, replace(handle, pose=Pose(at_hinge, handle.pose.quaternion))) is None
