@@ -16,9 +16,10 @@ from bestman_bt.manipulation.motion_planning import Upright
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
 
-BESIDE = ((0.3, -0.33, 1.05), (0.25, -0.36, 1.15), (0.3, 0.33, 1.05), (0.4, -0.3, 1.05), (0.4, 0.0, 1.1))
-"""Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright."""
-ENOUGH = 3
+BESIDE = ((0.1, 0.35, 1.35), (0.0, 0.3, 1.35), (0.2, 0.4, 1.2), (0.0, -0.35, 1.3), (0.1, -0.4, 1.2))
+"""Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright: so far beside the mast
+that the head camera sees past hand and arm what is before the robot."""
+ENOUGH = 2
 """Postures among which the planner may choose."""
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
@@ -98,12 +99,15 @@ def _beside(
     skills = skill.skills
     found: list[NDArray[np.float64]] = []
     for place in BESIDE:
+        there: list[NDArray[np.float64]] = []
         for yaw in np.arange(8) * np.pi / 4:
             base_from_tool = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw)) @ held.tool_from_object.inverse()
             result = skills.algorithms.kinematics.solve(
                 base_from_tool, posture, skills.rng, count=1, is_valid=world.is_free, attempts=4
             )
-            found += result.solutions
+            there += result.solutions
+        if there:
+            found.append(min(there, key=lambda positions: float(np.abs(positions - posture).max())))
         if len(found) >= ENOUGH:
             break
     return found
