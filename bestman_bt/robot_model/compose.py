@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from bestman_bt.configuration import (
     ConfigurationError,
     Document,
@@ -22,10 +20,11 @@ from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.calibration_overlay import with_calibration
 from bestman_bt.robot_model.describe import describe
 from bestman_bt.robot_model.hardware_config import with_hardware
+from bestman_bt.robot_model.joint_limits import write_limits
 from bestman_bt.robot_model.load_limits import load_problems
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.mounting import mount_place, mount_problems
-from bestman_bt.robot_model.part_config import ArmPart, BasePart, GripperPart, JointGroupPart
+from bestman_bt.robot_model.part_config import ArmPart, JointGroupPart
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
 from bestman_bt.robot_model.robot_config import RobotConfig
 from bestman_bt.robot_model.urdf_elements import fixed_joint
@@ -60,7 +59,7 @@ def compose_robot(name: str, document: Document) -> RobotModel:
         if place is not None:
             link, xyz, rpy = place
             urdf.append(fixed_joint(f"{part.name}_mount_joint", link, part.root, xyz, rpy))
-        _write_limits(part)
+        write_limits(part)
     links = {link.get("name", "") for link in urdf.findall("link")}
     base_frame = config.base_frame or next(iter(placed.values())).root
     if base_frame not in links:
@@ -102,52 +101,6 @@ def _place_parts(config: RobotConfig, document: Document) -> dict[str, PlacedPar
     if problems:
         raise ConfigurationError(problems)
     return placed
-
-
-def _write_limits(part: PlacedPart) -> None:
-    """The URDF's own joint limits become those of the part's description."""
-    config = part.config
-    limits: dict[str, tuple[float, float, float, float]] = {}  # lower, upper, velocity, effort
-    if isinstance(config, ArmPart | JointGroupPart):
-        each = config.limits
-        rows = zip(each.lower, each.upper, each.velocity, each.effort, strict=True)
-        limits = dict(zip(config.joints, rows, strict=True))
-    elif isinstance(config, GripperPart):
-        limits = _gripper_limits(part, config)
-    elif isinstance(config, BasePart):
-        speed = (config.max_vx + config.max_wz * config.track / 2) / config.wheel_radius
-        limits = dict.fromkeys(config.wheel_joints, (0.0, -1.0, speed, config.wheel_torque))
-        steering = (0.0, -1.0, config.steering_speed, config.steering_torque)
-        limits |= dict.fromkeys(config.steering_joints, steering)
-    for element in part.elements:
-        row_or_none = limits.get(element.get("name", "")) if element.tag == "joint" else None
-        if row_or_none is None:
-            continue
-        limit = element.find("limit")
-        limit = ET.SubElement(element, "limit") if limit is None else limit
-        lower, upper, velocity, effort = row_or_none
-        if element.get("type") == "continuous" and isinstance(config, ArmPart | JointGroupPart):
-            element.set("type", "revolute")  # its description says how far the cables let it turn
-        if element.get("type") == "continuous":
-            limit.attrib.pop("lower", None)
-            limit.attrib.pop("upper", None)
-        else:
-            limit.set("lower", f"{lower:.9g}")
-            limit.set("upper", f"{upper:.9g}")
-        limit.set("velocity", f"{velocity:.9g}")
-        limit.set("effort", f"{effort:.9g}")
-
-
-def _gripper_limits(part: PlacedPart, config: GripperPart) -> dict[str, tuple[float, float, float, float]]:
-    """Of the joints that drive the fingers: by the widths, the speed and the force of the hand."""
-    n = len(config.joints)
-    if not part.opening:
-        row = (config.min_width / n, config.max_width / n, config.max_speed / n, config.max_force)
-        return dict.fromkeys(config.joints, row)
-    positions, widths = np.array(part.opening).T
-    per_metre = np.abs(np.diff(positions) / np.diff(widths))
-    speed, effort = float(per_metre.max() * config.max_speed), float(config.max_force / (n * per_metre.min()))
-    return dict.fromkeys(config.joints, (float(positions.min()), float(positions.max()), speed, effort))
 
 
 def _postures(config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart]) -> dict[str, dict[str, float]]:

@@ -47,7 +47,8 @@ def _connections(config: RobotConfig, document: Document) -> tuple[dict[str, Con
         try:
             options = check(given, driver.options_type)  # type: ignore[attr-defined]
         except ConfigurationError as error:
-            problems += error.problems
+            inside = f"connections.{name}.options"
+            problems += [dataclasses.replace(problem, field=f"{inside}.{problem.field}") for problem in error.problems]
             continue
         connections[name] = dataclasses.replace(connection, options=options)
     return connections, problems

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -40,6 +41,7 @@ def locate_urdf(source: str, folder: Path) -> Path:
     return path
 
 
+@cache
 def _example_robots() -> Path:
     """The folder of robots of the distribution example-robot-data, which is no importable package."""
     try:

@@ -26,6 +26,7 @@ from hal.pybullet.monitor import HonestyMonitor
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.raw_call_guard import RawCallGuard
 from hal.pybullet.simulation import Simulation
+from hal.pybullet.suction import SimulatedSuction
 
 SimulatedPart = (
     SimulatedArm
@@ -35,6 +36,7 @@ SimulatedPart = (
     | SimulatedGripper
     | SimulatedJointGroup
     | SimulatedLidar
+    | SimulatedSuction
 )
 
 
@@ -197,7 +199,8 @@ class PyBulletRobot(Robot):
         for name, arm in model.arms.items():
             parts[name] = SimulatedArm(name, arm, parameters, stopped)
         for name, gripper in model.grippers.items():
-            parts[name] = SimulatedGripper(name, gripper, parameters, stopped)
+            hand = SimulatedSuction if gripper.kind == "suction" else SimulatedGripper
+            parts[name] = hand(name, gripper, parameters, stopped)
         for name, group in model.joint_groups.items():
             parts[name] = SimulatedJointGroup(name, group, parameters, stopped)
         for name, camera in model.cameras.items():

@@ -1,0 +1,147 @@
+"""Simulated suction cups: air presses what the rim lies on against it, with at most the rated force."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import pybullet
+
+from bestman_bt.robot_model import GripperModel
+from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
+from hal.parts import PartMotion
+from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.part import Connection
+from hal.pybullet.simulation import Simulation
+
+Vector = tuple[float, float, float]
+
+# The rim lies flat where its axis is this near to the surface's normal; a vacuum takes so long to build, seconds.
+FLAT = math.cos(math.radians(20.0))
+BUILD_UP = 0.15
+
+
+class SimulatedSuction(Gripper):
+    """A cup that sucks at width 0 and lets go at any other.
+
+    While the rim touches a body, flat, the vacuum presses the two together with equal and opposite forces. No
+    constraint ties them: friction at the rim holds sideways, and a pull beyond the rated force tears them apart.
+    """
+
+    def __init__(
+        self, name: str, model: GripperModel, parameters: PhysicsParameters, stopped: Callable[[], bool]
+    ) -> None:
+        super().__init__(name)
+        self._model, self._parameters = model, parameters
+        self._connection = Connection(name, stopped)
+        self._reader: Reader | None = None
+        self._cup = -1
+        self._force = 0.0  # N, asked for; 0: the pump is off
+        self._sealed_for = 0.0
+        self._left = 0.0
+
+    @property
+    def description(self) -> GripperDescription:
+        """Nominal widths; the force is the vacuum's."""
+        model = self._model
+        return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
+
+    def width(self) -> float:
+        """Nominal: 0 sucking air, half of the full width sucking at something, the full width at rest."""
+        sucking = self._connection.simulation is not None and self._force > 0.0
+        if not sucking:
+            return self._model.max_width
+        return self._model.max_width / 2 if self._sealed_for > 0.0 else 0.0
+
+    def state(self) -> GripperState:
+        """What the vacuum sensor says."""
+        moving = self._connection.motion is not None
+        held, on = self._sealed_for >= BUILD_UP, self._force > 0.0
+        return GripperState(moving, not moving, held, on and not held and not moving)
+
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+        """Switch the pump on (``width`` 0) or off; ``speed`` means nothing here."""
+        self._connection.check_command("move")
+        model = self._model
+        force = model.max_force if force is None else force
+        for what, value, lower, upper, unit in (
+            ("width", width, 0.0, model.max_width + 1e-9, "m"),
+            ("force", force, 1e-9, model.max_force, "N"),
+            ("speed", model.max_speed if speed is None else speed, 1e-9, model.max_speed, "m/s"),
+        ):
+            if not (math.isfinite(value) and lower <= value <= upper):
+                why = f"{what} = {value} {unit} is not within [{lower:.4g}, {upper:.4g}] {unit}"
+                raise self._connection.refuse("move", why)
+        motion = PartMotion(self)
+        self._connection.begin(motion)
+        self._force = float(force) if width <= 1e-6 else 0.0
+        self._left = 2.0 * BUILD_UP
+        return motion
+
+    def stop(self) -> None:
+        """The pump stays as it is: what is held does not fall."""
+        if self._connection.present:
+            self.brake()
+            self._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+
+    def brake(self) -> None:
+        """Nothing moves."""
+
+    def attach(self, simulation: Simulation) -> None:
+        """At rest, the pump off."""
+        self._connection.attach(simulation)
+        self._reader = simulation.client.reader(ReadPurpose.SENSOR)
+        self._cup = simulation.built.links[self._model.finger_links[0]]
+        self._force = self._sealed_for = 0.0
+        simulation.controls.append(self._control)
+        simulation.effort_controls.append(self._suck)
+
+    def detach(self) -> None:
+        """Let go."""
+        self._connection.detach()
+        self._reader = None
+
+    def _control(self) -> None:
+        motion = self._connection.motion
+        if motion is None:
+            return
+        self._left -= self._parameters.control_period
+        if self._force == 0.0 or self._sealed_for >= BUILD_UP or self._left < 0.0:
+            motion.succeed()
+
+    def _suck(self) -> None:
+        touched = self._touched() if self._force > 0.0 else None
+        if touched is None:
+            self._sealed_for = 0.0
+            return
+        body, link, point, axis = touched
+        self._sealed_for += self._parameters.time_step
+        force = self._force * min(1.0, self._sealed_for / BUILD_UP)
+        simulation = self._connection.simulation
+        apply = simulation.client.function("applyExternalForce")  # of a declared cup: not the audit's tampering
+        pull = tuple(-force * value for value in axis)
+        apply(body, link, pull, point, pybullet.WORLD_FRAME)
+        apply(simulation.built.robot, self._cup, tuple(-value for value in pull), point, pybullet.WORLD_FRAME)
+
+    def _touched(self) -> tuple[int, int, Vector, Vector] | None:
+        """The body and link that the rim lies flat on, the middle of the contact, and the axis out of the cup."""
+        if self._reader is None:
+            return None
+        simulation = self._connection.simulation
+        robot = simulation.built.robot
+        pose = simulation.link_pose(self._reader, self._model.finger_links[0])
+        x, y, z = pose.rotation[:, 2].tolist()
+        points: dict[tuple[int, int], list[Vector]] = {}
+        for contact in self._reader.getContactPoints(bodyA=robot, linkIndexA=self._cup):
+            body, link, at, normal, gap = contact[2], contact[4], contact[6], contact[7], contact[8]
+            # Bullet's normal points from the touched body to the cup.
+            facing = -(normal[0] * x + normal[1] * y + normal[2] * z)
+            if body != robot and gap <= self._model.seal_gap and facing > FLAT:
+                points.setdefault((body, link), []).append(at)
+        if not points:
+            return None
+        (body, link), found = max(points.items(), key=lambda item: (len(item[1]), -item[0][0]))
+        n = len(found)
+        middle = (sum(p[0] for p in found) / n, sum(p[1] for p in found) / n, sum(p[2] for p in found) / n)
+        return body, link, middle, (x, y, z)
