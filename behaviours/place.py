@@ -14,6 +14,7 @@ from behaviours.beliefs import believe_surface
 from behaviours.perceive import camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import surface_region
+from bestman_bt.control.arm import GuardedOutcome
 from bestman_bt.manipulation.collision import CollisionWorld
 from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
@@ -22,7 +23,14 @@ from bestman_bt.perception.segmentation import FREE, OCCUPIED, SurfaceCoverage, 
 from bestman_bt.world_model import HeldObject, ObjectBelief
 
 DROP = 0.002
-"""Metres above the measured surface at which an object is let go."""
+"""Metres above the measured surface at which an object is let go by a hand that feels nothing."""
+HOVER = 0.008
+"""Metres above the measured surface from which a hand that feels goes on by feel."""
+SEARCH = 0.01
+"""Metres below the measured surface at which that ends: surfaces are measured to millimetres."""
+SET_DOWN_SPEED = 0.02
+SET_DOWN_FORCE = 4.0
+"""Newtons; enough to stand, too little to push the object up in the hand."""
 PRE_PLACE = 0.12
 """Metres above the goal where the straight descent begins."""
 MAX_TAKEN = 0.03
@@ -88,7 +96,7 @@ class FindPlacePose(Skill):
 
 
 class PlaceOn(Skill):
-    """Bring the held object above its place and lower it straight until it all but stands there."""
+    """Bring the held object above its place and lower it straight until it is felt to stand there."""
 
     INPUT_PORTS: ClassVar = {
         "object": PortInformation(str, description="the held object"),
@@ -116,6 +124,16 @@ class PlaceOn(Skill):
             raise SkillFailure("no_approach", f"no free way of the arm to put the {name} down there from here")
         yield from move_free(self, [approach.pre])
         yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
+        if skills.wrist_wrench is not None:
+            yield from self._set_down(name)
+
+    def _set_down(self, name: str) -> Steps:
+        """What is let go in the air falls; what hangs askew in the hand comes to stand earlier than believed."""
+        outcome: GuardedOutcome = yield self.skills.arm.move_until(
+            (0.0, 0.0, -1.0), SET_DOWN_SPEED, HOVER + SEARCH, SET_DOWN_FORCE
+        )
+        if not outcome.touched:
+            raise SkillFailure("nothing_below", f"the {name} stands on nothing 1 cm below the measured surface")
 
     def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
         skills = self.skills
@@ -123,7 +141,8 @@ class PlaceOn(Skill):
         lowering = self._lowering_world(held)
         reference = skills.arm_positions()
         found: list[Approach] = []
-        for above, down in place_tool_poses(held, base_from_object, self._above(held)):
+        lift = DROP if skills.wrist_wrench is None else HOVER
+        for above, down in place_tool_poses(held, base_from_object, self._above(held), lift):
             found += approaches(skills.algorithms.kinematics, above, down, down, reference, free, lowering, skills.rng)
         return min(found, key=lambda approach: approach.cost) if found else None
 
@@ -162,16 +181,18 @@ class Release(Skill):
         yield skills.gripper.release()
 
 
-def place_tool_poses(held: HeldObject, frame_from_object: Pose, above: float = PRE_PLACE) -> list[tuple[Pose, Pose]]:
+def place_tool_poses(
+    held: HeldObject, frame_from_object: Pose, above: float = PRE_PLACE, lift: float = DROP
+) -> list[tuple[Pose, Pose]]:
     """Tool poses (above, down) that put the held object to ``frame_from_object`` but for turns that look the same.
 
-    ``above``: metres from the goal up to where the straight descent begins.
+    ``above``: metres from the goal up to where the straight descent begins. ``lift``: up to where it ends.
     """
     count = held.model.symmetry_order or TURNS_OF_A_ROUND_OBJECT
     poses = []
     for i in range(count):
         turned = frame_from_object @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2 * math.pi * i / count))
-        lifted = Pose(turned.position + np.array([0.0, 0.0, DROP]), turned.quaternion)
+        lifted = Pose(turned.position + np.array([0.0, 0.0, lift]), turned.quaternion)
         down = lifted @ held.tool_from_object.inverse()
         poses.append((Pose(down.position + np.array([0.0, 0.0, above]), down.quaternion), down))
     return poses
