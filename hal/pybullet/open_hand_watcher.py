@@ -54,8 +54,12 @@ class OpenHandWatcher:
         for body in self._names:
             moved = math.dist(then.bodies[body].position, observation.bodies[body].position)
             finger = self._finger_that_moved_alike(body, then, observation) if moved > MOVED else None
-            explained = self._is_pressed(body) or self._is_rolling(body, observation) or self._is_in_moving_drawer(body)
-            if finger is None or explained:
+            if (
+                finger is None
+                or self._is_pressed(body)
+                or self._is_rolling(body, observation)
+                or self._is_in_moving_drawer(body)
+            ):
                 self._following.discard(body)
             elif body not in self._following:
                 self._following.add(body)
@@ -78,6 +82,8 @@ class OpenHandWatcher:
     def _drawers_below(self, observation: Observation) -> dict[int, tuple[Leaf, float]]:
         """For objects that touch a door or drawer: which, and how far that is open."""
         below: dict[int, tuple[Leaf, float]] = {}
+        if not self._leaves:
+            return below
         for contact in observation.contacts:
             _, first, second, first_link, second_link, *_ = contact
             for body, leaf in ((first, (second, second_link)), (second, (first, first_link))):
