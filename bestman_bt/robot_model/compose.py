@@ -123,6 +123,10 @@ def _postures(config: RobotConfig, document: Document, placed: Mapping[str, Plac
                 problems += _limit_problems(document, field, part.config, positions)
     if problems:
         raise ConfigurationError(problems)
+    for part in placed.values():
+        if isinstance(part.config, ArmPart):
+            for joint, position in zip(part.config.joints, part.config.home, strict=False):
+                postures.setdefault("home", {}).setdefault(joint, position)
     return postures
 
 

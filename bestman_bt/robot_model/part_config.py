@@ -147,13 +147,15 @@ class StructurePart(PartConfig):
 class ArmPart(PartConfig):
     """An arm from its root link to the link ``tip``, which carries the hand.
 
-    ``payload``: what it may carry beyond ``tip`` by its maker's word, hand and sensors included.
+    ``payload``: what it may carry beyond ``tip`` by its maker's word, hand and sensors included. ``home``: where it
+    stands in the posture ``home`` of robots that say nothing else: in front, the hand looking down.
     """
 
     kind: Literal["arm"]
     tip: str
     joints: tuple[str, ...]
     limits: JointLimitsConfig
+    home: tuple[JointPosition, ...] = ()
     payload: Mass | None = None
 
 

@@ -193,6 +193,9 @@ def _check_names(config: AnyPart, document: Document, names: set[str]) -> None:
             if count != expected:
                 message = f"should have {expected} entries, one per joint, got {count}"
                 problems.append(document.problem(("limits", each.name), message))
+    home = getattr(config, "home", ())
+    if home and len(home) != len(getattr(config, "joints", ())):
+        problems.append(document.problem(("home",), f"should have one position per joint, got {len(home)}"))
     if problems:
         raise ConfigurationError(problems)
 

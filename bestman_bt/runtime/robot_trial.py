@@ -1,0 +1,121 @@
+"""What a robot has to do before anybody asks more of it: be composed, be loaded, stand, and move its arm."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.collision import CoalCollisionModel, CollisionWorld, PlanningScene
+from bestman_bt.messages import Pose2D
+from bestman_bt.robot_model import ArmModel, RobotModel, payload
+from bestman_bt.scene import Wall, World
+from hal.api import Arm, MotionStatus
+from hal.pybullet import GroundTruth, PyBulletRobot
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TrialParameters:
+    """Seconds, radians. ``swing``: how far a joint may go from home; ``step``: between checked configurations."""
+
+    standing: float = 5.0
+    postures: int = 3
+    swing: float = 1.2
+    step: float = 0.05
+    draws: int = 300
+    speed: float = 0.6
+
+
+@dataclass(frozen=True)
+class RobotTrial:
+    """Times are of the processor, seconds. ``drift``: of the standing base, ``after``: once the arm has moved, metres.
+
+    ``reached``: how many postures the arm has got to. ``touching``: pairs of links that met on the way.
+    """
+
+    composed: float
+    loaded: float
+    mass: float
+    drift: float
+    after: float
+    reached: int
+    touching: tuple[tuple[str, str], ...]
+
+    def passed(self, parameters: TrialParameters) -> bool:
+        """Composed in 50 ms, loaded in 1 s, drifted by at most 5 mm, all postures reached, nothing met."""
+        quick = self.composed <= 0.05 and self.loaded <= 1.0
+        return quick and self.drift <= 0.005 and self.reached == parameters.postures and not self.touching
+
+
+def try_robot(compose: Callable[[], RobotModel], parameters: TrialParameters, seed: int) -> RobotTrial:
+    """Try the robot that ``compose`` makes, alone on a floor; postures are drawn at random from ``seed``.
+
+    ``compose`` is called once to import modules, then the median of five calls counts.
+    """
+    model = compose()
+    seconds = []
+    for _ in range(5):
+        began = time.process_time()
+        compose()
+        seconds.append(time.process_time() - began)
+    composed = float(np.median(seconds))
+    robot = PyBulletRobot(model, _floor(), seed=seed)
+    began = time.process_time()
+    robot.connect()
+    loaded = time.process_time() - began
+    try:
+        truth = GroundTruth(robot)
+        start = truth.base_pose()
+        robot.clock.sleep(parameters.standing)
+        drift = math.dist(truth.base_pose().position, start.position)
+        reached, touching = 0, set()
+        for name, arm in model.arms.items():
+            hands = _hands(model)
+            world = CoalCollisionModel(model).world(PlanningScene(positions=hands, self_padding=0.0), name)
+            part, rng = robot.part(name, Arm), np.random.default_rng(seed)
+            for target in _postures(arm, world, part.positions(), parameters, rng):
+                motion = part.move_to(target, parameters.speed)
+                while not motion.done:
+                    robot.clock.sleep(0.05)
+                    touching.update(world.colliding_pairs(np.clip(part.positions(), arm.lower, arm.upper)))
+                reached += motion.status is MotionStatus.SUCCEEDED
+        after = math.dist(truth.base_pose().position, start.position)
+    finally:
+        robot.disconnect()
+    mass = payload(model, model.base_frame).mass
+    return RobotTrial(composed, loaded, mass, drift, after, reached, tuple(sorted(touching)))
+
+
+def _postures(
+    arm: ArmModel, world: CollisionWorld, start: Array, parameters: TrialParameters, rng: np.random.Generator
+) -> Iterator[Array]:
+    """Joint positions (n,) to which a straight line in joint space leads from the one before without a collision."""
+    home, here, found = start, start, 0
+    for _ in range(parameters.draws):
+        if found == parameters.postures:
+            return
+        target = np.clip(home + rng.uniform(-parameters.swing, parameters.swing, len(home)), arm.lower, arm.upper)
+        steps = max(2, math.ceil(float(np.abs(target - here).max()) / parameters.step))
+        if all(world.is_free(here + share * (target - here)) for share in np.linspace(0.0, 1.0, steps)):
+            yield target
+            here, found = target, found + 1
+
+
+def _hands(model: RobotModel) -> dict[str, float]:
+    return {
+        joint: position
+        for gripper in model.grippers.values()
+        for joint, position in gripper.joint_positions(gripper.max_width).items()
+    }
+
+
+def _floor() -> World:
+    corners = ((-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0))
+    walls = tuple(Wall(a, b, 1.2, 0.1) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
+    return World("floor", 0, walls, (), (), Pose2D(0.0, 0.0, 0.0), {})
