@@ -35,6 +35,7 @@ eval-full: install
 	$(BIN)/bestman-bt eval manipulation --jobs $(JOBS) --episodes 50
 
 gallery: install
+	$(BIN)/uv pip install --quiet --python $(BIN)/python "av>=14,<18"
 	$(BIN)/python scripts/gallery --jobs $(JOBS)
 
 lint: install

@@ -47,13 +47,15 @@ class Spread:
 class EntryConfig:
     """One task of a suite.
 
-    ``task``: its name or file; without it the entry's own name. ``settings``: ``key=value``, as ``--set``.
+    ``task``: its name or file; without it the entry's own name. ``tree``: in the place of the task's own.
+    ``settings``: ``key=value``, as ``--set``. Files are sought beside the suite's file first.
     ``episodes``: None takes the suite's. ``accuracy``: metric → limits, over the runs whose tree reported success.
     ``real_time_factor``: at least, per process.
     """
 
     successes: Successes
     task: str | None = None
+    tree: str | None = None
     settings: tuple[str, ...] = ()
     episodes: Count | None = None
     accuracy: Mapping[str, Spread] = field(default_factory=dict)
@@ -110,7 +112,8 @@ def load_suite(
 
     ``episodes``, ``first_seed``: instead of the suite's own; entries with their own number keep it.
     """
-    document = read_document(find_data("evaluation", name))
+    path = find_data("evaluation", name)
+    document = read_document(path)
     asked = check(document, SuiteConfig)
     problems = list(_contradictions(document, asked))
     seed = asked.first_seed if first_seed is None else first_seed
@@ -119,7 +122,11 @@ def load_suite(
         for key, entry in of_kind.items():
             try:
                 config = load_run(
-                    entry.task or key, seed=seed, settings=(*entry.settings, *settings), plugins=entry.plugins
+                    _beside(path, entry.task or key),
+                    tree=None if entry.tree is None else _beside(path, entry.tree),
+                    seed=seed,
+                    settings=(*entry.settings, *settings),
+                    plugins=[_beside(path, plugin) for plugin in entry.plugins],
                 )
                 prepare_episode(config)
             except ConfigurationError as error:
@@ -130,6 +137,12 @@ def load_suite(
     if problems:
         raise ConfigurationError(problems)
     return Suite(Path(name).stem, tuple(entries), asked.description)
+
+
+def _beside(suite: Path, name: str) -> str:
+    """The file of that name beside the suite's, if there is one; else the name as it is."""
+    file = suite.parent / name
+    return str(file) if file.is_file() else name
 
 
 def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]:
