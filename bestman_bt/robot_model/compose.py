@@ -125,8 +125,9 @@ def _postures(config: RobotConfig, document: Document, placed: Mapping[str, Plac
         raise ConfigurationError(problems)
     for part in placed.values():
         if isinstance(part.config, ArmPart):
-            for joint, position in zip(part.config.joints, part.config.home, strict=False):
-                postures.setdefault("home", {}).setdefault(joint, position)
+            for state, positions in part.config.states.items():
+                for joint, position in zip(part.config.joints, positions, strict=True):
+                    postures.setdefault(state, {}).setdefault(joint, position)
     return postures
 
 

@@ -81,16 +81,18 @@ class JointLimitsConfig:
 class PartConfig:
     """What all parts share.
 
-    Links come from ``urdf`` (``pybullet_data:FILE`` or a path beside this description) from its link ``root`` down
-    without the subtrees ``cut``; or from the generator ``generated`` with its ``dimensions``.
-    ``frames``: frames to add. ``mass``: link → its mass, where the source lies or is silent; its inertia is that of
-    its collision shape. ``collision``: link → boxes that replace its collision shape. ``contact``: link → friction.
-    ``may_touch``: pairs of links whose shapes overlap by construction or may touch.
+    Links come from ``urdf`` (``PACKAGE:FILE`` or a path beside this description) from its link ``root`` down without
+    the subtrees ``cut``; ``packages``: folders that hold what its ``package://`` names; or from the generator
+    ``generated`` with its ``dimensions``. ``frames``: frames to add. ``mass``: link → its mass, where the source lies
+    or is silent; its inertia is that of its collision shape. ``collision``: link → boxes that replace its collision
+    shape. ``contact``: link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by
+    construction or may touch.
     """
 
     kind: str
     description: str = ""
     urdf: str | None = None
+    packages: tuple[str, ...] = ()
     root: str | None = None
     cut: tuple[str, ...] = ()
     generated: str | None = None
@@ -147,15 +149,16 @@ class StructurePart(PartConfig):
 class ArmPart(PartConfig):
     """An arm from its root link to the link ``tip``, which carries the hand.
 
-    ``payload``: what it may carry beyond ``tip`` by its maker's word, hand and sensors included. ``home``: where it
-    stands in the posture ``home`` of robots that say nothing else: in front, the hand looking down.
+    ``payload``: what it may carry beyond ``tip`` by its maker's word, hand and sensors included. ``states``:
+    joint positions by name; they are postures of robots that say nothing else. ``home`` should be among them: the hand
+    in front, looking down.
     """
 
     kind: Literal["arm"]
     tip: str
     joints: tuple[str, ...]
     limits: JointLimitsConfig
-    home: tuple[JointPosition, ...] = ()
+    states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
     payload: Mass | None = None
 
 

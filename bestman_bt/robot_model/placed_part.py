@@ -17,7 +17,15 @@ from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint, opening_table
 from bestman_bt.robot_model.generators import GENERATORS
 from bestman_bt.robot_model.missing_inertia import add_rotor_inertia, complete_inertial
-from bestman_bt.robot_model.part_config import PART_KINDS, AnyPart, BasePart, ContactConfig, GripperPart, PadConfig
+from bestman_bt.robot_model.part_config import (
+    PART_KINDS,
+    AnyPart,
+    ArmPart,
+    BasePart,
+    ContactConfig,
+    GripperPart,
+    PadConfig,
+)
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, shape
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
@@ -158,7 +166,9 @@ def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> S
         raise ConfigurationError([document.problem((), "one of 'urdf' and 'generated' should be given")])
     if config.urdf is not None:
         try:
-            return read_subtree(locate_urdf(config.urdf, folder), config.root, config.cut)
+            return read_subtree(
+                locate_urdf(config.urdf, folder), config.root, config.cut, [folder / name for name in config.packages]
+            )
         except UrdfError as error:
             raise ConfigurationError([document.problem(("urdf",), str(error))]) from error
     generated = config.generated or ""
@@ -193,9 +203,11 @@ def _check_names(config: AnyPart, document: Document, names: set[str]) -> None:
             if count != expected:
                 message = f"should have {expected} entries, one per joint, got {count}"
                 problems.append(document.problem(("limits", each.name), message))
-    home = getattr(config, "home", ())
-    if home and len(home) != len(getattr(config, "joints", ())):
-        problems.append(document.problem(("home",), f"should have one position per joint, got {len(home)}"))
+    if isinstance(config, ArmPart):
+        for state, positions in config.states.items():
+            if len(positions) != len(config.joints):
+                message = f"should have {len(config.joints)} positions, one per joint, got {len(positions)}"
+                problems.append(document.problem(("states", state), message))
     if problems:
         raise ConfigurationError(problems)
 

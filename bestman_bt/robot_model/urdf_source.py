@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import os
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -64,9 +66,10 @@ class Subtree:
     mimics: tuple[MimicJoint, ...] = ()
 
 
-def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> Subtree:
+def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: Sequence[Path] = ()) -> Subtree:
     """Links and joints below ``root`` (default: the file's root link) without the subtrees ``cut``.
 
+    ``packages``: folders in which ``package://`` names are looked for first.
     ``<mimic>``, ``<contact>`` and inertials without mass are left out, mesh paths become absolute.
     """
     try:
@@ -92,7 +95,7 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...]) -> Subtree:
     waiting = [root]
     while waiting:
         name = waiting.pop()
-        elements.append(_clean_link(links[name], path, materials))
+        elements.append(_clean_link(links[name], path, materials, packages))
         for joint in below.get(name, ()):
             child = child_of(joint)
             if child not in cut:
@@ -121,7 +124,7 @@ def _clean_joint(joint: ET.Element) -> ET.Element:
     return joint
 
 
-def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element]) -> ET.Element:
+def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element], packages: Sequence[Path]) -> ET.Element:
     link = copy.deepcopy(link)
     for contact in link.findall("contact"):
         link.remove(contact)
@@ -130,7 +133,7 @@ def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element]) 
     if inertial is not None and (mass is None or float(mass.get("value", "0")) <= 0.0):
         link.remove(inertial)
     for mesh in link.iter("mesh"):
-        mesh.set("filename", str(_locate_mesh(mesh.get("filename", ""), path)))
+        mesh.set("filename", str(locate_mesh(mesh.get("filename", ""), path, packages)))
     for visual in link.findall("visual"):
         material = visual.find("material")
         if material is not None and len(material) == 0 and material.get("name", "") in materials:
@@ -142,10 +145,30 @@ def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element]) 
     return link
 
 
-def _locate_mesh(filename: str, urdf: Path) -> Path:
-    """``package://`` names are looked for beside the URDF and in the folders above it."""
-    relative = filename.split("://")[-1]
-    for folder in urdf.resolve().parents:
-        if (folder / relative).is_file():
-            return folder / relative
-    raise UrdfError(f"{urdf.name}: no such mesh: {filename}")
+def locate_mesh(filename: str, urdf: Path, packages: Sequence[Path] = ()) -> Path:
+    """The file that a URDF calls ``filename``; UrdfError tells where it was looked for.
+
+    ``package://NAME/…`` is looked for in ``packages``, in the folders above the URDF, as ROS does in
+    ``ROS_PACKAGE_PATH`` and ``AMENT_PREFIX_PATH``, and, where the package's folder has another name, without it.
+    """
+    scheme, separator, relative = filename.rpartition("://")
+    if scheme == "file" or Path(filename).is_absolute():
+        file = Path(relative if separator else filename)
+        if file.is_file():
+            return file
+        raise UrdfError(f"{urdf.name}: no such mesh: {filename}")
+    above = urdf.resolve().parents
+    folders = [*packages, *above, *_ros_folders()] if separator else [urdf.resolve().parent, *packages, *above]
+    names = [relative, relative.partition("/")[2]] if separator else [relative]
+    for name in filter(None, names):
+        for folder in folders:
+            if (folder / name).is_file():
+                return folder / name
+    tried = ", ".join(str(folder) for folder in folders[:3])
+    raise UrdfError(f"{urdf.name}: no such mesh: {filename} (looked for in {tried} and {len(folders) - 3} more)")
+
+
+def _ros_folders() -> list[Path]:
+    paths = [Path(path) for path in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if path]
+    prefixes = [Path(path) for path in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if path]
+    return paths + [prefix / "share" for prefix in prefixes]
