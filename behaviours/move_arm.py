@@ -19,6 +19,8 @@ from bestman_bt.world_model import HeldObject
 BESIDE = ((0.1, 0.35, 1.35), (0.0, 0.3, 1.35), (0.2, 0.4, 1.2), (0.0, -0.35, 1.3), (0.1, -0.4, 1.2))
 """Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright: so far beside the mast
 that the head camera sees past hand and arm what is before the robot."""
+SAME_PLACE = 0.05
+"""Metres from such a place within which what is held counts as there."""
 ENOUGH = 2
 """Postures among which the planner may choose."""
 ARRIVED = 0.02
@@ -95,8 +97,15 @@ def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
 def _beside(
     skill: Skill, held: HeldObject, posture: NDArray[np.float64], world: CollisionWorld
 ) -> list[NDArray[np.float64]]:
-    """Postures in which what is held stands upright beside the robot, whichever way the hand has taken it."""
+    """Postures in which what is held stands upright beside the robot, whichever way the hand has taken it.
+
+    The present one, if it is such.
+    """
     skills = skill.skills
+    now = skills.arm_positions()
+    held_at = (skills.base_from_tool() @ held.tool_from_object).position
+    if min(float(np.linalg.norm(held_at - place)) for place in BESIDE) < SAME_PLACE and world.is_free(now):
+        return [now]
     found: list[NDArray[np.float64]] = []
     for place in BESIDE:
         there: list[NDArray[np.float64]] = []

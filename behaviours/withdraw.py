@@ -19,11 +19,14 @@ UNSURE = {"revolute": 0.06, "prismatic": 0.015}
 def withdraw(skill: Skill, leaf: Leaf, posture: str) -> Steps:
     """Go straight back, and take the arm to the named posture.
 
-    The leaf is where the hand has been: closer than the map's error lets any motion come.
+    The hand may be closer to the leaf than the map's error lets any motion come, the arm only where it is so already.
     """
     skills = skill.skills
     position = skills.world.articulations.get(leaf.articulation, 0.0)
-    world = world_at_leaf(skills, leaf, position, "hand", ignore=leaf.bodies())
+    for bodies in ([], leaf.bodies()):
+        world = world_at_leaf(skills, leaf, position, "hand", ignore=bodies)
+        if world.is_free(skills.arm_positions()):
+            break
     back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
     line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
     if len(line.path) > 1:
