@@ -27,7 +27,7 @@ NEIGHBOURHOOD = 0.5
 """Metres around an object in which other things may be in the hand's way."""
 LEAST_FORCE = 20.0
 """Newtons with which the hand closes at least, where no force is given."""
-SAFETY = 2.0
+SAFETY = 4.0
 """By how much the moment of the pads exceeds that of the weight."""
 GRAVITY = 9.81
 OBLIQUE = 0.5

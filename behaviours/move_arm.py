@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from bestman_bt.manipulation.collision import CollisionWorld
+from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
 from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.manipulation.motion_planning import Upright
 from bestman_bt.messages import Pose
@@ -25,6 +26,8 @@ ENOUGH = 2
 """Postures among which the planner may choose."""
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
+ROOM = 0.012
+"""Metres that what is held keeps from the robot itself and all else in a posture, where one has that room."""
 TURN = np.radians(15.0)
 """Radians between the turns of the hand that are tried so that what it holds has room."""
 
@@ -77,12 +80,13 @@ def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
     held = skills.world.held
     if held is None:
         return [posture]
-    world = skills.arm_world(skills.planning_scene())
+    scene = skills.planning_scene()
+    world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene))
     upright = Upright(skills.algorithms.kinematics, held.tool_from_object, MAX_HELD_TILT)
     tilted = not upright.satisfied(skills.arm_positions())
 
     def is_fit(positions: NDArray[np.float64]) -> bool:
-        return (tilted or upright.satisfied(positions)) and world.is_free(positions)
+        return (tilted or upright.satisfied(positions)) and roomy.is_free(positions)
 
     others = sorted(other for other in skills.robot.postures if other.startswith(f"{name}_"))
     for basic in (posture, *(_posture(skill, other) for other in others)):
@@ -127,6 +131,12 @@ def _posture(skill: Skill, name: str) -> NDArray[np.float64]:
         return skill.skills.robot.posture(name, skill.skills.arm_model.joint_names)
     except KeyError as error:
         raise SkillFailure("unknown_posture", str(error.args[0])) from error
+
+
+def _with_room(scene: PlanningScene) -> PlanningScene:
+    """The scene with what is held taken to be larger: it may sag and sway on the way."""
+    assert scene.attached is not None
+    return scene.holding(replace(scene.attached, padding=ROOM))
 
 
 def _turned(skill: Skill, posture: NDArray[np.float64]) -> list[NDArray[np.float64]]:

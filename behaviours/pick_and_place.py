@@ -96,7 +96,7 @@ def put_down() -> Node:
             LookAt(surface="{surface}", point="{goal}"),
             FindPlacePose(object="{object}", surface="{surface}", goal="{goal}", pose="{place_pose}"),
             PlaceOn(object="{object}", pose="{place_pose}"),
-            Release(object="{object}", surface="{surface}"),
+            RetryUntilSuccessful("let_go", [Release(object="{object}", surface="{surface}")], num_attempts=3),
             Retreat(posture="carry"),
         ],
     )

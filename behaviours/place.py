@@ -38,6 +38,8 @@ MAX_TAKEN = 0.03
 MIN_FREE = 0.4
 """Share of the disc at the goal that must have been seen free; the rest may be hidden behind what is carried."""
 TURNS_OF_A_ROUND_OBJECT = 12
+LET_GO = 0.004
+"""Metres by which the fingers must open beyond what they held."""
 
 
 class FindPlacePose(Skill):
@@ -174,11 +176,14 @@ class Release(Skill):
         if held is None:
             raise SkillFailure("not_holding", f"the hand does not hold the {self.get_input('object')}")
         map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
+        outcome = yield skills.gripper.release()
+        if outcome.width < held.width + LET_GO:
+            opened = f"the fingers opened to {1e3 * outcome.width:.0f} mm, it is {1e3 * held.width:.0f} mm wide"
+            raise SkillFailure("not_released", f"the hand does not let go of the {held.name}: {opened}")
         skills.world.held = None
         skills.world.objects[held.name] = ObjectBelief(
             held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.get_input("surface")
         )
-        yield skills.gripper.release()
 
 
 def place_tool_poses(

@@ -65,7 +65,7 @@ def revolved_parts(profile: Sequence[tuple[float, float]]) -> tuple[Mesh, ...]:
     """Convex parts that fill the body of ``revolved_mesh``; hollows stay open.
 
     The profile is cut at the heights of its corners; levels that together stay convex are one part, and a level that
-    does not reach the axis is a ring of ``RING_PARTS`` parts.
+    does not reach the axis is a ring of ``RING_PARTS`` parts, which overlap.
     """
     parts: list[Mesh] = []
     for stack in _convex_stacks(_levels(profile)):
@@ -76,18 +76,28 @@ def revolved_parts(profile: Sequence[tuple[float, float]]) -> tuple[Mesh, ...]:
                 convex_hull(np.concatenate([np.column_stack([r * circle, z + 0 * circle[:, 0]]) for z, _, r in rows]))
             )
             continue
-        step = SIDES // RING_PARTS
-        around = np.vstack([_circle(SIDES), _circle(SIDES)[:1]])
-        for part in range(RING_PARTS):
-            arc = around[part * step : (part + 1) * step + 1]
-            parts.append(
-                convex_hull(
-                    np.concatenate(
-                        [np.column_stack([r * arc, np.full(len(arc), z)]) for z, *radii in rows for r in radii]
-                    )
-                )
-            )
+        parts += [_ring_part(rows, part) for part in range(RING_PARTS)]
     return tuple(parts)
+
+
+def _ring_part(rows: NDArray[np.float64], part: int) -> Mesh:
+    """One of the parts around a ring of ``rows`` (N, 3), see Row; it reaches one side far into its neighbours' walls.
+
+    Where parts only met, a finger that gives way a little would be caught between the sides on which they meet.
+    """
+    step = SIDES // RING_PARTS
+    circle = _circle(SIDES)
+    outside = circle[np.arange(part * step - 1, (part + 1) * step + 2) % SIDES]
+    first, last = circle[part * step], circle[(part + 1) * step % SIDES]
+    along = (last - first) / np.linalg.norm(last - first)
+    side = 2.0 * math.sin(math.pi / SIDES)
+    points = []
+    for z, inner, outer in rows:
+        # The flat inside goes straight on into the wall, at most to its middle.
+        further = min(inner * side, (outer - inner) / (2.0 * math.sin(math.pi / RING_PARTS))) * along
+        inside = np.array([inner * first - further, inner * last + further])
+        points += [np.column_stack([ring, np.full(len(ring), z)]) for ring in (inside, outer * outside)]
+    return convex_hull(np.concatenate(points))
 
 
 def bent_bar(radius: float, bar: float, start: float, sweep: float, sides: int = 12) -> tuple[Mesh, tuple[Mesh, ...]]:

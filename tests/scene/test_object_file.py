@@ -100,7 +100,25 @@ def test_parts_of_an_object_have_colours_of_their_own() -> None:
 def test_a_tube_is_as_hollow_for_physics_as_for_cameras(tmp_path: Path) -> None:
     tube = written(tmp_path, "[{tube: {radius: 33 mm, length: 100 mm, wall: 3 mm, bottom: 5 mm}}]")
     model = read_object(tube)
-    assert sum(part.volume for part in solid(model.collision)) < 1.3 * solid(model.visual)[0].volume
+    angles, heights = (
+        grid.ravel() for grid in np.meshgrid(np.linspace(0.0, 2 * np.pi, 97), np.linspace(-0.044, 0.049, 9))
+    )
+
+    def filled(radius: float) -> np.ndarray:
+        """At which of the places on a circle of this radius some part is solid."""
+        points = np.column_stack([radius * np.cos(angles), radius * np.sin(angles), heights])
+        return np.any([part_holds(part, points) for part in solid(model.collision)], axis=0)
+
+    assert not filled(0.0).any()
+    assert not filled(0.98 * np.cos(np.pi / 16) * 0.030).any()
+    assert filled(0.0315).all()
+    assert not filled(0.0331).any()
+
+
+def part_holds(part: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    """Which points lie inside a convex part."""
+    heights = np.einsum("fk,pfk->pf", part.face_normals, points[:, None] - part.triangles_center[None])
+    return (heights < 1e-9).all(axis=1)
 
 
 def test_a_random_shape_is_an_object_of_any_scene(tmp_path: Path) -> None:
