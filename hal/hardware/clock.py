@@ -11,6 +11,8 @@ from hal.api import Clock, Timer
 
 LONGEST_DEBT = 0.05
 """Seconds by which a sleep that was too long shortens the next one, at most."""
+AT_ONCE = 0.005
+"""Seconds within which the next sleep has to begin for that."""
 
 
 class RealTimer(Timer):
@@ -41,7 +43,7 @@ class _OfThread(threading.local):
 
     def __init__(self) -> None:
         self.timers: list[RealTimer] = []
-        self.debt = 0.0
+        self.due = self.woke = -math.inf  # when the last sleep was to end, and when it did
         self.sleeping = False
 
 
@@ -91,7 +93,7 @@ class RealTimeClock(Clock):
             raise RuntimeError("sleep was called from a periodic call, which must return at once")
         own.sleeping = True
         try:
-            end = self.now() + max(0.0, duration - own.debt)
+            end = self._begin(own) + duration
             while True:
                 self._run_due_timers()
                 now = self.now()
@@ -102,9 +104,15 @@ class RealTimeClock(Clock):
                     time.sleep(max(0.0, until - now))
                 else:
                     wake.wait(max(0.0, until - now))
-            own.debt = min(max(0.0, now - end), LONGEST_DEBT)
+            own.due, own.woke = end, now
         finally:
             own.sleeping = False
+
+    def _begin(self, own: _OfThread) -> float:
+        """Now, or when the last sleep was to end if the thread goes back to sleep at once."""
+        now = self.now()
+        goes_on = now - own.woke < AT_ONCE and 0.0 <= now - own.due < LONGEST_DEBT
+        return own.due if goes_on else now
 
     def _run_due_timers(self) -> None:
         timers = self._own.timers

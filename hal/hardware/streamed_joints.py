@@ -120,10 +120,11 @@ class StreamedJointGroup(HardwarePart, JointGroup):
             scale = checks.speed_scale("move_to", speed_scale)
             self._check_way("move_to", target)
             self._start_from_rest()
-            line = Trapezoid(self._position, target, checks.speed * scale, checks.acceleration * scale)
-            scale *= self._slow_down(line)
+            speed, acceleration = checks.speed * scale, checks.acceleration * scale
+            share = self._slow_down(Trapezoid(self._position, target, speed, acceleration))
             motion = PartMotion(self)
-            move = BrakeThenMove(self._braking(), target, checks.speed * scale, checks.acceleration * scale)
+            # The whole course in 1 / share of the time.
+            move = BrakeThenMove(self._braking(), target, speed * share, acceleration * share**2)
             self._take_over(move, motion)
             return motion
 

@@ -27,5 +27,5 @@ class StreamingParameters:
     moved_by_hand: float = 0.05
     longest_stream_interval: float = 0.1
     longest_step: float = 3.0
-    slip_limit: float = 0.25
+    slip_limit: float = 0.5
     slip_half_life: float = 1.0

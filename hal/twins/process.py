@@ -89,7 +89,8 @@ class TwinProcess:
         if not line.strip():
             self._process.kill()
             _, errors = self._process.communicate()
-            raise TwinError(f"the twins did not start: {errors.strip() or 'they said nothing'}")
+            said = errors.strip().splitlines() or ["they said nothing"]
+            raise TwinError(f"the twins did not start: {said[-1]}")
         self._told = json.loads(line)
 
     def close(self) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,6 +22,7 @@ from hal.twins.world import TwinWorld
 
 TWINS = Registry("bestman_bt.twins", "protocol twin", {"xarm": "hal.twins.xarm_server:XArmTwin"})
 """Driver of a connection → the class that speaks the controller's side of its protocol."""
+REAL_TIME_PRIORITY = 10
 FIRST_ADDRESS, LAST_ADDRESS = 2, 254
 
 
@@ -71,7 +74,12 @@ class TwinHost:
         self.twins: dict[str, Twin] = {}
 
     def run(self, ready: Callable[[Hosted], None]) -> None:
-        """Build the world, open all ports, call ``ready``, and go on until ``close()``."""
+        """Build the world, open all ports, call ``ready``, and go on until ``close()``.
+
+        Controllers answer in time whatever else a machine does: where the system allows it, so does this process.
+        """
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
         with tempfile.TemporaryDirectory(prefix="bestman_twin_") as folder:
             servers: list[JsonLineServer] = []
             addresses: dict[str, str] = {}

@@ -64,8 +64,8 @@ class XArmConnection(Connection):
             raise ConnectionFailedError(
                 f"{self.name}: the controller has {wire.axes} joints, {self._arm.name} has {len(self._arm.joint_names)}"
             )
-        self._set_limits(options)
         wire.make_ready(gripper=self._gripper_name is not None)
+        self._set_limits(options)
         self._joints.refresh()
         self.add_loop("set-points", options.rate, self._cycle)
         if self._gripper_name is not None:

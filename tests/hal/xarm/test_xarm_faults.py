@@ -104,11 +104,9 @@ def test_a_link_that_takes_200_ms_is_taken_for_lost(robot: HardwareRobot, twin: 
     works_again(robot)
 
 
-def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(
-    robot: HardwareRobot, twin: TwinProcess
-) -> None:
+def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(robot: HardwareRobot, twin: TwinProcess) -> None:
     motion = swing(robot)
-    twin.fault(CONTROLLER, "delay", 0.03)
+    twin.fault(CONTROLLER, "delay", 0.04)
     ended(robot, motion, 3.0)
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.TIMEOUT
@@ -119,9 +117,7 @@ def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(
     works_again(robot)
 
 
-def test_a_jammed_gripper_fails_its_motion_with_the_grippers_number(
-    robot: HardwareRobot, twin: TwinProcess
-) -> None:
+def test_a_jammed_gripper_fails_its_motion_with_the_grippers_number(robot: HardwareRobot, twin: TwinProcess) -> None:
     twin.fault(CONTROLLER, "gripper_jam")
     gripper = robot.part("gripper", Gripper)
     motion = gripper.move(0.02)

@@ -1,0 +1,167 @@
+"""A base over a channel: limits, dead-man, distances and turns, and what it sends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import pytest
+
+from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
+from bestman_bt.robot_model import RobotModel
+from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.hardware import BaseChannel, BaseReading, DrivenBase, Fault, StopLatch
+
+PERIOD = 0.02
+
+
+class Unicycle(BaseChannel):
+    """A base that does what it is told, ``lag`` seconds later at most, and stands when nothing comes."""
+
+    def __init__(self) -> None:
+        self.pose, self.twist = Pose2D(1.0, 2.0, 3.0), Twist2D(0.0, 0.0, 0.0)
+        self.sent: list[Twist2D] = []
+
+    def read(self) -> BaseReading:
+        return BaseReading(self.pose, self.twist)
+
+    def send(self, velocity: Twist2D) -> None:
+        self.twist = velocity
+        self.sent.append(velocity)
+
+    def move(self, dt: float) -> None:
+        heading = self.pose.theta + self.twist.wz * dt / 2
+        self.pose = Pose2D(
+            self.pose.x + self.twist.vx * math.cos(heading) * dt,
+            self.pose.y + self.twist.vx * math.sin(heading) * dt,
+            wrap_angle(self.pose.theta + self.twist.wz * dt),
+        )
+
+
+Run = Callable[[float], None]
+
+
+@pytest.fixture
+def latch() -> StopLatch:
+    return StopLatch()
+
+
+@pytest.fixture
+def channel() -> Unicycle:
+    return Unicycle()
+
+
+@pytest.fixture
+def base(robot_model: RobotModel, channel: Unicycle, latch: StopLatch) -> DrivenBase:
+    driven = DrivenBase("base", robot_model.bases["base"], channel, latch)
+    driven.attach()
+    return driven
+
+
+@pytest.fixture
+def run(base: DrivenBase, channel: Unicycle) -> Run:
+    def run_for(seconds: float) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            base.cycle(PERIOD)
+            channel.move(PERIOD)
+
+    return run_for
+
+
+def test_a_base_drives_a_distance_straight(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    start = channel.pose
+    motion = base.move_backward(0.5)
+    run(6.0)
+    moved = start.inverse() @ channel.pose
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert (moved.x, moved.y) == pytest.approx((-0.5, 0.0), abs=0.003)
+
+
+@pytest.mark.parametrize("angle", [1.0, -4.0, 7.0])
+def test_a_base_turns_by_an_angle_also_more_than_once(
+    base: DrivenBase, channel: Unicycle, run: Run, angle: float
+) -> None:
+    start = channel.pose.theta
+    motion = base.rotate(angle)
+    run(15.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert wrap_angle(channel.pose.theta - start - angle) == pytest.approx(0.0, abs=0.003)
+
+
+def test_no_velocity_or_acceleration_beyond_the_limits_is_sent(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    limits = base.description
+    base.move_forward(2.0)
+    run(6.0)
+    speeds = [twist.vx for twist in channel.sent]
+    changes = [abs(b - a) for a, b in pairwise(speeds)]
+    assert max(speeds) <= limits.max_vx + 1e-9
+    assert max(changes) <= limits.max_acceleration * PERIOD + 1e-9
+
+
+def test_a_velocity_lapses_without_a_new_command(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    base.set_velocity(0.3, 0.0, 0.0)
+    run(base.description.command_timeout)
+    assert channel.twist.vx > 0.0
+    run(1.5)
+    assert channel.twist == Twist2D(0.0, 0.0, 0.0)
+
+
+def test_at_rest_it_falls_silent(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    base.set_velocity(0.2, 0.0, 0.0)
+    run(3.0)
+    count = len(channel.sent)
+    run(1.0)
+    assert len(channel.sent) == count
+    assert channel.sent[-10:] == [Twist2D(0.0, 0.0, 0.0)] * 10
+
+
+def test_a_stop_brakes_within_half_a_second_and_ends_the_motion(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    motion = base.move_forward(3.0)
+    run(1.5)
+    base.stop()
+    run(0.4)
+    assert channel.twist == Twist2D(0.0, 0.0, 0.0)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.STOPPED
+
+
+def test_a_base_that_does_not_get_there_in_time_says_what_is_left(base: DrivenBase, channel: Unicycle) -> None:
+    motion = base.move_forward(0.5)
+    for _ in range(round(10.0 / PERIOD)):
+        base.cycle(PERIOD)  # the wheels are blocked
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.TIMEOUT
+    assert "0.500 m are left" in motion.error.text
+
+
+def test_a_lost_controller_fails_the_motion_and_silences_the_odometry(base: DrivenBase, run: Run) -> None:
+    motion = base.rotate(1.0)
+    run(0.2)
+    base.fail(Fault(MotionErrorCode.DISCONNECTED, "nothing was heard"))
+    assert motion.status is MotionStatus.FAILED
+    with pytest.raises(NoDataError, match="nothing was heard"):
+        base.odometry()
+
+
+@pytest.mark.parametrize("velocity", [(9.0, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, -9.0), (math.nan, 0.0, 0.0)])
+def test_velocities_beyond_the_limits_are_refused(base: DrivenBase, velocity: tuple[float, float, float]) -> None:
+    with pytest.raises(CommandRefusedError, match="base refused set_velocity"):
+        base.set_velocity(*velocity)
+
+
+def test_a_stopped_robot_says_why_it_refuses(base: DrivenBase, latch: StopLatch) -> None:
+    latch.set("arm: Collision (C31)")
+    latch.set("a later reason")
+    with pytest.raises(CommandRefusedError, match="C31"):
+        base.move_forward(1.0)
+    latch.clear()
+    base.move_forward(1.0)
+
+
+def test_nothing_works_before_it_is_attached(robot_model: RobotModel, latch: StopLatch) -> None:
+    unattached = DrivenBase("base", robot_model.bases["base"], Unicycle(), latch)
+    with pytest.raises(NotConnectedError):
+        unattached.velocity()
+    with pytest.raises(NotConnectedError):
+        unattached.rotate(1.0)

@@ -1,0 +1,106 @@
+"""What the robot's YAML allows an xArm at most holds above the controller's own limits."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import JointTrajectory
+from bestman_bt.robot_model import load_robot_model
+from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus
+from hal.hardware import HardwareRobot, ToolLimits
+from hal.twins import TwinProcess
+
+ROBOT = Path(__file__).parent / "xarm6_on_a_base.yaml"
+SIDEWAYS = np.array([0.4, 0, 0, 0, 0, 0])
+
+
+@contextmanager
+def connected(twin: TwinProcess, **settings: Any) -> Iterator[HardwareRobot]:
+    changes = {key.replace("__", "."): value for key, value in settings.items()}
+    with HardwareRobot(load_robot_model(ROBOT, {**twin.settings, **changes})) as robot:
+        yield robot
+
+
+def fastest_tool(robot: HardwareRobot, arm: Arm, motion: Any) -> float:
+    """The highest mean speed of the tool over 0.2 s of a motion, by the joints' readings, m/s."""
+    tool = ToolLimits(robot.model, "arm", robot.model.safety)
+    places, times = [tool.tool(arm.positions())], [robot.clock.now()]
+    while not motion.done:
+        robot.clock.sleep(0.2)
+        places.append(tool.tool(arm.positions()))
+        times.append(robot.clock.now())
+    return float(np.max(np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)))
+
+
+def line(arm: Arm, target: np.ndarray, duration: float) -> JointTrajectory:
+    times = np.linspace(0.0, duration, 21)
+    share, rate = 3 * (times / duration) ** 2 - 2 * (times / duration) ** 3, 6 * times * (duration - times)
+    start = arm.positions()
+    ways = (target - start)[None] * share[:, None]
+    return JointTrajectory(arm.joint_names, times, start + ways, (target - start)[None] * rate[:, None] / duration**3)
+
+
+def test_the_tool_never_exceeds_its_speed(twin: TwinProcess) -> None:
+    with connected(twin, safety__tool_speed=0.1) as robot:
+        arm = robot.part("arm", Arm)
+        here = arm.positions()
+        motion = arm.move_to(here + SIDEWAYS)
+        assert fastest_tool(robot, arm, motion) < 0.12
+        assert motion.status is MotionStatus.SUCCEEDED
+        back = arm.follow(line(arm, here, 1.0))
+        assert fastest_tool(robot, arm, back) < 0.12
+        assert back.status is MotionStatus.SUCCEEDED
+        assert arm.positions() == pytest.approx(here, abs=0.01)
+
+
+def test_nothing_leads_the_tool_out_of_its_workspace(twin: TwinProcess) -> None:
+    with connected(twin) as robot:
+        place = ToolLimits(robot.model, "arm", robot.model.safety).tool(robot.part("arm", Arm).positions())
+    box = {"lower": (place - 0.05).tolist(), "upper": (place + 0.05).tolist()}
+    with connected(twin, safety__workspace=box) as robot:
+        arm = robot.part("arm", Arm)
+        here = arm.positions()
+        with pytest.raises(CommandRefusedError, match="workspace"):
+            arm.move_to(here + 2 * SIDEWAYS)
+        with pytest.raises(CommandRefusedError, match="workspace"):
+            arm.follow(line(arm, here + 2 * SIDEWAYS, 4.0))
+        with pytest.raises(CommandRefusedError, match="workspace"):
+            arm.command(positions=here + 2 * SIDEWAYS)
+        arm.command(velocities=0.5 * SIDEWAYS)
+        robot.clock.sleep(2.0)
+        assert np.max(np.abs(arm.velocities())) < 0.01
+        tool = ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())
+        assert np.max(np.abs(tool - place)) < 0.07
+
+
+def test_arms_are_slower_where_safety_says_so(twin: TwinProcess) -> None:
+    with connected(twin, safety__joint_speed=0.1) as robot:
+        arm = robot.part("arm", Arm)
+        assert arm.limits[0].velocity == pytest.approx(np.pi / 10)
+        with pytest.raises(CommandRefusedError, match="velocities"):
+            arm.command(velocities=np.full(6, 0.5))
+
+
+def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
+    options = {"rate": 100.0, "reduced_mode": True, "collision_sensitivity": 3, "payload": 0.8}
+    with connected(twin, connections__arm_controller__options=options) as robot:
+        other = importlib.import_module("xarm.wrapper").XArmAPI(
+            twin.addresses["arm_controller"], is_radian=True, enable_report=False
+        )
+        assert other.get_reduced_mode() == (0, 1)
+        other.set_reduced_max_joint_speed(0.2)
+        arm = robot.part("arm", Arm)
+        motion = arm.move_to(arm.positions() - SIDEWAYS)
+        while not motion.done:
+            robot.clock.sleep(0.02)
+        other.disconnect()
+        assert motion.error is not None
+        assert motion.error.code is MotionErrorCode.FAULT
+        assert "C24" in motion.error.text
