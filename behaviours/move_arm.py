@@ -20,9 +20,13 @@ from bestman_bt.world_model import HeldObject
 BESIDE = ((0.1, 0.35, 1.35), (0.0, 0.3, 1.35), (0.2, 0.4, 1.2), (0.0, -0.35, 1.3), (0.1, -0.4, 1.2))
 """Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright: so far beside the mast
 that the head camera sees past hand and arm what is before the robot."""
+PULL_OUT = 0.30
+"""Metres straight back with something that was taken from the side."""
+LEVEL = 0.5
+"""Cosine between the hand's axis and the vertical below which the hand counts as level."""
 SAME_PLACE = 0.05
 """Metres from such a place within which what is held counts as there."""
-ENOUGH = 2
+ENOUGH = 4
 """Postures among which the planner may choose."""
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
@@ -55,18 +59,27 @@ class Retreat(Skill):
     DECLARATION = Declaration(effects=("posture({posture})",))
 
     def execute(self) -> Steps:
-        """Back along the hand's own axis as far as that is free, then on."""
+        """Back along the hand's own axis as far as that is free, then on; with something in a level hand, too.
+
+        What was taken from the side may have come from between boards.
+        """
         skills = self.skills
-        goals = _postures(self, self.get_input("posture"))
+        _posture(self, self.get_input("posture"))  # an unknown one is told before anything moves
         distance: float = self.get_input("distance")
         if skills.world.held is None and distance > 0:
             scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
-            world = skills.arm_world(scene)
-            back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
-            line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
-            if len(line.path) > 1:
-                yield from follow_path(self, line.path, world, speed=0.5)
-        yield from move_free(self, goals)
+            yield from self._straight_back(skills.arm_world(scene), distance)
+        elif skills.world.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
+            yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
+        yield from move_free(self, _postures(self, self.get_input("posture")))
+
+    def _straight_back(self, world: CollisionWorld, distance: float) -> Steps:
+        """As far as that is free."""
+        skills = self.skills
+        back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
+        line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
+        if len(line.path) > 1:
+            yield from follow_path(self, line.path, world, speed=0.5)
 
 
 def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:

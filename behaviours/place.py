@@ -31,6 +31,8 @@ SEARCH = 0.01
 SET_DOWN_SPEED = 0.02
 SET_DOWN_FORCE = 4.0
 """Newtons; enough to stand, too little to push the object up in the hand."""
+BACK = 0.1
+"""Metres that the hand can go straight back from where it lets go."""
 PRE_PLACE = 0.12
 """Metres above the goal where the straight descent begins."""
 MAX_TAKEN = 0.03
@@ -145,7 +147,9 @@ class PlaceOn(Skill):
         found: list[Approach] = []
         lift = DROP if skills.wrist_wrench is None else HOVER
         for above, down in place_tool_poses(held, base_from_object, self._above(held), lift):
-            found += approaches(skills.algorithms.kinematics, above, down, down, reference, free, lowering, skills.rng)
+            # Back along the hand's axis there must be room, too: that is how it leaves what it has let go.
+            back = down @ Pose(np.array([0.0, 0.0, -BACK]))
+            found += approaches(skills.algorithms.kinematics, above, down, back, reference, free, lowering, skills.rng)
         return min(found, key=lambda approach: approach.cost) if found else None
 
     def _above(self, held: HeldObject) -> float:
