@@ -24,17 +24,18 @@ PICKED = "cup"
 
 @dataclass(frozen=True)
 class Recipe:
-    """How one policy is trained."""
+    """How one policy is trained; ``precision``: the smaller, the more the last centimetre counts."""
 
     features: tuple[str, ...]
     episodes: int
     steps: int
     hidden: tuple[int, ...]
+    precision: float
 
 
 RECIPES = {
-    "reach": Recipe(REACHING_FEATURES, 2000, 12000, (192, 192)),
-    "pick": Recipe(PICKING_FEATURES, 3000, 24000, (256, 256)),
+    "reach": Recipe(REACHING_FEATURES, 3000, 16000, (192, 192), 0.25),
+    "pick": Recipe(PICKING_FEATURES, 3000, 24000, (256, 256), 0.05),
 }
 
 
@@ -58,7 +59,10 @@ def main() -> None:
     print(f"{episodes} demonstrations, {chunks} chunks in {time.perf_counter() - started:.0f} s")
     started = time.perf_counter()
     parameters = BehaviourCloningParameters(
-        hidden=recipe.hidden, steps=options.steps or recipe.steps, seed=options.seed
+        hidden=recipe.hidden,
+        steps=options.steps or recipe.steps,
+        precision=recipe.precision,
+        seed=options.seed,
     )
     policy = clone(demonstrations, expert.specification(robot.name), parameters, recipe.features)
     name = f"{options.which}_{robot.name}" if options.which == "reach" else f"pick_{PICKED}_{robot.name}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,9 +21,11 @@ from bestman_bt.manipulation.policy import (
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, session
 from bestman_bt.runtime.policies import find_policy
-from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
+from bestman_bt.world_model import HeldObject
+from tests.behaviours.at_the_table import PERIOD, failures_of, fastest, tick, tree_of
 
 OPEN_FLOOR = ("scene.robot_start.x=[1.0, 1.0]", "scene.robot_start.y=[-1.0, -1.0]", "scene.robot_start.yaw=[0.0, 0.0]")
+FAR = Pose.from_xyz_rpy((0.5, 0.29, 0.84), (np.pi, 0.0, 0.3))
 GOAL = Pose.from_xyz_rpy((0.55, 0.15, 0.95), (np.pi, 0.0, 0.2))
 WIDE = "-1;-1;0;1.2;1;2"
 
@@ -105,6 +108,20 @@ def test_the_shipped_policy_brings_the_tool_to_the_goal(robot: Session) -> None:
     assert np.linalg.norm(error[3:]) < 0.1
 
 
+def test_it_does_not_stop_where_one_chunk_meets_the_next(robot: Session) -> None:
+    """Seven chunks in a row: from the first half second on the arm keeps moving until it comes near its goal."""
+    tree = load(robot, FAR, policy="reach_diff_panda")
+    speeds, left = [], []
+    while tree.tick_once() == RUNNING:
+        speeds.append(fastest(robot))
+        left.append(np.linalg.norm(FAR.position - robot.skills.base_from_tool().position))
+        tree.sleep(PERIOD)
+    under_way = [speed for speed, distance in zip(speeds[10:], left[10:], strict=True) if distance > 0.06]
+    assert len(under_way) > 15
+    assert min(under_way) > 0.1
+    assert max(speeds) <= 0.5 * 1.1 * max(robot.skills.arm_model.velocity)
+
+
 def test_halted_in_motion_it_comes_to_rest_and_lets_go_of_the_policy(robot: Session) -> None:
     policy = Scripted(robot, deltas(0.03))
     tree = load(robot)
@@ -180,6 +197,7 @@ def test_a_server_that_is_gone_is_told_by_its_code(robot: Session) -> None:
         ({}, Pose.from_xyz_rpy((0.55, 0.0, 2.5)), {}, "workspace"),
         ({}, None, {}, "no_goal"),
         ({}, GOAL, {"success": "luck"}, "bad_input"),
+        ({}, GOAL, {"object": "unicorn"}, "object_not_found"),
         ({}, GOAL, {"workspace": "1;2;3"}, "bad_input"),
         ({"workspace": None}, GOAL, {}, "no_workspace"),
         ({"robot": "another"}, GOAL, {}, "other_robot"),
@@ -199,6 +217,28 @@ def test_an_unknown_policy_is_answered_by_the_closest(robot: Session) -> None:
     code, why = refused(robot, policy="reach_dif_panda")
     assert code == "policy_unusable"
     assert "did you mean 'reach_diff_panda'" in why
+
+
+def test_a_hand_that_is_full_is_not_opened_for_a_policy(robot: Session) -> None:
+    Scripted(robot, deltas(0.0), moves_gripper=True, open_width=0.08)
+    model = robot.skills.world.models["cup"]
+    robot.skills.world.held = HeldObject("cup", model, Pose(), 0.066)
+    try:
+        assert refused(robot)[0] == "hand_full"
+    finally:
+        robot.skills.world.held = None
+
+
+def test_closing_in_the_air_and_going_up_is_no_lift(robot: Session) -> None:
+    """The gripper closes as told and the tool rises: without anything in the hand that is not success."""
+    up = deltas(-0.02, joint=1)
+    shut = np.zeros(10)
+    Scripted(
+        robot, lambda observation: replace(up(observation), gripper_widths=shut), moves_gripper=True, open_width=0.08
+    )
+    assert run(robot, success="lifted", lift=0.03, timeout=3.0, workspace=WIDE) == FAILURE
+    assert failures_of(robot)[0][0] in ("timeout", "collision")
+    assert robot.skills.world.held is None
 
 
 def test_without_a_goal_it_ends_when_the_gripper_holds_something(robot: Session) -> None:

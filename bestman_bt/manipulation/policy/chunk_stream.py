@@ -8,7 +8,7 @@ policies", NeurIPS 2025. Between waypoints the motion is ruckig's, so velocity, 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import ruckig
@@ -23,12 +23,16 @@ Array = NDArray[np.float64]
 MAX_SLOWDOWN = 20.0
 """A chunk that would have to be slower than this has no sense as a motion: a jump, not a step."""
 _INSIDE = 1.0 - 1e-6
+_JERK_SHARE = 0.95
+"""Share of the jerk limits that is planned with: samples of a motion tell its jerk to some per cent only."""
 _TARGET_SHARE = 0.9
 """Share of the limits that a waypoint may ask for: ruckig needs some room to arrive in time."""
 _MARGIN = 0.03
 """rad that waypoints keep from the joint limits: between them the motion may swing out a little."""
 _SWING = 0.01
 """rad by which a joint may pass the end of the chunk and come back."""
+_CREEP = 0.02
+"""rad/s at which a joint may always move."""
 _SKIP = 4
 """How many waypoints ahead the motion looks when it cannot be in time at the next one."""
 
@@ -62,11 +66,16 @@ class StreamState:
 
 @dataclass(frozen=True, eq=False)
 class StreamedMotion:
-    """A motion that begins at the clock's ``start`` and ends at rest; ``accelerations``: (N, n) at its samples."""
+    """A motion that begins at the clock's ``start`` and ends at rest; ``accelerations``: (N, n) at its samples.
+
+    ``intended``: what the chunks said, from the clock's ``said`` on, without the braking for an end at rest.
+    """
 
     start: float
     trajectory: JointTrajectory
     accelerations: Array
+    said: float
+    intended: JointTrajectory
 
     @property
     def end(self) -> float:
@@ -94,14 +103,11 @@ class ChunkStream:
         p = self.parameters
         self._speed = limits.velocity * p.speed.velocity
         self._acceleration = limits.acceleration * p.speed.acceleration
-        self._jerk = self._acceleration / p.jerk_time
+        self.jerk_limits = self._acceleration / p.jerk_time
+        """(n,) rad/s³."""
+        self._jerk = _JERK_SHARE * self.jerk_limits
         self._ruckig = ruckig.Ruckig(len(limits.joint_names))
         self.motion: StreamedMotion | None = None
-
-    @property
-    def jerk_limits(self) -> Array:
-        """(n,) rad/s³."""
-        return self._jerk
 
     def moving(self, time: float) -> bool:
         """Whether a motion is under way at ``time``."""
@@ -143,7 +149,8 @@ class ChunkStream:
         """
         if self.motion is None or not self.moving(min(now, spliced.start)):
             # At rest, a late start changes nothing.
-            self.motion = StreamedMotion(now, spliced.trajectory, spliced.accelerations)
+            said = spliced.said + now - spliced.start
+            self.motion = replace(spliced, start=now, said=said)
             return spliced.trajectory
         if spliced.start < now - 1e-9:
             raise StaleChunkError(f"the motion should have begun {now - spliced.start:.3f} s ago")
@@ -161,14 +168,16 @@ class ChunkStream:
             accelerations = np.vstack([[state.accelerations for state in states], spliced.accelerations])
         else:
             joined, accelerations = new, spliced.accelerations
-        self.motion = StreamedMotion(now, joined, accelerations)
+        self.motion = replace(spliced, start=now, trajectory=joined, accelerations=accelerations)
         return joined
 
     def _blended(self, point: Array, time: float, at: float) -> Array:
         assert self.motion is not None
-        u = min(max((time - at) / self.parameters.blend, 0.0), 1.0)
+        said, intended = self.motion.said, self.motion.intended
+        overlap = min(self.parameters.blend, said + intended.duration - at)
+        u = 1.0 if overlap <= 0.0 else min(max((time - at) / overlap, 0.0), 1.0)
         share = u * u * (3.0 - 2.0 * u)
-        blended: Array = share * point + (1.0 - share) * self.motion.state(time).positions
+        blended: Array = share * point + (1.0 - share) * intended.sample(time - said)[0]
         return blended
 
     def _slowdown(self, times: Array, waypoints: Array) -> float:
@@ -190,7 +199,7 @@ class ChunkStream:
             best: tuple[float, int, ruckig.Trajectory] | None = None
             for ahead in choices:
                 span = float(times[ahead]) + late - now
-                segment = self._segment(sampled[-1][1], targets[ahead], span)
+                segment = self._segment(sampled[-1][1], targets[ahead], span, braking=ahead == last)
                 if segment is not None and (best is None or segment.duration - span < best[0] - 1e-3):
                     best = segment.duration - span, ahead, segment
                 if best is not None and best[0] < 1e-3:
@@ -205,13 +214,13 @@ class ChunkStream:
                 position, velocity, acceleration = segment.at_time(time)
                 sampled.append((now + time, StreamState(*map(np.array, (position, velocity, acceleration)))))
             now, index = now + segment.duration, reached + 1
-        return self._motion(sampled, at)
+        return self._motion(sampled, at, times, targets)
 
     def _braking(self, times: Array, targets: list[StreamState]) -> int:
         """The last waypoint from which the motion can come to rest at the end of the chunk without passing it."""
         end = targets[-1]
         for index in range(len(targets) - 2, 0, -1):
-            segment = self._segment(targets[index], end, float(times[-1] - times[index]))
+            segment = self._segment(targets[index], end, float(times[-1] - times[index]), braking=True)
             if segment is None:
                 continue
             ends = np.sort([targets[index].positions, end.positions], axis=0)
@@ -237,7 +246,10 @@ class ChunkStream:
         velocities[1:] = np.clip(velocities[1:], -room[1:], room[1:])
         return [StreamState(*row) for row in zip(waypoints, velocities, accelerations, strict=True)]
 
-    def _segment(self, start: StreamState, target: StreamState, span: float) -> ruckig.Trajectory | None:
+    def _segment(
+        self, start: StreamState, target: StreamState, span: float, braking: bool = False
+    ) -> ruckig.Trajectory | None:
+        """The motion from state to state in ``span`` seconds, or later; ``braking``: never quicker than it began."""
         request = ruckig.InputParameter(len(start.positions))
         # Ruckig fails on numbers as small as rounding errors: each state is rounded to what has a meaning.
         start, target = _rounded(start), _rounded(target)
@@ -245,7 +257,12 @@ class ChunkStream:
         request.current_velocity, request.target_velocity = start.velocities.tolist(), target.velocities.tolist()
         request.current_acceleration = start.accelerations.tolist()
         request.target_acceleration = target.accelerations.tolist()
-        request.max_velocity, request.max_acceleration = self._speed.tolist(), self._acceleration.tolist()
+        speed = self._speed
+        if braking:
+            began = np.abs(start.velocities) + start.accelerations**2 / (2.0 * self._jerk)
+            least = np.abs(target.positions - start.positions) / max(span, 1e-3)
+            speed = np.clip(1.01 * np.maximum(began, least) + _CREEP, None, self._speed)
+        request.max_velocity, request.max_acceleration = speed.tolist(), self._acceleration.tolist()
         request.max_jerk = self._jerk.tolist()
         request.minimum_duration = max(span, 1e-3)
         segment = ruckig.Trajectory(len(start.positions))
@@ -255,7 +272,9 @@ class ChunkStream:
             return None
         return segment if result in (ruckig.Result.Working, ruckig.Result.Finished) else None
 
-    def _motion(self, sampled: list[tuple[float, StreamState]], at: float) -> StreamedMotion:
+    def _motion(
+        self, sampled: list[tuple[float, StreamState]], at: float, times: Array, targets: list[StreamState]
+    ) -> StreamedMotion:
         names, limits = self._limits.joint_names, self._limits
         trajectory = JointTrajectory(
             names,
@@ -267,7 +286,11 @@ class ChunkStream:
         worst = int(np.argmax(outside))
         if outside[worst] > 0.0:
             raise PolicyActionError(f"along the chunk {names[worst]} would pass its limit by {outside[worst]:.4f}")
-        return StreamedMotion(at, trajectory, np.array([state.accelerations for _, state in sampled]))
+        accelerations = np.array([state.accelerations for _, state in sampled])
+        points = np.array([target.positions for target in targets])
+        velocities = np.array([target.velocities for target in targets])
+        velocities[-1] = (points[-1] - points[-2]) / (times[-1] - times[-2])
+        return StreamedMotion(at, trajectory, accelerations, at, JointTrajectory(names, times, points, velocities))
 
 
 def _rounded(state: StreamState) -> StreamState:

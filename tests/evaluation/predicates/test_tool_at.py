@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, load_run, load_task
+from bestman_bt.messages import Pose
+from bestman_bt.runtime.setup import prepare
+from tests.evaluation.predicates.staged import Staged, judged, why
+
+REACH = {
+    "scene": "policy_space",
+    "predicate": "tool_at",
+    "reach": {"goal": "hover", "height": ["10 cm", "30 cm"]},
+}
+
+
+def test_a_tool_that_stayed_where_it_was_is_told_by_how_much_it_is_off(tmp_path: Path) -> None:
+    result = judged(tmp_path, REACH, Staged())
+    assert not result.success
+    off = result.metrics["tool_error_mm"]
+    assert off > 100
+    assert f"{off:.0f} mm from the goal" in why(result)
+
+
+def test_with_wide_tolerances_the_same_tool_is_there(tmp_path: Path) -> None:
+    wide = {**REACH, "tolerances": {"position": "2 m", "tilt": "180 deg"}}
+    assert judged(tmp_path, wide, Staged()).success
+
+
+def test_the_goal_points_down_over_the_scenes_goal_at_a_height_that_the_seed_draws() -> None:
+    heights = []
+    for seed in (1, 2):
+        setup = prepare(load_run("policy_reach", seed=seed))
+        goal, place = setup.reach_goal, setup.world.goals["hover"]
+        assert isinstance(goal, Pose)
+        np.testing.assert_allclose(goal.position[:2], place.position[:2])
+        np.testing.assert_allclose(goal.rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
+        heights.append(float(goal.position[2] - place.position[2]))
+        assert 0.06 <= heights[-1] <= 0.32
+    assert heights[0] != heights[1]
+
+
+def test_heights_the_wrong_way_round_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "task.yaml"
+    path.write_text(
+        "{tree: policy_reach, scene: policy_space, robot: diff_panda, reach: {goal: hover, height: [30 cm, 10 cm]}}"
+    )
+    with pytest.raises(ConfigurationError, match="the smaller limit comes first"):
+        load_task(path)
