@@ -8,9 +8,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model.footprint import origin_pose
+from bestman_bt.robot_model.shape_outline import outline
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 
 SAMPLES = 17
@@ -55,16 +57,19 @@ def opening_table(
     """Pairs (position of each of ``joints``, opening width), from the widest to the closed hand.
 
     ``travel``: the position where the hand is open, and where it is closed to ``min_width``. The width is that of the
-    gap between the origins of the first two ``fingers`` along y of the frame ``tool``, by forward kinematics; pads do
+    gap between the middles of the first two ``fingers`` along y of the frame ``tool``, by forward kinematics; pads do
     not turn in a parallel hand, so that their thickness is a constant.
     """
+    middles = [_middle(elements, finger) for finger in fingers[:2]]
     opened, closed = travel
     gaps = []
     positions = np.linspace(opened, closed, SAMPLES)
     for position in positions:
         poses = link_poses(elements, all_positions(dict.fromkeys(joints, float(position)), mimics), (tool, *fingers))
         in_tool = poses[tool].inverse()
-        first, second = ((in_tool @ poses[finger]).position[1] for finger in fingers[:2])
+        first, second = (
+            (in_tool @ poses[finger]).apply(middle)[1] for finger, middle in zip(fingers[:2], middles, strict=True)
+        )
         gaps.append(abs(float(first - second)))
     return tuple((float(q), gap - gaps[-1] + min_width) for q, gap in zip(positions, gaps, strict=True))
 
@@ -83,6 +88,17 @@ def link_poses(elements: list[ET.Element], positions: Mapping[str, float], links
     for link in links:
         pose(link)
     return poses
+
+
+def _middle(elements: list[ET.Element], link: str) -> NDArray[np.float64]:
+    """The mean of the corners of a link's collision shapes, (3,) metres in its frame; its origin if it has none."""
+    found = next(element for element in elements if element.tag == "link" and element.get("name") == link)
+    clouds = [
+        origin_pose(collision).apply(outline(collision.find("geometry"), meshes=True))
+        for collision in found.findall("collision")
+    ]
+    points = np.concatenate([np.zeros((0, 3)), *clouds])
+    return points.mean(axis=0) if len(points) else np.zeros(3)
 
 
 def _joint_pose(joint: ET.Element, positions: Mapping[str, float]) -> Pose:

@@ -76,6 +76,7 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: S
         tree = ET.parse(path).getroot()
     except ET.ParseError as error:
         raise UrdfError(f"{path} is not XML: {error}") from error
+    distinguish_joints(tree)
     links = {link.get("name", ""): link for link in tree.findall("link")}
     below: dict[str, list[ET.Element]] = {}
     children = set()
@@ -105,6 +106,18 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: S
     return Subtree(elements, root, tuple(mimics))
 
 
+def distinguish_joints(robot: ET.Element) -> None:
+    """Give joints that are called as a link is ``_joint`` at the end: here, names are of one thing only."""
+    links = {link.get("name", "") for link in robot.findall("link")}
+    shared = {joint.get("name", "") for joint in robot.findall("joint")} & links
+    for joint in robot.findall("joint"):
+        if joint.get("name", "") in shared:
+            joint.set("name", f"{joint.get('name')}_joint")
+        for mimic in joint.findall("mimic"):
+            if mimic.get("joint", "") in shared:
+                mimic.set("joint", f"{mimic.get('joint')}_joint")
+
+
 def _mimics(joint: ET.Element) -> list[MimicJoint]:
     return [
         MimicJoint(
@@ -119,6 +132,12 @@ def _mimics(joint: ET.Element) -> list[MimicJoint]:
 
 def _clean_joint(joint: ET.Element) -> ET.Element:
     joint = copy.deepcopy(joint)
+    origin = joint.find("origin")
+    for key in ("xyz", "rpy"):
+        text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
+        if not _is_vector(text):
+            what = f"joint {joint.get('name')!r} gives its {key} as {text!r}"
+            raise UrdfError(f"{what}: that should be three numbers; cut the link behind it, or mend the file")
     for mimic in joint.findall("mimic"):
         joint.remove(mimic)
     return joint
@@ -143,6 +162,13 @@ def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element], 
         for material in collision.findall("material"):
             collision.remove(material)
     return link
+
+
+def _is_vector(text: str) -> bool:
+    try:
+        return len([float(number) for number in text.split()]) == 3
+    except ValueError:
+        return False
 
 
 def locate_mesh(filename: str, urdf: Path, packages: Sequence[Path] = ()) -> Path:

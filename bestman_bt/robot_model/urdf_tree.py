@@ -1,0 +1,111 @@
+"""The tree of links and joints of a URDF file, for finding out what kind of part it is."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections import Counter
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+
+from bestman_bt.registry import suggestion
+from bestman_bt.robot_model.srdf import Srdf
+from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, distinguish_joints, read_subtree
+
+
+class UrdfTree:
+    """Joints are those of the file, in its order, without the subtrees ``cut``; UrdfError for what is no tree."""
+
+    def __init__(self, path: Path, cut: Sequence[str] = (), packages: Sequence[Path] = ()) -> None:
+        self.path = path
+        self._cut, self._packages = tuple(cut), tuple(packages)
+        try:
+            robot = ET.parse(path).getroot()
+        except (OSError, ET.ParseError) as error:
+            raise UrdfError(f"{path} cannot be read as a URDF: {error}") from error
+        if robot.tag != "robot":
+            hint = "; xacro files have to be expanded first" if path.suffix == ".xacro" else ""
+            raise UrdfError(f"{path} is no URDF: its root element is <{robot.tag}>, it should be <robot>{hint}")
+        if any("xacro" in element.tag for element in robot.iter()):
+            raise UrdfError(f"{path} has xacro macros in it: expand them first (xacro FILE > FILE.urdf)")
+        distinguish_joints(robot)
+        self.links = {link.get("name", ""): link for link in robot.findall("link")}
+        self.joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
+        self.above = {child_of(joint): joint for joint in self.joints.values()}
+        self._check()
+        for link in cut:
+            for joint in (self.above[self.known(link)], *self.below(link)):
+                del self.joints[joint.get("name", "")], self.links[child_of(joint)], self.above[child_of(joint)]
+
+    @cached_property
+    def root(self) -> str:
+        """The one link that nothing carries."""
+        roots = [name for name in self.links if name not in self.above]
+        if len(roots) != 1:
+            raise UrdfError(f"{self.path.name} should have one root link, it has {', '.join(roots) or 'none'}")
+        return roots[0]
+
+    def moves(self, joint: ET.Element) -> bool:
+        """Whether it is no fixed joint."""
+        return joint.get("type") != "fixed"
+
+    def driven(self, joint: ET.Element) -> bool:
+        """Whether it moves by itself and follows no other joint."""
+        return self.moves(joint) and joint.find("mimic") is None
+
+    def path_to(self, tip: str, base: str | None = None) -> list[ET.Element]:
+        """The joints from ``base`` (default: the root) to ``tip``; UrdfError if ``tip`` does not hang on it."""
+        chain: list[ET.Element] = []
+        link = self.known(tip)
+        while link != base and link in self.above:
+            chain.append(self.above[link])
+            link = parent_of(self.above[link])
+        if base is not None and link != base:
+            raise UrdfError(f"{self.path.name}: {tip!r} does not hang on {base!r}")
+        return chain[::-1]
+
+    def subtree(self, root: str | None = None) -> Subtree:
+        """Links and joints below ``root`` (default: the tree's), as a part has them."""
+        return read_subtree(self.path, root, self._cut, self._packages)
+
+    def below(self, link: str) -> list[ET.Element]:
+        """All joints beyond ``link``."""
+        found, waiting = [], [link]
+        while waiting:
+            name = waiting.pop(0)
+            for joint in self.joints.values():
+                if parent_of(joint) == name:
+                    found.append(joint)
+                    waiting.append(child_of(joint))
+        return found
+
+    def known(self, link: str) -> str:
+        """``link``, if there is one of that name; UrdfError suggests the closest."""
+        if link not in self.links:
+            raise UrdfError(f"{self.path.name} has no link {link!r}; {suggestion(link, list(self.links))}")
+        return link
+
+    def group_joints(self, srdf: Srdf, name: str) -> list[str]:
+        """The driven joints of an SRDF group, in the file's order."""
+        group = srdf.group(name)
+        names = set(group.joints)
+        names |= {self.above[link].get("name", "") for link in group.links if link in self.above}
+        for base, tip in group.chains:
+            names |= {joint.get("name", "") for joint in self.path_to(tip, self.known(base))}
+        for inner in group.groups:
+            names |= set(self.group_joints(srdf, inner))
+        unknown = names - set(self.joints)
+        if unknown:
+            raise UrdfError(f"the SRDF's group {name!r} names joints that the URDF lacks: {', '.join(sorted(unknown))}")
+        return [joint for joint in self.joints if joint in names and self.driven(self.joints[joint])]
+
+    def _check(self) -> None:
+        for joint in self.joints.values():
+            for what, link in (("parent", parent_of(joint)), ("child", child_of(joint))):
+                if link not in self.links:
+                    name = joint.get("name")
+                    raise UrdfError(f"{self.path.name}: the {what} of joint {name!r} is {link!r}, which is no link")
+        twice = [name for name, count in Counter(map(child_of, self.joints.values())).items() if count > 1]
+        if twice:
+            raise UrdfError(f"{self.path.name} is no tree: {', '.join(twice)} hangs on two joints")

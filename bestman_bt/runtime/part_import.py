@@ -1,0 +1,144 @@
+"""Parts from any URDF: what kind of part it is, what the file leaves out, and the description to keep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bestman_bt.configuration import Document
+from bestman_bt.robot_model import RobotModel, compose_robot
+from bestman_bt.robot_model.srdf import Srdf
+from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_source import UrdfError
+from bestman_bt.robot_model.urdf_tree import UrdfTree
+from bestman_bt.runtime.part_facts import arm_facts, base_facts, gripper_facts, overlapping_pairs
+
+FEWEST_ARM_JOINTS = 4
+
+
+@dataclass(frozen=True)
+class PartRequest:
+    """``kind``: None to find out. ``group``: of the SRDF, None for the whole file. ``packages``: for ``package://``.
+
+    ``cut``: links to leave out, with all that hangs on them.
+    """
+
+    name: str
+    kind: str | None = None
+    group: str | None = None
+    packages: tuple[Path, ...] = ()
+    cut: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ImportedPart:
+    """``description``: the text of its YAML; ``robot``: the part alone; ``notes``: what the file did not say."""
+
+    name: str
+    kind: str
+    description: str
+    robot: RobotModel
+    notes: tuple[str, ...] = field(default=())
+
+
+def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> ImportedPart:
+    """Describe the part that a URDF file is; UrdfError or ConfigurationError tell what is wrong with it.
+
+    A kind that is not asked for follows from the joints: wheels that turn without end about a level axis make a base,
+    a chain of at least four joints an arm, up to three that move fingers a gripper.
+    """
+    tree = UrdfTree(urdf.resolve(), request.cut, request.packages)
+    joints = tree.group_joints(srdf, request.group) if srdf and request.group else None
+    kind = request.kind or _kind(tree, joints)
+    facts = {"arm": arm_facts, "gripper": gripper_facts, "base": base_facts}
+    if kind not in facts:
+        raise UrdfError(f"a part of the kind {kind!r} cannot be imported, only {', '.join(facts)}")
+    fields, notes = facts[kind](tree, joints)
+    fields["cut"] = sorted({*fields.get("cut", ()), *request.cut})
+    data: dict[str, Any] = {
+        "kind": kind,
+        "description": f"{request.name}, from {urdf.name}.",
+        "urdf": str(tree.path),
+        **({"packages": [str(folder.resolve()) for folder in request.packages]} if request.packages else {}),
+        **fields,
+    }
+    if srdf is not None and kind == "arm":
+        states, more = _states(data["joints"], data["limits"], srdf)
+        notes += more
+        if states:
+            data["states"] = states
+    robot = _alone(request.name, data)
+    links = set(_links_of(robot))
+    if srdf is not None:
+        pairs = [sorted(pair) for pair in srdf.disabled_pairs if set(pair) <= links]
+    else:
+        pairs = [sorted(pair) for pair in overlapping_pairs(robot)]
+        if pairs:
+            notes.append(f"{len(pairs)} pairs of links overlap wherever the joints stand: they need no check")
+    if pairs:
+        data["may_touch"] = sorted(map(list, {tuple(pair) for pair in pairs}))
+        robot = _alone(request.name, data)
+    return ImportedPart(request.name, kind, _text(data, notes), robot, tuple(notes))
+
+
+def _kind(tree: UrdfTree, joints: Sequence[str] | None) -> str:
+    names = [name for name in joints or tree.joints if tree.driven(tree.joints[name])]
+    driven = [tree.joints[name] for name in names]
+    wheels = [joint for joint in driven if joint.get("type") == "continuous"]
+    if len(wheels) >= 2 and len(wheels) == len(driven) and len({parent_of(joint) for joint in wheels}) == 1:
+        return "base"
+    chains = [[joint.get("name") for joint in tree.path_to(child_of(end))] for end in driven]
+    longest = max((len(set(chain) & set(names)) for chain in chains), default=0)
+    if longest >= FEWEST_ARM_JOINTS:
+        return "arm"
+    if 1 <= len(driven) <= 3:
+        return "gripper"
+    raise UrdfError(
+        f"{tree.path.name} is neither plainly a base, nor an arm, nor a gripper ({len(driven)} joints, at most "
+        f"{longest} in a row): say which with --kind, or which group of an SRDF with --group"
+    )
+
+
+def _states(
+    joints: Sequence[str], limits: Mapping[str, Sequence[float]], srdf: Srdf
+) -> tuple[dict[str, list[float]], list[str]]:
+    states: dict[str, list[float]] = {}
+    notes = []
+    for of_group in srdf.states.values():
+        for name, positions in of_group.items():
+            if not set(joints) <= set(positions):
+                continue
+            values = [positions[joint] for joint in joints]
+            within = all(
+                low <= value <= high for low, value, high in zip(limits["lower"], values, limits["upper"], strict=True)
+            )
+            if within:
+                states[name] = values
+            else:
+                notes.append(f"the state {name!r} of the SRDF is beyond the joint limits and was left out")
+    return states, notes
+
+
+def _alone(name: str, data: Mapping[str, Any]) -> RobotModel:
+    """The part as a robot of its own: whatever is wrong with it shows now."""
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / f"{name}.yaml"
+        file.write_text(_text(data, ()), encoding="utf-8")
+        return compose_robot(name, Document({"parts": {name: {"part": str(file)}}}))
+
+
+def _links_of(robot: RobotModel) -> list[str]:
+    import xml.etree.ElementTree as ET
+
+    return [link.get("name", "") for link in ET.fromstring(robot.urdf).findall("link")]
+
+
+def _text(data: Mapping[str, Any], notes: Sequence[str]) -> str:
+    head = "".join(f"# {note}\n" for note in notes)
+    return head + yaml.safe_dump(dict(data), sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
