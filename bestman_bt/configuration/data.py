@@ -21,6 +21,8 @@ _FOLDERS = {
     "tree": ("trees", (".xml", ".py")),
 }
 
+_OF_USERS = ("object", "part", "robot")
+
 
 def data_root() -> Path:
     """The folder that holds ``assets``, ``configs`` and ``trees``: the checkout's, else the installed package's."""
@@ -35,7 +37,14 @@ def own_objects() -> Path:
     """Where users keep objects of their own: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/objects``."""
     if (data_root() / "pyproject.toml").is_file():
         return data_root() / _FOLDERS["object"][0]
-    return _user_objects()
+    return _user_folder("object")
+
+
+def own_parts() -> Path:
+    """Where users keep parts of their own: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/parts``."""
+    if (data_root() / "pyproject.toml").is_file():
+        return data_root() / _FOLDERS["part"][0]
+    return _user_folder("part")
 
 
 def data_names(kind: str) -> list[str]:
@@ -47,7 +56,7 @@ def data_names(kind: str) -> list[str]:
 def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> Path:
     """The file of ``name``: a path (with a folder or a suffix) means that file, a bare name a shipped one.
 
-    Of an object, a bare name also means one that the user has added.
+    Of an object, a part or a robot, a bare name also means one that the user has added.
 
     ``asked_by``: the place that names it, for the error's source, line and field (its message is not used).
     Raises ConfigurationError that suggests the closest shipped name.
@@ -70,8 +79,8 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
 
 def _folders(kind: str) -> list[Path]:
     shipped = data_root() / _FOLDERS[kind][0]
-    return [shipped, _user_objects()] if kind == "object" else [shipped]
+    return [shipped, _user_folder(kind)] if kind in _OF_USERS else [shipped]
 
 
-def _user_objects() -> Path:
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "bestman-bt/objects"
+def _user_folder(kind: str) -> Path:
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "bestman-bt" / f"{kind}s"

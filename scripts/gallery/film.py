@@ -18,9 +18,9 @@ from hal.pybullet import Viewpoint
 
 SIZE = (560, 420)
 STILL_SIZE = (960, 720)
-RATE = 15
+RATE = 12
 """Frames per second."""
-SECONDS = (8.0, 15.0)
+SECONDS = (8.0, 13.0)
 """Shortest and longest film."""
 AZIMUTHS = np.arange(12) * math.pi / 6
 ELEVATIONS = (math.radians(25.0), math.radians(40.0))
@@ -103,7 +103,7 @@ def frames(track: Track, shot: Shot, stage: Stage) -> Iterator[NDArray[np.uint8]
         stage.set(moment)
         picture = stage.picture(shot.view(index), *SIZE)
         passed = moment.snapshot.stamp - shot.moments[0].snapshot.stamp
-        yield captioned(picture, f"{track.setup.config.name}   {passed:5.1f} s   {shot.speed:.0f} ×   {moment.doing}")
+        yield captioned(picture, f"{track.setup.config.name}   {passed:5.1f} s   {shot.speed:.0f} x   {moment.doing}")
 
 
 def captioned(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:
