@@ -16,5 +16,8 @@ Plugins = Annotated[
     list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load leaves and algorithms from a file.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, all else elsewhere.")]
+Driver = Annotated[
+    str, typer.Option(help="Which robot: pybullet, or hardware for the controllers named in the robot's YAML.")
+]
 Scene = Annotated[str | None, typer.Option(help="A shipped scene or a YAML file.")]
 Robot = Annotated[str | None, typer.Option(help="A shipped robot or a YAML file.")]

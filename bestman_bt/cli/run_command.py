@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
+from bestman_bt.cli.options import Driver, Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.cli.run_view import RunView, summary
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run, task_of_tree
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
@@ -26,6 +26,7 @@ def command(
     task: Annotated[str | None, typer.Option(help="A shipped task or a YAML file.")] = None,
     scene: Scene = None,
     robot: Robot = None,
+    driver: Driver = "pybullet",
     seed: Seed = 0,
     settings: Settings = None,
     plugins: Plugins = None,
@@ -39,7 +40,7 @@ def command(
     if gui and not os.environ.get("DISPLAY"):
         raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
     with json_output(as_json) as tell:
-        config = _configuration(tree, task, scene, robot, seed, settings, plugins, record)
+        config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record)
         result = execute(prepare_episode(config), runs, pictures, gui)
         tell(result.to_document())
     sys.exit(exit_code(result))
@@ -66,6 +67,7 @@ def _configuration(
     task: str | None,
     scene: str | None,
     robot: str | None,
+    driver: str,
     seed: int,
     settings: list[str] | None,
     plugins: list[Path] | None,
@@ -86,4 +88,5 @@ def _configuration(
         settings=settings or (),
         plugins=[str(plugin) for plugin in plugins or ()],
         record=record,
+        driver=driver,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,8 @@ from bestman_bt.configuration.document import Document, FieldPath, Origins, pars
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
+
+_SECRET = re.compile(r"connections\.[^.]+\.(address|token)")
 
 
 @dataclass(frozen=True)
@@ -105,8 +108,11 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
 
 
 def dump_run(run: RunConfig) -> str:
-    """The run as YAML text, SI numbers."""
-    text: str = yaml.safe_dump(_plain(run), sort_keys=False, allow_unicode=True)
+    """The run as YAML text, SI numbers; without the addresses and tokens of controllers."""
+    document = _plain(run)
+    settings = document["robot_settings"]
+    document["robot_settings"] = {key: value for key, value in settings.items() if not _SECRET.fullmatch(key)}
+    text: str = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
     return text
 
 

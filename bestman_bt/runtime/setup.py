@@ -117,6 +117,10 @@ def _robot_problems(setup: Setup) -> Iterable[Problem]:
         "camera": model.cameras,
         "lidar": model.lidars,
     }
+    connected = {part for connection in model.connections.values() for part in connection.parts}
     for kind, parts in needed.items():
         if not parts:
             yield Problem(str(setup.config.task.robot), None, "parts", f"the skills need a {kind}, this robot has none")
+        elif setup.config.driver == "hardware" and not connected & set(parts):
+            message = f"the skills need a {kind}, and none of {', '.join(parts)} is behind a connection"
+            yield Problem(str(setup.config.task.robot), None, "connections", message)

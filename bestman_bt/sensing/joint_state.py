@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.robot_model import RobotModel
-from hal.api import Gripper, JointGroup, Part
+from hal.api import Gripper, JointGroup, Part, RobotError
+
+
+class JointStateError(PerceptionError):
+    """The encoders of a part deliver nothing: its controller is not connected, or no longer."""
+
+    code = "disconnected"
 
 
 class JointStateSensor:
@@ -20,11 +27,14 @@ class JointStateSensor:
         self._model = model
 
     def positions(self) -> Mapping[str, float]:
-        """Joint name → measured position, radians or metres."""
+        """Joint name → measured position, radians or metres; JointStateError where a part tells none."""
         positions: dict[str, float] = {}
-        for name, part in self._parts.items():
-            if isinstance(part, JointGroup):
-                positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
-            elif isinstance(part, Gripper) and name in self._model.grippers:
-                positions.update(self._model.grippers[name].joint_positions(part.width()))
+        try:
+            for name, part in self._parts.items():
+                if isinstance(part, JointGroup):
+                    positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
+                elif isinstance(part, Gripper) and name in self._model.grippers:
+                    positions.update(self._model.grippers[name].joint_positions(part.width()))
+        except RobotError as error:
+            raise JointStateError(str(error)) from error
         return MappingProxyType(positions)

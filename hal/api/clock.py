@@ -18,7 +18,7 @@ class Clock(ABC):
     """The only source of time for everything above the hardware layer.
 
     In simulation ``sleep`` steps physics and runs the periodic calls that are due, in one thread. On hardware it
-    waits, and a control thread runs the periodic calls.
+    waits, and runs the periodic calls that the thread which sleeps has asked for.
     """
 
     @abstractmethod

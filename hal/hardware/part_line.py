@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware.fault import Fault
 from hal.hardware.stop_latch import StopLatch
 from hal.parts import PartMotion
@@ -47,10 +47,10 @@ class PartLine:
             raise NotConnectedError(f"{self.part_name} was used while the robot is not connected; call connect()")
 
     def check_reading(self) -> None:
-        """Whether readings are of now; raises NotConnectedError, or NoDataError after the controller was lost."""
+        """Whether readings are of now; raises NotConnectedError, also after the controller was lost."""
         self.check_connected()
         if self._lost is not None:
-            raise NoDataError(f"{self.part_name} delivers nothing: {self._lost}")
+            raise NotConnectedError(f"{self.part_name} delivers nothing: {self._lost}")
 
     def check_command(self, command: str) -> None:
         """Whether a command may act now; raises NotConnectedError or CommandRefusedError."""

@@ -21,7 +21,7 @@ class XArmOptions:
     ``reduced_mode``: hold the controller, too, to the speeds of the robot model and of ``safety``.
     ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always, for the collision
     detection. ``gripper_pulses``: the gripper's own position when fully open. ``gripper_rate``: hertz of its readings.
-    ``reply_timeout``: seconds that a command waits for its reply.
+    ``reply_timeout``, ``connect_timeout``: seconds that a command and the first one wait for the reply.
     """
 
     rate: Frequency = 100.0
@@ -32,4 +32,4 @@ class XArmOptions:
     gripper_pulses: Pulses = 850
     gripper_rate: Frequency = 10.0
     reply_timeout: PositiveTime = 0.2
-    connect_timeout: PositiveTime = 8.0
+    connect_timeout: PositiveTime = 2.0

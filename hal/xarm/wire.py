@@ -12,6 +12,7 @@ from hal.api import Clock, MotionErrorCode
 from hal.hardware import ConnectionFailedError, Fault
 from hal.xarm.errors import controller_fault, gripper_fault
 from hal.xarm.options import XArmOptions
+from hal.xarm.probe import answers
 from hal.xarm.sdk import discreet, import_sdk
 
 SERVO_MODE = 1
@@ -53,6 +54,8 @@ class XArmWire:
     def open(self, address: str, options: XArmOptions) -> None:
         """Connect; ConnectionFailedError where nothing answers."""
         sdk = import_sdk(self._load)
+        if not answers(address, options.connect_timeout):
+            raise ConnectionFailedError(f"{self._name}: no xArm controller answers at its address")
         # No reports: each cycle reads, and the SDK's thread for reports polls a thousand times a second.
         arm = sdk.wrapper.XArmAPI(
             address,
@@ -63,16 +66,12 @@ class XArmWire:
             forbid_uds=True,
             check_cmdnum_limit=False,
         )
-        overdue = threading.Timer(options.connect_timeout, arm.disconnect)
-        overdue.start()
         self._arm = arm
         try:
             with discreet():
                 arm.connect()
         except Exception as error:
-            raise ConnectionFailedError(f"{self._name}: no xArm controller answers at its address") from error
-        finally:
-            overdue.cancel()
+            raise ConnectionFailedError(f"{self._name}: the xArm controller refuses the connection") from error
         if not arm.connected:
             raise ConnectionFailedError(f"{self._name}: the xArm controller does not tell its version")
         arm.set_timeout(options.reply_timeout)

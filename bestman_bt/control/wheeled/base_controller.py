@@ -15,7 +15,7 @@ from bestman_bt.navigation.local_planning import PathFollower, RotateToHeading
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, NotConnectedError, Timer
+from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, NoDataError, NotConnectedError, Timer
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class BaseController:
                     self._advance(self._action)
             except CommandRefusedError as error:
                 self._end(ControlErrorCode.STOPPED, str(error), aborted=True)
-            except NotConnectedError as error:
+            except (NotConnectedError, NoDataError) as error:
                 self._end(ControlErrorCode.DISCONNECTED, str(error))
 
     def _localise(self) -> None:

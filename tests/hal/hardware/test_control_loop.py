@@ -16,8 +16,8 @@ def test_it_is_called_at_its_rate_with_the_time_that_has_passed() -> None:
     loop.start()
     time.sleep(0.5)
     assert loop.close()
-    assert sum(elapsed) == pytest.approx(0.5, abs=0.1)
-    assert 10 < len(elapsed) <= 51
+    assert sum(elapsed) == pytest.approx(0.5, abs=0.2)
+    assert 10 < len(elapsed) <= 100.0 * sum(elapsed) + 1
     assert loop.lateness().cycles == len(elapsed)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import RobotModel
-from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import BaseChannel, BaseReading, DrivenBase, Fault, StopLatch
 
 PERIOD = 0.02
@@ -140,7 +140,7 @@ def test_a_lost_controller_fails_the_motion_and_silences_the_odometry(base: Driv
     run(0.2)
     base.fail(Fault(MotionErrorCode.DISCONNECTED, "nothing was heard"))
     assert motion.status is MotionStatus.FAILED
-    with pytest.raises(NoDataError, match="nothing was heard"):
+    with pytest.raises(NotConnectedError, match="nothing was heard"):
         base.odometry()
 
 

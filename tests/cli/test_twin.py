@@ -1,0 +1,58 @@
+"""bestman-bt twin: what it tells, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROBOT = Path(__file__).parents[1] / "hal" / "xarm" / "xarm6_on_a_base.yaml"
+COMMAND = [sys.executable, "-m", "bestman_bt.cli.main", "twin"]
+
+
+def refused(*arguments: str) -> str:
+    """What a call says that ends with exit code 2."""
+    done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    return done.stderr
+
+
+def test_twins_tell_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
+    arguments = [*COMMAND, "--robot", str(ROBOT), "--scene", "pick_place_table", "--json"]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as twins:
+        assert twins.stdout is not None
+        told = json.loads(twins.stdout.readline())
+        address = told["addresses"]["arm_controller"]
+        assert address.startswith("127.0.0.")
+        assert told["settings"] == [f"robot.connections.arm_controller.address={address}"]
+        assert told["judge"] is None
+        faults = Path(told["faults"])
+        assert faults.stat().st_mode & 0o777 == 0o600
+        assert "there are" in refused("--fault", "arm_controller:flood", "--at", str(faults))
+        assert "there are arm_controller" in refused("--fault", "leg:drop", "--at", str(faults))
+        good = [*COMMAND, "--fault", "arm_controller:delay:0.1", "--at", str(faults)]
+        assert subprocess.run(good, check=False).returncode == 0
+        twins.send_signal(signal.SIGINT)
+        assert twins.wait(timeout=10) == 0
+    assert not faults.exists()
+
+
+def test_a_robot_without_connections_has_no_twins() -> None:
+    assert "has no connections" in refused("--robot", "diff_panda", "--scene", "kitchen")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--robot", "diff_pandaa"), "did you mean 'diff_panda'"),
+        (("--robot", str(ROBOT), "--set", "goal.object=cup"), "should begin with robot. or scene."),
+        (("--fault", "arm_controller:drop"), "--at the socket"),
+    ],
+)
+def test_wrong_input_is_told(arguments: tuple[str, ...], words: str) -> None:
+    assert words in refused(*arguments)
