@@ -37,11 +37,11 @@ the arm has been through its postures.
 """
 
 
-def row(names: tuple[str, ...], trial: RobotTrial | str, parameters: TrialParameters) -> str:
+def row(names: tuple[str, ...], trial: RobotTrial | str) -> str:
     head = f"| {' | '.join(names)} | "
     if isinstance(trial, str):
         return f"{head}{trial} | | | | | |"
-    postures = f"{trial.reached}/{parameters.postures}"
+    postures = f"{trial.reached}/{trial.asked}"
     if trial.touching:
         postures += ", " + "; ".join(f"{a} met {b}" for a, b in trial.touching)
     return (
@@ -64,8 +64,8 @@ def main() -> int:
             trial: RobotTrial | str = try_robot(partial(combine, *names), parameters, options.seed)
         except ConfigurationError as error:
             trial = str(error)
-        passed += isinstance(trial, RobotTrial) and trial.passed(parameters)
-        rows.append(row(names, trial, parameters))
+        passed += isinstance(trial, RobotTrial) and trial.passed
+        rows.append(row(names, trial))
         print(rows[-1], flush=True)
     head = HEAD.format(
         passed=passed,

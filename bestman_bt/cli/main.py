@@ -18,6 +18,8 @@ VERBS = {
     "nodes": "list the nodes that trees may use, with their ports",
     "validate": "check tree files without running them",
     "object": "add, list and show objects",
+    "robots": "list robots and the parts that they are made of",
+    "robot": "show, check and import robots and their parts",
     "calibrate": "calibrate a lens, a camera on an arm or on a head, from views of a board",
     "twin": "stand in for a robot's controllers, over a simulated world in real time",
     "stop": "stop the robots of all running executors",

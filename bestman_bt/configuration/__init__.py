@@ -1,7 +1,7 @@
 """YAML to checked frozen dataclasses, and where shipped data lies."""
 
 from bestman_bt.configuration.checked import check, override
-from bestman_bt.configuration.data import data_names, data_root, find_data, own_objects
+from bestman_bt.configuration.data import data_names, data_root, find_data, own_objects, own_parts
 from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
@@ -37,6 +37,7 @@ __all__ = [
     "load_task",
     "override",
     "own_objects",
+    "own_parts",
     "parse_document",
     "parse_settings",
     "parse_value",

@@ -40,7 +40,7 @@ def outline(geometry: ET.Element | None, meshes: bool = False) -> NDArray[np.flo
 
 @lru_cache(maxsize=256)
 def _mesh_corners(filename: str) -> NDArray[np.float64]:
-    import trimesh
+    import coal  # reads what collision worlds read, COLLADA among it
 
-    vertices = np.asarray(trimesh.load(filename, force="mesh").vertices, dtype=float)
+    vertices = np.array(coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(filename, np.ones(3)).vertices())
     return vertices[ConvexHull(vertices).vertices]

@@ -1,0 +1,174 @@
+"""Examples: bestman-bt robot show diff_ur5 --png ur5.png; bestman-bt robot import my_arm.urdf --srdf my_arm.srdf."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json
+from bestman_bt.configuration import ConfigurationError, Problem, own_parts
+
+verbs = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Show, check and import robots and their parts.",
+    epilog=__doc__,
+)
+Name = Annotated[str, typer.Argument(help="A robot's name or YAML file, or BASE+ARM+HAND of three parts.")]
+Png = Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture.")]
+
+
+@verbs.command()
+def show(name: Name, png: Png = None, posture: str = "home", as_json: Json = False) -> None:
+    """Show what a robot is made of and what it can do."""
+    from bestman_bt.runtime.robot_facts import find_robot, robot_facts
+
+    with json_output(as_json) as write:
+        model = find_robot(name)
+        facts = robot_facts(model)
+        if png is not None:
+            facts["picture"] = _picture(model, png, posture)
+        write(facts)
+        if not as_json:
+            _tell(facts)
+
+
+@verbs.command()
+def check(
+    name: Name,
+    seed: Annotated[int, typer.Option(min=0, help="Decides which postures the arm is asked for.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Compose and load a robot, let it stand for 5 s, and move its arms to three postures."""
+    from bestman_bt.runtime.robot_facts import find_robot
+    from bestman_bt.runtime.robot_trial import TrialParameters, try_robot
+
+    with json_output(as_json) as write:
+        trial = try_robot(lambda: find_robot(name), TrialParameters(), seed)
+        facts = {
+            "name": name,
+            "passed": trial.passed,
+            "composed_s": round(trial.composed, 4),
+            "loaded_s": round(trial.loaded, 3),
+            "drift_m": round(trial.drift, 6),
+            "moved_m": round(trial.after, 6),
+            "postures": f"{trial.reached}/{trial.asked}",
+            "touching": [list(pair) for pair in trial.touching],
+        }
+        write(facts)
+        if not as_json:
+            _tell(facts)
+    if not trial.passed:
+        raise typer.Exit(1)
+
+
+@verbs.command()
+def postures(
+    name: Name, seed: Annotated[int, typer.Option(min=0, help="Decides the samples.")] = 0, as_json: Json = False
+) -> None:
+    """Propose postures for a robot file: home, carry (out of the camera's view) and carry_beside."""
+    import math
+
+    import numpy as np
+
+    from bestman_bt.manipulation.posture_search import PostureSearch
+    from bestman_bt.runtime.robot_facts import find_robot
+
+    with json_output(as_json) as write:
+        model = find_robot(name)
+        head = {
+            joint: position
+            for group in model.joint_groups.values()
+            for joint, position in zip(group.joint_names[-2:], (0.0, math.radians(47.0)), strict=False)
+        }
+        found: dict[str, Any] = {}
+        for arm in model.arms:
+            search, rng = PostureSearch(model, arm), np.random.default_rng(seed)
+            names = model.arms[arm].joint_names
+            home = model.posture("home", names) if "home" in model.postures else search.home(rng)
+            carry, beside = search.carry(rng, home, head), search.carry_beside(rng, home, head)
+            for posture, positions in (("home", home), ("carry", carry), ("carry_beside", beside)):
+                found.setdefault(posture, {})[arm] = [round(float(value), 3) for value in positions]
+        write({"postures": found})
+        if not as_json:
+            print("postures:")
+            for posture, of_arms in found.items():
+                print(f"  {posture}: {{{', '.join(f'{arm}: {values}' for arm, values in of_arms.items())}}}")
+
+
+@verbs.command(name="import")
+def import_urdf(
+    urdf: Annotated[Path, typer.Argument(help="A URDF file (xacro expanded).")],
+    srdf: Annotated[Path | None, typer.Option(help="Its SRDF: groups, states and pairs that need no check.")] = None,
+    group: Annotated[str | None, typer.Option(help="Only this group of the SRDF.")] = None,
+    kind: Annotated[str | None, typer.Option(metavar="arm|gripper|base", help="Default: by its joints.")] = None,
+    name: Annotated[str | None, typer.Option(help="What robot files call it; default: the file's name.")] = None,
+    packages: Annotated[
+        list[Path] | None, typer.Option("--package-path", metavar="DIR", help="Where packages of meshes are.")
+    ] = None,
+    cut: Annotated[
+        list[str] | None, typer.Option(metavar="LINK", help="Leave this link out, and what follows.")
+    ] = None,
+    into: Annotated[Path | None, typer.Option(metavar="DIR", help="Where the part's file goes.")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace a part of this name.")] = False,
+    png: Png = None,
+    as_json: Json = False,
+) -> None:
+    """Make a part of any URDF: its kind, joints, limits, tool frame and postures are found out as far as it goes."""
+    from bestman_bt.robot_model.srdf import read_srdf
+    from bestman_bt.robot_model.urdf_source import UrdfError
+    from bestman_bt.runtime.part_import import PartRequest, import_part
+    from bestman_bt.runtime.robot_facts import robot_facts
+
+    with json_output(as_json) as write:
+        if group is not None and srdf is None:
+            raise _wrong("--group", "is one of an SRDF: give --srdf, too")
+        wanted = name or urdf.stem
+        file = (into or own_parts()) / f"{wanted}.yaml"
+        if file.exists() and not force:
+            raise _wrong("--name", f"there is a part {wanted!r} already ({file}); --force replaces it")
+        request = PartRequest(wanted, kind, group, tuple(packages or ()), tuple(cut or ()))
+        try:
+            part = import_part(urdf, request, None if srdf is None else read_srdf(srdf))
+        except UrdfError as error:
+            raise _wrong(str(urdf), str(error)) from error
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(part.description, encoding="utf-8")
+        facts = {"part": part.name, "kind": part.kind, "file": str(file), "notes": list(part.notes)}
+        facts |= {
+            key: value for key, value in robot_facts(part.robot).items() if key not in ("name", "sensors") and value
+        }
+        if png is not None:
+            facts["picture"] = _picture(part.robot, png, "home")
+        write(facts)
+        if not as_json:
+            _tell(facts)
+
+
+def _picture(model: Any, png: Path, posture: str) -> str:
+    from PIL import Image
+
+    from bestman_bt.runtime.robot_picture import robot_picture
+
+    Image.fromarray(robot_picture(model, posture=posture)).save(png)
+    return str(png)
+
+
+def _tell(facts: dict[str, Any]) -> None:
+    for key, value in facts.items():
+        if isinstance(value, dict):
+            for name, inner in value.items():
+                text = ", ".join(f"{k} {v}" for k, v in inner.items()) if isinstance(inner, dict) else str(inner)
+                print(f"{key + ' ' + name:<22} {text}")
+        elif isinstance(value, list):
+            print(f"{key:<22} {'; '.join(map(str, value)) or 'none'}")
+        else:
+            print(f"{key:<22} {value}")
+
+
+def _wrong(where: str, message: str) -> ConfigurationError:
+    return ConfigurationError([Problem(where, None, "", message)])

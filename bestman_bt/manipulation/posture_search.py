@@ -1,0 +1,177 @@
+"""Postures for a robot that has none yet: where its arm is out of the way, and where it is ready to work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene
+from bestman_bt.manipulation.errors import ManipulationError
+from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics, link_hulls
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model import CameraModel, RobotModel, joints_above
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PostureSearchParameters:
+    """Metres and radians.
+
+    ``samples``: tool poses tried per posture, ``branches``: arm configurations asked for at each. ``clearance``: kept
+    between the links. ``home_reach``, ``home_height``: of the tool from the shoulder, in shares of the arm's reach.
+    ``carry_box``, ``beside_box``: (x, y, z) half extents around their middle, in shares of the reach, where the tool
+    may be; ``hidden_weight``: metres of radius that a table hidden in full counts for; ``table``: its corners in the
+    base frame; ``travel_weight``: metres of radius per radian that the farthest joint is away from home.
+    """
+
+    samples: int = 150
+    branches: int = 4
+    clearance: float = 0.012
+    home_reach: float = 0.35
+    home_height: float = 0.1
+    carry_box: tuple[float, float, float] = (0.3, 0.3, 0.2)
+    beside_box: tuple[float, float, float] = (0.15, 0.1, 0.15)
+    hidden_weight: float = 1.0
+    travel_weight: float = 0.03
+    table: tuple[tuple[float, float, float], ...] = (
+        (0.45, -0.5, 0.75),
+        (0.45, 0.5, 0.75),
+        (1.3, 0.5, 0.75),
+        (1.3, -0.5, 0.75),
+    )
+    picture_width: int = 160
+
+
+class PostureSearch:
+    """Searches by inverse kinematics from random tool poses, hand down; the random numbers are the caller's.
+
+    A posture counts by the radius around the base's axis that arm and hand need, the share of a table before the base
+    that they hide from the first camera, and, at home, by its distance from singularities and joint limits.
+    """
+
+    def __init__(self, robot: RobotModel, arm: str = "arm", parameters: PostureSearchParameters | None = None) -> None:
+        self.robot, self.arm = robot, robot.arms[arm]
+        self.parameters = parameters or PostureSearchParameters()
+        self._kinematics = DampedLeastSquares(robot, arm)
+        self._forward = ForwardKinematics(robot)
+        self._hands = {
+            joint: position
+            for gripper in robot.grippers.values()
+            for joint, position in gripper.joint_positions(gripper.max_width).items()
+        }
+        moved = set(self.arm.joint_names)
+        self._hulls = {link: hulls for link, hulls in link_hulls(robot).items() if moved & joints_above(robot, link)}
+        scene = PlanningScene(positions=self._hands, self_padding=self.parameters.clearance)
+        self._world = CoalCollisionModel(robot).world(scene, arm)
+        self._shoulder, self._reach = self._kinematics.reach
+
+    def home(self, rng: np.random.Generator) -> Array:
+        """The hand in front, looking down, far from singularities and limits: (n,) joint positions."""
+        p = self.parameters
+        x, y, z = self._shoulder
+        tool = _looking_down(np.array([x + p.home_reach * self._reach, y, z + p.home_height * self._reach]), 0.0)
+
+        def cost(q: Array) -> float:
+            span = self.arm.upper - self.arm.lower
+            to_limit = float(np.min(np.minimum(q - self.arm.lower, self.arm.upper - q) / span))
+            turned = float(np.abs(q).sum()) / len(q)
+            return 0.1 * turned - 3.0 * min(to_limit, 0.15) - 5.0 * self._kinematics.manipulability(q)
+
+        return self._best(iter([tool] * 8), cost, rng, "home")
+
+    def carry(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
+        """The hand above the base, looking down, within the smallest radius and out of the first camera's view."""
+        middle = np.array([0.0, 0.0, self._shoulder[2] + 0.35 * self._reach])
+        return self._best(
+            self._around(middle, self.parameters.carry_box, rng), lambda q: self._cost(q, home, head), rng, "carry"
+        )
+
+    def carry_beside(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
+        """The hand beside the base, looking down, lower than above it: for what is large."""
+        middle = self._shoulder + np.array([0.0, -0.38, 0.05]) * self._reach
+        return self._best(
+            self._around(middle, self.parameters.beside_box, rng),
+            lambda q: self._cost(q, home, head),
+            rng,
+            "carry_beside",
+        )
+
+    def radius(self, positions: Array) -> float:
+        """How far arm and hand reach from the base's axis, metres."""
+        return max(float(np.hypot(points[:, 0], points[:, 1]).max()) for points in self._points(positions, {}))
+
+    def hidden(self, positions: Array, head: dict[str, float]) -> float:
+        """The share of the table that arm and hand hide from the first camera; ``head``: joints that carry it."""
+        camera = next(iter(self.robot.cameras.values()), None)
+        if camera is None or set(self.arm.joint_names) & joints_above(self.robot, camera.optical_frame):
+            return 0.0
+        base_from_camera = self._forward.pose(camera.optical_frame, {**self._named(positions), **head})
+        return self._covered(camera, base_from_camera, self._points(positions, head))
+
+    def _cost(self, positions: Array, home: Array, head: dict[str, float]) -> float:
+        p = self.parameters
+        travel = float(np.abs(positions - home).max())
+        return self.radius(positions) + p.hidden_weight * self.hidden(positions, head) + p.travel_weight * travel
+
+    def _best(
+        self, tools: Iterator[Pose], cost: Callable[[Array], float], rng: np.random.Generator, name: str
+    ) -> Array:
+        middle = np.clip(0.0, self.arm.lower + 0.1, self.arm.upper - 0.1)
+        best, lowest = None, np.inf
+        for tool in tools:
+            found = self._kinematics.solve(
+                tool, middle, rng, count=self.parameters.branches, is_valid=self._world.is_free, attempts=20
+            )
+            for solution in found.solutions:
+                positions = self._unwound(solution)
+                if (value := cost(positions)) < lowest and self._world.is_free(positions):
+                    best, lowest = positions, value
+        if best is None:
+            raise ManipulationError(f"robot {self.robot.name!r}: no free configuration found for the posture {name!r}")
+        return best
+
+    def _unwound(self, positions: Array) -> Array:
+        """Joints that turn more than once, brought within half a turn of zero where their limits allow it."""
+        turned = (positions + np.pi) % (2 * np.pi) - np.pi
+        return np.where((turned >= self.arm.lower) & (turned <= self.arm.upper), turned, positions)
+
+    def _around(self, middle: Array, box: tuple[float, float, float], rng: np.random.Generator) -> Iterator[Pose]:
+        for _ in range(self.parameters.samples):
+            place = middle + rng.uniform(-1.0, 1.0, 3) * np.array(box) * self._reach
+            yield _looking_down(place, rng.uniform(-np.pi, np.pi))
+
+    def _named(self, positions: Array) -> dict[str, float]:
+        return {**self._hands, **dict(zip(self.arm.joint_names, positions.tolist(), strict=True))}
+
+    def _points(self, positions: Array, head: dict[str, float]) -> list[Array]:
+        named = {**self._named(positions), **head}
+        return [
+            pose.apply(corners)
+            for link, hulls in self._hulls.items()
+            for pose in [self._forward.pose(link, named)]
+            for corners in hulls
+        ]
+
+    def _covered(self, camera: CameraModel, base_from_camera: Pose, bodies: list[Array]) -> float:
+        lens = camera.intrinsics
+        scale = self.parameters.picture_width / lens.width
+        shape = (round(lens.height * scale), round(lens.width * scale))
+        table, robot = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8)
+        for mask, bodies_in_it in ((table, [np.array(self.parameters.table)]), (robot, bodies)):
+            for points in bodies_in_it:
+                seen = base_from_camera.inverse().apply(points)
+                seen = seen[seen[:, 2] > camera.near]
+                if len(seen) >= 3:
+                    x, y, z = seen.T
+                    pixels = np.column_stack([lens.fx * x / z + lens.cx, lens.fy * y / z + lens.cy]) * scale
+                    cv2.fillConvexPoly(mask, cv2.convexHull(pixels.clip(-1e4, 1e4).astype(np.int32)), 1)
+        return float(robot[table > 0].mean()) if table.any() else 0.0
+
+
+def _looking_down(position: Array, yaw: float) -> Pose:
+    return Pose.from_xyz_rpy(position, (np.pi, 0.0, yaw))

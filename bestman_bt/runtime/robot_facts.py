@@ -1,0 +1,74 @@
+"""What there is to know of a robot at a glance: plain values for people and programs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.configuration import data_names, find_data, read_document
+from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.robot_model import RobotModel, combine, load_robot_model, payload
+
+HANDS = ("gripper", "suction")
+
+
+def find_robot(name: str) -> RobotModel:
+    """A robot by its name or file, or ``BASE+ARM+HAND``: three parts put together by rule."""
+    parts = name.split("+")
+    return combine(*parts) if len(parts) == 3 else load_robot_model(name)
+
+
+def robot_facts(model: RobotModel) -> dict[str, Any]:
+    """Mass, footprint, reach, loads, widths, sensors and postures of a robot; SI units."""
+    return {
+        "name": model.name,
+        "mass_kg": round(payload(model, model.base_frame).mass, 3),
+        "bases": {
+            name: {
+                "drive": base.kind,
+                "wheels": len(base.wheel_joints),
+                "max_vx": base.max_vx,
+                "max_vy": base.max_vy,
+                "max_wz": base.max_wz,
+                "footprint_m": np.ptp(np.array(base.footprint), axis=0).round(3).tolist(),
+            }
+            for name, base in model.bases.items()
+        },
+        "arms": {name: _arm(model, name) for name in model.arms},
+        "grippers": {
+            name: {
+                "kind": gripper.kind,
+                "on": model.hand_of.get(name),
+                "max_width_m": round(gripper.max_width, 4),
+                "max_force_n": gripper.max_force,
+                "joints": len(gripper.joint_names) + len(gripper.followers),
+            }
+            for name, gripper in model.grippers.items()
+        },
+        "joint_groups": {name: len(group.joint_names) for name, group in model.joint_groups.items()},
+        "sensors": [*model.cameras, *model.lidars, *model.force_torques],
+        "postures": list(model.postures),
+    }
+
+
+def part_facts() -> list[dict[str, str]]:
+    """Name, kind and description of every part there is, by kind."""
+    parts = []
+    for name in data_names("part"):
+        data = read_document(find_data("part", name)).data
+        parts.append({"name": name, "kind": str(data.get("kind")), "description": str(data.get("description", ""))})
+    return sorted(parts, key=lambda part: (part["kind"], part["name"]))
+
+
+def _arm(model: RobotModel, name: str) -> dict[str, Any]:
+    arm = model.arms[name]
+    _, reach = DampedLeastSquares(model, name).reach
+    hands = [hand for hand, of in model.hand_of.items() if of == name]
+    load = sum(payload(model, model.grippers[hand].hand_link).mass for hand in hands)
+    return {
+        "joints": len(arm.joint_names),
+        "reach_m": round(float(reach), 3),
+        "hand_kg": round(load, 3),
+        "tool_frame": arm.tool_frame,
+    }

@@ -1,0 +1,71 @@
+"""Pictures of robots for people: one robot, or many on one sheet."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.finger_linkage import link_poses
+from bestman_bt.robot_model.footprint import origin_pose
+from bestman_bt.robot_model.shape_outline import outline
+from bestman_bt.scene import World
+from hal.pybullet import PyBulletRobot, ScenePhotographer, Viewpoint
+
+Picture = NDArray[np.uint8]
+FROM = (1.0, -1.15, 0.45)
+"""Where a picture is taken from, in directions of the robot: before it, to its right, from above."""
+
+
+def robot_picture(model: RobotModel, width: int = 480, height: int = 560, posture: str = "home") -> Picture:
+    """A robot on a floor in a posture, (height, width, 3) uint8; without such a posture, with its joints at zero."""
+    positions = dict(model.postures.get(posture, {}))
+    for gripper in model.grippers.values():
+        positions |= gripper.joint_positions(gripper.max_width)
+    robot = PyBulletRobot(model, World("floor", 0, (), (), (), Pose2D(), {}))
+    robot.connect()
+    try:
+        camera = ScenePhotographer(robot)
+        lower, upper = _extent(model, positions)
+        centre = (lower + upper) / 2
+        size = float(np.linalg.norm(upper - lower))
+        direction = np.array(FROM) / np.linalg.norm(FROM)
+        eye = centre + direction * max(0.25, 0.62 * size / math.tan(math.radians(20.0)))
+        view = Viewpoint(tuple(eye.tolist()), tuple(centre.tolist()), field_of_view=40.0)
+        return camera.picture(view, width, height)
+    finally:
+        robot.disconnect()
+
+
+def contact_sheet(pictures: Sequence[tuple[str, Picture]], columns: int = 4) -> Picture:
+    """Pictures of one size in rows, each with its name below it: (h, w, 3) uint8."""
+    height, width = pictures[0][1].shape[:2]
+    rows = math.ceil(len(pictures) / columns)
+    columns = min(columns, len(pictures))
+    sheet = Image.new("RGB", (columns * width, rows * (height + 24)), "white")
+    pen = ImageDraw.Draw(sheet)
+    for index, (name, picture) in enumerate(pictures):
+        x, y = index % columns * width, index // columns * (height + 24)
+        sheet.paste(Image.fromarray(picture), (x, y))
+        pen.text((x + width / 2, y + height + 12), name, fill="black", anchor="mm", font_size=15)
+    return np.asarray(sheet)
+
+
+def _extent(model: RobotModel, positions: dict[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The corners of the box around all shapes, (3,) metres each, as the robot is shown."""
+    elements = list(ET.fromstring(model.urdf))
+    links = [element for element in elements if element.tag == "link"]
+    poses = link_poses(elements, positions, [link.get("name", "") for link in links])
+    clouds = [np.zeros((1, 3))]
+    for link in links:
+        for shape in link.findall("visual"):
+            corners = origin_pose(shape).apply(outline(shape.find("geometry"), meshes=True))
+            clouds.append(poses[link.get("name", "")].apply(corners))
+    points = np.concatenate(clouds)
+    return points.min(axis=0), points.max(axis=0)
