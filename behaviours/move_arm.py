@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import ClassVar
 
@@ -17,9 +18,11 @@ from bestman_bt.manipulation.motion_planning import Upright
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
 
-BESIDE = ((0.1, 0.35, 1.35), (0.0, 0.3, 1.35), (0.2, 0.4, 1.2), (0.0, -0.35, 1.3), (0.1, -0.4, 1.2))
-"""Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright: so far beside the mast
-that the head camera sees past hand and arm what is before the robot."""
+BESIDE = ((0.0, 0.25, 1.45), (0.0, -0.2, 1.45), (0.1, 0.25, 1.45), (0.2, -0.2, 1.45), (-0.1, 0.2, 1.35))
+"""Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright: so that arm and object
+stay over the base, and the head camera sees past them what is before the robot."""
+TURNS_BESIDE = tuple(math.radians(degrees) for degrees in (0, 45, -45, 90, -90, 135, -135, 180))
+"""Turns of the hand from straight ahead there, the best first."""
 PULL_OUT = 0.30
 """Metres straight back with something that was taken from the side."""
 LEVEL = 0.5
@@ -124,16 +127,22 @@ def _beside(
     if min(float(np.linalg.norm(held_at - place)) for place in BESIDE) < SAME_PLACE and world.is_free(now):
         return [now]
     found: list[NDArray[np.float64]] = []
+    ahead = held.tool_from_object.inverse().rotation[:, 2]
+    yaw_ahead = -math.atan2(float(ahead[1]), float(ahead[0]))
     for place in BESIDE:
-        there: list[NDArray[np.float64]] = []
-        for yaw in np.arange(8) * np.pi / 4:
-            base_from_tool = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw)) @ held.tool_from_object.inverse()
+        for turn in TURNS_BESIDE:
+            base_from_object = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw_ahead + turn))
             result = skills.algorithms.kinematics.solve(
-                base_from_tool, posture, skills.rng, count=1, is_valid=world.is_free, attempts=4
+                base_from_object @ held.tool_from_object.inverse(),
+                posture,
+                skills.rng,
+                count=1,
+                is_valid=world.is_free,
+                attempts=4,
             )
-            there += result.solutions
-        if there:
-            found.append(min(there, key=lambda positions: float(np.abs(positions - posture).max())))
+            if result.found:
+                found += result.solutions
+                break
         if len(found) >= ENOUGH:
             break
     return found
