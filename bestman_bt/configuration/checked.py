@@ -132,8 +132,12 @@ def _unknown_key(data: Any, annotation: Any, path: tuple[str, ...]) -> str | Non
     return None
 
 
-@functools.cache
 def _field_types(dataclass_type: Any) -> dict[str, Any]:
+    return _cached_field_types(dataclass_type)
+
+
+@functools.cache
+def _cached_field_types(dataclass_type: Any) -> dict[str, Any]:
     hints = typing.get_type_hints(dataclass_type, include_extras=True)
     return {field.name: hints[field.name] for field in dataclasses.fields(dataclass_type) if field.init}
 

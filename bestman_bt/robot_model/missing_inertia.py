@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +86,8 @@ def _hull_properties(corners: bytes) -> tuple[float, NDArray[np.float64], NDArra
     """Volume, centre (3,) and inertia (3, 3) at unit density of the hull of points."""
     from trimesh import PointCloud
 
-    hull = PointCloud(np.frombuffer(corners).reshape(-1, 3)).convex_hull
+    points: Any = PointCloud(np.frombuffer(corners).reshape(-1, 3))  # type: ignore[no-untyped-call]
+    hull = points.convex_hull
     return float(hull.volume), np.array(hull.center_mass), np.array(hull.moment_inertia)
 
 

@@ -34,7 +34,8 @@ def outline(geometry: ET.Element | None, meshes: bool = False) -> NDArray[np.flo
             return radius * np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
         case "mesh" if meshes:
             scale = np.array(shape.get("scale", "1 1 1").split(), dtype=float)
-            return _mesh_corners(shape.get("filename", "")) * scale
+            scaled: NDArray[np.float64] = _mesh_corners(shape.get("filename", "")) * scale
+            return scaled
     return np.zeros((0, 3))
 
 
@@ -42,5 +43,6 @@ def outline(geometry: ET.Element | None, meshes: bool = False) -> NDArray[np.flo
 def _mesh_corners(filename: str) -> NDArray[np.float64]:
     import coal  # reads what collision worlds read, COLLADA among it
 
-    vertices = np.array(coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(filename, np.ones(3)).vertices())
-    return vertices[ConvexHull(vertices).vertices]
+    vertices: NDArray[np.float64] = np.array(coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(filename, np.ones(3)).vertices())
+    corners: NDArray[np.float64] = vertices[ConvexHull(vertices).vertices]
+    return corners

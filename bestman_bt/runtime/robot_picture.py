@@ -16,7 +16,7 @@ from bestman_bt.robot_model.finger_linkage import link_poses
 from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.shape_outline import outline
 from bestman_bt.scene import World
-from hal.pybullet import PyBulletRobot, ScenePhotographer, Viewpoint
+from hal.pybullet import PhysicsParameters, PyBulletRobot, ScenePhotographer, Viewpoint
 
 Picture = NDArray[np.uint8]
 FROM = (1.0, -1.15, 0.45)
@@ -28,7 +28,8 @@ def robot_picture(model: RobotModel, width: int = 480, height: int = 560, postur
     positions = dict(model.postures.get(posture, {}))
     for gripper in model.grippers.values():
         positions |= gripper.joint_positions(gripper.max_width)
-    robot = PyBulletRobot(model, World("floor", 0, (), (), (), Pose2D(), {}))
+    parameters = PhysicsParameters(initial_postures=(posture,))
+    robot = PyBulletRobot(model, World("floor", 0, (), (), (), Pose2D(), {}), parameters=parameters)
     robot.connect()
     try:
         camera = ScenePhotographer(robot)
@@ -36,7 +37,7 @@ def robot_picture(model: RobotModel, width: int = 480, height: int = 560, postur
         centre = (lower + upper) / 2
         size = float(np.linalg.norm(upper - lower))
         direction = np.array(FROM) / np.linalg.norm(FROM)
-        eye = centre + direction * max(0.25, 0.62 * size / math.tan(math.radians(20.0)))
+        eye = centre + direction * max(0.25, 0.52 * size / math.tan(math.radians(20.0)))
         view = Viewpoint(tuple(eye.tolist()), tuple(centre.tolist()), field_of_view=40.0)
         return camera.picture(view, width, height)
     finally:

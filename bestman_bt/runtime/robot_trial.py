@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,11 +77,12 @@ def try_robot(compose: Callable[[], RobotModel], parameters: TrialParameters, se
         start = truth.base_pose()
         robot.clock.sleep(parameters.standing)
         drift = math.dist(truth.base_pose().position, start.position)
-        reached, touching = 0, set()
+        reached = 0
+        touching: set[tuple[str, str]] = set()
         for name, arm in model.arms.items():
             hands = _hands(model)
             world = CoalCollisionModel(model).world(PlanningScene(positions=hands, self_padding=0.0), name)
-            part, rng = robot.part(name, Arm), np.random.default_rng(seed)
+            part, rng = cast(Arm, robot.parts[name]), np.random.default_rng(seed)
             for target in _postures(arm, world, part.positions(), parameters, rng):
                 motion = part.move_to(target, parameters.speed)
                 while not motion.done:

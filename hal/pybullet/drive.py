@@ -83,7 +83,8 @@ class SteeredDrive(Drive):
     def wheel_speeds(self, velocity: Velocity, steering: Array) -> Array:
         """What of each wheel's velocity lies along the way that it points."""
         along = np.column_stack([np.cos(steering), np.sin(steering)])
-        return np.sum(self._wheel_velocities(velocity) * along, axis=1) / self.radii
+        speeds: Array = np.sum(self._wheel_velocities(velocity) * along, axis=1) / self.radii
+        return speeds
 
     def motion(self, wheels: Array, steering: Array) -> Velocity:
         """The rigid motion whose wheel velocities are nearest to those rolled, in the sense of least squares."""
