@@ -26,9 +26,10 @@ MEASURED = 0.01
 """Metres of a piece's position error up to which its doors are where they are believed to be, for the palm too."""
 
 Touching = Literal["free", "nothing", "fingers", "hand"]
-"""What of the hand may touch the leaf that is worked at, where it is known well; else all of it.
+"""What may touch the furniture that is worked at: fingers its leaf, or the hand all of it.
 
-Its piece may be touched by the hand, but for ``free``: then nothing may.
+``nothing``: where the piece is known well; else, and for the fingers too, its boards are as thick as the map's error,
+and the hand may be within them. ``free``: nothing may.
 """
 
 
@@ -107,12 +108,10 @@ def _scene_at_leaf(
     if stand is not None:
         world = replace(world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()))
     allowed: list[tuple[str, str]] = []
-    if touching != "free":
-        allowed = hand_contacts(skills, *(body for body in leaf.bodies() if body != leaf.articulation))
-        if touching == "hand" or leaf.furniture.position_error > MEASURED:
-            allowed += hand_contacts(skills, leaf.articulation)
-        elif touching == "fingers":
-            allowed += finger_contacts(skills.robot, leaf.articulation, skills.arm.name)
+    if touching == "hand" or (touching != "free" and leaf.furniture.position_error > MEASURED):
+        allowed = hand_contacts(skills, *leaf.bodies())
+    elif touching == "fingers":
+        allowed = list(finger_contacts(skills.robot, leaf.articulation, skills.arm.name))
     return planning_scene_from_world_model(
         world,
         skills.robot,

@@ -9,7 +9,7 @@ import numpy as np
 from behaviours.leaf import Leaf
 from bestman_bt.messages import Box, Handle
 
-ACROSS = 0.05
+ACROSS = 0.07
 """Metres by which a handle may be beside its front, in addition to what the map may be off."""
 FACING = math.cos(math.radians(12.0))
 """Cosine of what a drawer's front may be turned."""

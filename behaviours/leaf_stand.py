@@ -67,6 +67,7 @@ def stands_along_leaf(
     positions: Sequence[float],
     touching: Touching,
     skip: int = 0,
+    parameters: StandAlongParameters = STANDS,
 ) -> tuple[StandAlong, ...]:
     """Stands, best first, from which the arm follows all ``stations`` (map frame) while the leaf is at ``positions``.
 
@@ -81,5 +82,5 @@ def stands_along_leaf(
         skills.rng,
         is_free_at=lambda stand: free_along(skills, leaf, positions, touching, stand, skip),
         current=skills.world.base.pose,
-        parameters=STANDS,
+        parameters=parameters,
     )

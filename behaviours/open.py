@@ -76,10 +76,10 @@ class Open(Skill):
         if plan is None:
             raise SkillFailure("no_grasp", f"no grasp of {name} is free and within reach from here")
         leaf, posture = opening.leaf, self.get_input("posture")
-        yield skills.gripper.open(plan.candidate.opening)
-        yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, opening.start, "free"))
+        yield skills.gripper.open(plan.fingers)
+        yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))
         yield from tare_wrist(self)
-        yield from follow_path(self, plan.approach.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
+        yield from follow_path(self, plan.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
         try:
             yield skills.gripper.close(self.get_input("force"))
             self._check_held()

@@ -9,14 +9,13 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.grasp import handle_grasp_candidates
+from behaviours.handle_pull import pull_grasps
 from behaviours.leaf import find_leaf
 from behaviours.leaf_stand import SAME_STAND, room_beside, stands_along_leaf
 from behaviours.opening import Opening, before, plan_opening, stations
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.kinematics import StandAlong, stands_around
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.perception.grasp_pose import GraspCandidate, rank_grasps
 from bestman_bt.world_model import HandleBelief
 
 LOOK_DISTANCES = (0.90, 1.05, 0.75, 1.20)
@@ -27,8 +26,6 @@ DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95, 1.05)
 """Metres from a handle to the middle of the base that pulls it."""
 BEARINGS = tuple(math.radians(degrees) for degrees in range(-75, 76, 15))
 TURNS = (0.0, -0.5, 0.5)
-GRASPS = 6
-"""Different grasps for which stands are sought."""
 
 
 class FindLookStand(Skill):
@@ -109,7 +106,7 @@ class FindOpenStand(Skill):
             for stand in stands_around(position[:2], DISTANCES, [front + bearing for bearing in BEARINGS], TURNS)
             if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried) and is_base_free(stand)
         ]
-        for candidate in _distinct(opening, [ranked.candidate for ranked in rank_grasps(self._grasps(belief))]):
+        for candidate in pull_grasps(skills, opening, belief):
             grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
             tilts = opening.tilts(grasp)
             way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
@@ -119,23 +116,3 @@ class FindOpenStand(Skill):
             if found:
                 return sorted(found, key=lambda stand: -stand.score)
         return []
-
-    def _grasps(self, belief: HandleBelief) -> tuple[GraspCandidate, ...]:
-        return handle_grasp_candidates(self.skills, belief)
-
-
-def _distinct(opening: Opening, candidates: Sequence[GraspCandidate]) -> list[GraspCandidate]:
-    """The best of those that hold a bar at the same place with the same finger up: the others are turns about it."""
-    if not opening.bar_turns:
-        return list(candidates[:GRASPS])
-    kept: list[GraspCandidate] = []
-    for candidate in candidates:
-        up = candidate.grasp.rotation[:, 1]
-        same = (
-            np.linalg.norm(candidate.grasp.position - other.grasp.position) < 0.02
-            and float(up @ other.grasp.rotation[:, 1]) > 0.0
-            for other in kept
-        )
-        if not any(same):
-            kept.append(candidate)
-    return kept[:GRASPS]

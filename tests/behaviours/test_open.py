@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration import load_run
-from bestman_bt.engine import SUCCESS
+from bestman_bt.engine import RUNNING, SUCCESS
+from bestman_bt.messages import Pose2D
 from bestman_bt.runtime import Session
-from tests.behaviours.at_the_table import tick
+from tests.behaviours.at_the_table import fastest, tick
 from tests.behaviours.truth import audited, known_world, why_not
 
 ROOT = Path(__file__).parents[2]
@@ -61,6 +63,33 @@ def test_a_drawer_that_does_not_move_is_said_to_be_locked_and_is_let_go(tmp_path
         assert code == "locked", words
         assert truth.articulation_position(DRAWER) < 0.005
         assert session.skills.gripper.width() > 0.07
+
+
+@pytest.mark.parametrize("stopped", [False, True], ids=["halted", "stopped"])
+def test_halted_while_it_pulls_it_lets_go_but_a_stopped_robot_keeps_its_hand_still(stopped: bool) -> None:
+    with drawer_session() as (session, truth):
+        tree = session.load("open_furniture")
+        while truth.articulation_position(DRAWER) < 0.05:
+            assert tick(tree) == RUNNING
+        if stopped:
+            session.robot.stop()
+        tree.halt()
+        session.robot.clock.sleep(1.5)
+        assert (session.skills.gripper.width() > 0.07) is not stopped
+        left = truth.articulation_position(DRAWER)
+        session.robot.clock.sleep(1.0)
+        assert fastest(session) < 0.01
+        assert truth.articulation_position(DRAWER) == pytest.approx(left, abs=1e-3)
+
+
+def test_a_handle_ten_centimetres_beside_where_the_map_says_is_found_and_pulled() -> None:
+    with drawer_session() as (session, truth):
+        world = session.skills.world
+        chest = world.map.furniture["drawer_chest"]
+        beside = Pose2D(chest.pose.x, chest.pose.y + 0.10, chest.pose.theta)
+        world.map = world.map.with_furniture(replace(chest, pose=beside))
+        assert opens(session)
+        assert truth.articulation_position(DRAWER) >= 0.20
 
 
 def test_what_is_not_on_the_map_or_was_never_seen_is_refused() -> None:

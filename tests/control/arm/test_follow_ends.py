@@ -1,0 +1,63 @@
+"""How a following ends that does not get where it should: jams, obstacles, the arm's limits, too little time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pybullet
+
+from bestman_bt.control import ControlErrorCode
+from bestman_bt.control.arm import ArmController, ConstraintFollowingParameters, FollowEnd, JointAxis
+from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.messages import Pose2D
+from hal.api import Arm
+
+DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
+
+
+def test_a_drawer_that_jams_half_way_is_told_within_the_force_limit_and_how_far_it_came(stand_before):
+    scene = stand_before(*DRAWER, flip=True)
+    scene.grasp()
+    handle = scene.arm.follow_constraint(
+        scene.handle.opening_direction, distance=0.25, max_pull=40.0, grip=scene.gripper.watch_slip()
+    )
+    while scene.opened < 0.10:
+        scene.robot.clock.sleep(0.05)
+    body, joint = scene.robot.simulation.built.articulations[scene.joint]
+    server = scene.robot.simulation.client.id
+    pybullet.setJointMotorControl2(
+        body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=500.0, physicsClientId=server
+    )
+    ended = scene.wait(handle)
+    assert (ended.error.code, ended.result.end) == (ControlErrorCode.BLOCKED, FollowEnd.JAMMED)
+    assert ended.result.peak_pull < 50.0
+    assert abs(ended.result.distance - scene.opened) < 0.01
+
+
+def test_a_hand_that_is_led_the_wrong_way_meets_an_obstacle(stand_before):
+    scene = stand_before(*DRAWER, flip=True)
+    scene.grasp()
+    forward = scene.handle.opening_direction
+    across = forward + np.cross([0.0, 0.0, 1.0], forward)
+    axis = JointAxis("prismatic", scene.handle.pose.position, across / np.linalg.norm(across), 0.0, 0.0)
+    ended = scene.wait(
+        scene.arm.follow_constraint(across, distance=0.25, max_pull=200.0, max_side=12.0, axis=axis, learns=False)
+    )
+    assert (ended.error.code, ended.result.end) == (ControlErrorCode.COLLISION, FollowEnd.OBSTACLE)
+
+
+def test_the_arm_s_own_limit_is_told(stand_before):
+    scene = stand_before(*DRAWER, flip=True)
+    ended = scene.wait(scene.arm.follow_constraint(scene.handle.outward, distance=2.0, speed=0.2))
+    assert (ended.error.code, ended.result.end) == (ControlErrorCode.UNREACHABLE, FollowEnd.ARM_LIMIT)
+
+
+def test_a_following_has_a_time_limit(stand_before):
+    scene = stand_before(*DRAWER, flip=True)
+    hasty = ConstraintFollowingParameters(time_factor=0.01)
+    kinematics = DampedLeastSquares(scene.robot.model)
+    arm = ArmController(
+        scene.robot.part("arm", Arm), scene.robot.clock, kinematics=kinematics, wrist=scene.wrist, following=hasty
+    )
+    ended = scene.wait(arm.follow_constraint(scene.handle.outward, distance=0.2, speed=0.02))
+    assert (ended.error.code, ended.result.end) == (ControlErrorCode.TIMEOUT, FollowEnd.TIMEOUT)
+    assert 0.05 < ended.result.distance < 0.15
