@@ -70,7 +70,8 @@ class TwinHost:
         if not model.connections:
             raise TwinError(f"robot {model.name!r} has no connections in its YAML, so there is nothing to stand in for")
         self._model, self._judge = model, judge
-        self.world = TwinWorld(model, scene_world, seed)
+        spoken_for = {part for connection in model.connections.values() for part in connection.parts}
+        self.world = TwinWorld(model, scene_world, seed, cameras=bool(spoken_for & set(model.cameras)))
         self.twins: dict[str, Twin] = {}
 
     def run(self, ready: Callable[[Hosted], None]) -> None:

@@ -9,9 +9,12 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import TypeVar
 
+from bestman_bt.messages import RGBDImage
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
+from hal.twins.darkroom import Darkroom, Exposure
+from hal.twins.errors import TwinError
 
 Result = TypeVar("Result")
 LONGEST_DELAY = 0.25
@@ -23,14 +26,26 @@ class TwinWorld:
 
     Protocol servers hang a function in ``ticks``: it is called before each physics step with the step's length, and
     may use the robot's parts as any program does. Other threads hand in work by ``post`` and ``call``. Set-points are
-    taken at the physics rate: protocols bring up to 500 a second.
+    taken at the physics rate: protocols bring up to 500 a second. ``cameras``: whether pictures will be asked for.
     """
 
-    def __init__(self, model: RobotModel, world: World, seed: int = 0, parameters: PhysicsParameters | None = None):
+    def __init__(
+        self,
+        model: RobotModel,
+        world: World,
+        seed: int = 0,
+        *,
+        cameras: bool = False,
+        parameters: PhysicsParameters | None = None,
+    ) -> None:
         self.robot = PyBulletRobot(model, world, seed=seed, parameters=parameters or PhysicsParameters(control_every=1))
         self.ticks: list[Callable[[float], None]] = []
         self.given_up = 0.0
+        self._drawing = model, world, seed
+        self._cameras = cameras
         self._truth: GroundTruth | None = None
+        self._exposure: Exposure | None = None
+        self._darkroom: Darkroom | None = None
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread: int | None = None
@@ -65,25 +80,39 @@ class TwinWorld:
         self._work.put(do)
         return future.result(timeout)
 
+    def photograph(self, camera: str) -> RGBDImage:
+        """What a camera sees now, from any thread but the world's; physics goes on meanwhile. Takes about 0.2 s."""
+        if self._exposure is None or self._darkroom is None:
+            raise TwinError("this world was made without cameras, or does not run yet")
+        return self._darkroom.develop(camera, self.call(self._exposure.take))
+
     def run(self, ready: Callable[[], None]) -> None:
         """Build the world, call ``ready``, and step until ``close()``."""
         self._thread = threading.get_ident()
-        with self.robot as robot:
-            self._truth = GroundTruth(robot)
-            step = robot.simulation.parameters.time_step
-            ready()
-            due = time.monotonic()
-            while not self._closing.is_set():
-                while not self._work.empty():
-                    self._work.get()()
-                for tick in self.ticks:
-                    tick(step)
-                robot.clock.sleep(step)
-                due = self._wait(due + step)
+        try:
+            with self.robot as robot:
+                self._truth, self._exposure = GroundTruth(robot), Exposure(robot)
+                if self._cameras:
+                    self._darkroom = Darkroom(*self._drawing)
+                ready()
+                self._step(robot.simulation.parameters.time_step)
+        finally:
+            if self._darkroom is not None:
+                self._darkroom.close()
 
     def close(self) -> None:
         """End ``run()``; from any thread or a signal handler."""
         self._closing.set()
+
+    def _step(self, step: float) -> None:
+        due = time.monotonic()
+        while not self._closing.is_set():
+            while not self._work.empty():
+                self._work.get()()
+            for tick in self.ticks:
+                tick(step)
+            self.robot.clock.sleep(step)
+            due = self._wait(due + step)
 
     def _wait(self, due: float) -> float:
         """Wait until a step is due; give up what cannot be caught up with."""

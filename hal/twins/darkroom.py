@@ -1,0 +1,135 @@
+"""Pictures of the twins' world, developed in a process of their own: a frame takes longer than many physics steps."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import multiprocessing
+import os
+import signal
+import threading
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from bestman_bt.messages import RGBDImage
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.api import Camera
+from hal.pybullet import PyBulletRobot
+from hal.pybullet.client import ReadPurpose
+from hal.twins.errors import TwinError
+
+START_TIME = 60.0
+FRAME_TIME = 10.0
+RawPose = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class WorldState:
+    """Where everything is at ``stamp``: raw poses of bodies and positions of joints, by pybullet's indices."""
+
+    stamp: float
+    robot: RawPose
+    joints: tuple[float, ...]
+    objects: dict[str, RawPose]
+    leaves: dict[str, float]
+
+
+class Exposure:
+    """Takes states of a running simulation; made before time runs, used in the world's thread."""
+
+    def __init__(self, robot: PyBulletRobot) -> None:
+        self._robot = robot
+        self._built = robot.simulation.built
+        self._reader = robot.simulation.client.reader(ReadPurpose.SENSOR)
+
+    def take(self) -> WorldState:
+        """The present state; a few hundred microseconds."""
+        built, reader = self._built, self._reader
+        pose, robot = reader.getBasePositionAndOrientation, built.robot
+        indices = list(range(max(built.joints.values()) + 1))
+        return WorldState(
+            stamp=self._robot.clock.now(),
+            robot=pose(robot),
+            joints=tuple(state[0] for state in reader.getJointStates(robot, indices)),
+            objects={name: pose(body) for name, body in built.objects.items()},
+            leaves={name: reader.getJointState(*place)[0] for name, place in built.articulations.items()},
+        )
+
+
+class Darkroom:
+    """Holds a copy of the world in another process, puts it into a state, and takes a camera's picture of it.
+
+    Noise, lens and faults are those of the simulated camera. ``develop`` may be called from any thread; one frame
+    is developed at a time.
+    """
+
+    def __init__(self, model: RobotModel, world: World, seed: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._wire, other = context.Pipe()
+        self._lock = threading.Lock()
+        self._process = context.Process(target=_work, args=(other, model, world, seed), daemon=True)
+        self._process.start()
+        other.close()
+        if not self._wire.poll(START_TIME) or self._wire.recv() != "ready":
+            self.close()
+            raise TwinError("the darkroom for the cameras did not start")
+
+    def develop(self, camera: str, state: WorldState) -> RGBDImage:
+        """The picture; LookupError for an unknown camera, TwinError where the darkroom is gone."""
+        with self._lock:
+            try:
+                self._wire.send((camera, state))
+                if not self._wire.poll(FRAME_TIME):
+                    raise TwinError(f"no picture of {camera} within {FRAME_TIME:g} s")
+                answer = self._wire.recv()
+            except (OSError, EOFError) as error:
+                raise TwinError("the darkroom is gone") from error
+        if isinstance(answer, Exception):
+            raise answer
+        image: RGBDImage = answer
+        return image
+
+    def close(self) -> None:
+        """End the process; idempotent."""
+        self._wire.close()
+        self._process.join(2.0)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+
+
+def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
+    """The other process: not in a hurry, and ended by the end of the wire alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with PyBulletRobot(model, world, seed=seed) as robot, contextlib.suppress(EOFError, OSError):
+        wire.send("ready")
+        while True:
+            camera, state = wire.recv()
+            wire.send(_picture(robot, camera, state))
+
+
+def _picture(robot: PyBulletRobot, camera: str, state: WorldState) -> RGBDImage | Exception:
+    try:
+        _put(robot, state)
+        image = robot.part(camera, Camera).capture()  # type: ignore[type-abstract]
+    except Exception as error:  # noqa: BLE001 - it belongs to the one who asked
+        return error
+    return dataclasses.replace(image, stamp=state.stamp)
+
+
+def _put(robot: PyBulletRobot, state: WorldState) -> None:
+    """Nobody acts in this copy: poses are set, not reached."""
+    built, client = robot.simulation.built, robot.simulation.client
+    place: Any = client.function("resetBasePositionAndOrientation")
+    set_joint: Any = client.function("resetJointState")
+    place(built.robot, *state.robot)
+    for index, position in enumerate(state.joints):
+        set_joint(built.robot, index, position)
+    for name, pose in state.objects.items():
+        place(built.objects[name], *pose)
+    for name, position in state.leaves.items():
+        set_joint(*built.articulations[name], position)
