@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError
+from bestman_bt.configuration import ConfigurationError, data_names, load_task
 from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
@@ -126,3 +126,14 @@ def test_all_faults_of_a_suite_are_told_at_once(tmp_path: Path) -> None:
 
 def test_a_suite_is_told_from_a_task() -> None:
     assert [is_suite(name) for name in ("manipulation", "fetch_cup")] == [True, False]
+
+
+def test_the_shipped_suite_loads_and_asks_something_of_every_judged_task() -> None:
+    suite = load_suite("manipulation")
+    asked = {entry.config.name: entry for entry in suite.entries if not entry.control}
+    judged = {name for name in data_names("task") if load_task(name).predicates}
+    assert judged == set(asked)
+    assert all(entry.config.seed == 7000 for entry in suite.entries)
+    for entry in suite.entries:
+        assert entry.asked is not None
+        assert (entry.asked.successes.at_most == 0) == entry.control
