@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import socket
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -104,3 +107,24 @@ def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
         assert motion.error is not None
         assert motion.error.code is MotionErrorCode.FAULT
         assert "C24" in motion.error.text
+
+
+def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:
+    before = set(threading.enumerate())
+    with connected(twin) as robot:
+        assert set(threading.enumerate()) - before
+    time.sleep(1.5)  # the SDK's own threads look once a second whether they are still needed
+    assert set(threading.enumerate()) - before == set()
+    assert robot.diagnostics()["connected"] == "no"
+
+
+def test_the_sdk_says_nothing_and_leaves_sockets_as_they_were(
+    twin: TwinProcess, capfd: pytest.CaptureFixture[str]
+) -> None:
+    timeout = socket.getdefaulttimeout()
+    with connected(twin) as robot:
+        robot.clock.sleep(0.1)
+    said = capfd.readouterr()
+    assert twin.addresses["arm_controller"] not in said.out + said.err
+    assert said.out == ""
+    assert socket.getdefaulttimeout() == timeout
