@@ -8,6 +8,7 @@ policies", NeurIPS 2025. Between waypoints the motion is ruckig's, so velocity, 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,8 +34,8 @@ _SWING = 0.01
 """rad by which a joint may pass the end of the chunk and come back."""
 _CREEP = 0.02
 """rad/s at which a joint may always move."""
-_SKIP = 4
-"""How many waypoints ahead the motion looks when it cannot be in time at the next one."""
+_IN_TIME = 1e-3
+"""Seconds that the motion may be late at a waypoint."""
 
 
 @dataclass(frozen=True)
@@ -194,15 +195,13 @@ class ChunkStream:
         now, late, index = 0.0, 0.0, 1
         sampled: list[tuple[float, StreamState]] = [(0.0, state)]
         while index <= last:
-            # Up to where it brakes for its end, then that in one go.
-            choices = range(index, min(index + _SKIP, braking + 1)) if index <= braking else (last,)
             best: tuple[float, int, ruckig.Trajectory] | None = None
-            for ahead in choices:
+            for ahead, target in self._choices(targets, index, braking):
                 span = float(times[ahead]) + late - now
-                segment = self._segment(sampled[-1][1], targets[ahead], span, braking=ahead == last)
+                segment = self._segment(sampled[-1][1], target, span, braking=ahead == last)
                 if segment is not None and (best is None or segment.duration - span < best[0] - 1e-3):
                     best = segment.duration - span, ahead, segment
-                if best is not None and best[0] < 1e-3:
+                if best is not None and best[0] < _IN_TIME:
                     break
             if best is None:
                 raise PolicyActionError("there is no motion within the limits that goes on along the chunk")
@@ -215,6 +214,17 @@ class ChunkStream:
                 sampled.append((now + time, StreamState(*map(np.array, (position, velocity, acceleration)))))
             now, index = now + segment.duration, reached + 1
         return self._motion(sampled, at, times, targets)
+
+    def _choices(self, targets: list[StreamState], index: int, braking: int) -> Iterator[tuple[int, StreamState]]:
+        """Where to go next: a waypoint up to where it brakes for its end, the nearest first; last, the end in one go.
+
+        To be in time at a waypoint may need a turn back and a new run-up; a later one, or one that is passed without
+        acceleration, may not.
+        """
+        for ahead in range(index, braking + 1):
+            yield ahead, targets[ahead]
+            yield ahead, replace(targets[ahead], accelerations=np.zeros_like(targets[ahead].accelerations))
+        yield len(targets) - 1, targets[-1]
 
     def _braking(self, times: Array, targets: list[StreamState]) -> int:
         """The last waypoint from which the motion can come to rest at the end of the chunk without passing it."""
