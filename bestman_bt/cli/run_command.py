@@ -33,6 +33,9 @@ def command(
     record: Annotated[bool, typer.Option("--record", help="Write recording.rrd for the Rerun viewer.")] = False,
     pictures: Annotated[bool, typer.Option("--pictures", help="Render start.png, grasp.png and end.png.")] = False,
     gui: Annotated[bool, typer.Option("--gui", help="Show the simulator's window.")] = False,
+    judge: Annotated[
+        Path | None, typer.Option(metavar="SOCKET", help="With --driver hardware on twins: the judge that they told.")
+    ] = None,
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
     as_json: Json = False,
 ) -> None:
@@ -41,16 +44,16 @@ def command(
         raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
     with json_output(as_json) as tell:
         config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record)
-        result = execute(prepare_episode(config), runs, pictures, gui)
+        result = execute(prepare_episode(config), runs, pictures, gui, judge)
         tell(result.to_document())
     sys.exit(exit_code(result))
 
 
-def execute(setup: Setup, runs: Path, pictures: bool, gui: bool = False) -> RunResult:
+def execute(setup: Setup, runs: Path, pictures: bool, gui: bool = False, twin_judge: Path | None = None) -> RunResult:
     """Run with a live view, print the summary, and return the result."""
     folder = make_run_folder(setup.config, runs)
     with RunView(setup.config.name) as view:
-        result = run_episode(setup, folder, pictures, view.watch, gui)
+        result = run_episode(setup, folder, pictures, view.watch, gui, twin_judge)
     summary(result, setup, folder)
     return result
 

@@ -19,7 +19,8 @@ from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
 from hal.api import Robot
-from hal.pybullet import GroundTruth, PyBulletRobot, SceneRecorder
+from hal.pybullet import GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
+from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[Session, Tree], Callable[[], None]]
 """Told of the session and its tree before the first tick; gives back what to call after each tick."""
@@ -28,8 +29,8 @@ Watcher = Callable[[Session, Tree], Callable[[], None]]
 class _Observers:
     """What looks at the simulation from outside; made right after connecting, before time runs."""
 
-    def __init__(self, folder: Path | None) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path | None, judge: Path | None) -> None:
+        self._folder, self._judge = folder, judge
         self.robot: PyBulletRobot | None = None
         self.truth: GroundTruth | None = None
         self.scene: SceneRecorder | None = None
@@ -42,6 +43,14 @@ class _Observers:
             self.scene = SceneRecorder(robot)
             if self._folder is not None:
                 self.pictures = Pictures(robot, self.truth, self._folder)
+        elif self._judge is not None:
+            self.truth = RemoteTruth(self._judge)
+
+    def honesty_record(self) -> HonestyRecord | None:
+        """What the monitor of the world has seen; None of a world that nobody watches."""
+        if self.robot is not None:
+            return self.robot.honesty_record()
+        return self.truth.honesty_record() if isinstance(self.truth, RemoteTruth) else None
 
 
 def prepare_episode(config: RunConfig) -> Setup:
@@ -56,16 +65,18 @@ def run_episode(
     pictures: bool = False,
     watch: Watcher | None = None,
     gui: bool = False,
+    twin_judge: Path | None = None,
 ) -> RunResult:
     """Run a task once and judge it.
 
     ``folder``: receives ``result.json``, ``transitions.btlog`` and, where the configuration asks for it,
-    ``recording.rrd``; ``pictures``: also ``start.png``, ``grasp.png`` and ``end.png``. Raises as ``prepare_episode``,
+    ``recording.rrd``; ``pictures``: also ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of
+    the twins' judge; without one, nobody judges a robot that is not simulated here. Raises as ``prepare_episode``,
     before anything is started.
     """
     setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     judge = find_judge(setup.config)
-    observers = _Observers(folder if pictures else None)
+    observers = _Observers(folder if pictures else None, twin_judge)
     wall_start = time.perf_counter()
     with ExitStack() as stack:
         session = stack.enter_context(open_session(setup, observers.attach, gui))
@@ -82,9 +93,8 @@ def run_episode(
             verdict = judge(session, observers.truth, session.robot.clock)
         if observers.pictures is not None:
             observers.pictures.take("end", _object(setup))
-        audited = None
-        if observers.robot is not None:
-            audited = audit(observers.robot.honesty_record(), setup.config.task.allowed_contacts)
+        record = observers.honesty_record()
+        audited = audit(record, setup.config.task.allowed_contacts) if record is not None else None
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
     if folder is not None:
         result.write(folder / "result.json")

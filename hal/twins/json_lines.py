@@ -11,11 +11,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from hal.api import RobotError
+
 Answer = Callable[[dict[str, Any]], Mapping[str, Any]]
 
 
 class JsonLineServer:
-    """Answers each line by ``answer(question)``; LookupError, ValueError and TypeError become ``{"error": …}``."""
+    """Answers each line by ``answer(question)``; what it raises becomes ``{"error": …}``."""
 
     def __init__(self, path: Path, answer: Answer) -> None:
         self._path, self._answer = path, answer
@@ -51,7 +53,7 @@ class JsonLineServer:
             for line in stream:
                 try:
                     answer = dict(self._answer(json.loads(line)))
-                except (LookupError, ValueError, TypeError) as error:
+                except (LookupError, ValueError, TypeError, RobotError, TimeoutError) as error:
                     answer = {"error": str(error)}
                 stream.write(json.dumps(answer).encode() + b"\n")
                 stream.flush()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,34 +14,45 @@ from hal.twins.world import TwinWorld
 
 
 class JudgeServer(JsonLineServer):
-    """Answers ``{"ask": …}``: ``objects``, ``object_pose`` (of ``name``), ``base_pose``, ``articulation`` (``name``),
-    ``joints`` (of part ``name``: true positions and velocities) and ``honesty``.
+    """Answers ``{"ask": QUESTION, "name": NAME}`` by ``{"answer": …}``.
+
+    Questions are the methods of ``hal.pybullet.GroundTruth``, ``honesty_record``, ``time`` and ``joints`` (of a part:
+    true positions and velocities).
     """
 
     def __init__(self, path: Path, world: TwinWorld) -> None:
         super().__init__(path, self._judge)
         self._world = world
-        self._questions: dict[str, Callable[[str], Mapping[str, Any]]] = {
+        truth = world.truth
+        self._questions: dict[str, Callable[[str], Any]] = {
+            "object_names": lambda name: truth.object_names,
+            "object_pose": truth.object_pose,
+            "object_speed": truth.object_speed,
+            "furniture_pose": truth.furniture_pose,
+            "articulation_names": lambda name: truth.articulation_names,
+            "articulation_position": truth.articulation_position,
+            "base_pose": lambda name: truth.base_pose(),
+            "frame_pose": truth.frame_pose,
+            "touches_robot": truth.touches_robot,
+            "supports": truth.supports,
+            "honesty_record": lambda name: dataclasses.asdict(world.robot.honesty_record()),
             "time": lambda name: {"time": world.now(), "given_up": world.given_up},
-            "objects": lambda name: {"objects": list(world.truth.object_names)},
-            "object_pose": lambda name: _pose(world.truth.object_pose(name)),
-            "object_speed": lambda name: dict(zip(("speed", "turn_rate"), world.truth.object_speed(name), strict=True)),
-            "base_pose": lambda name: _pose(world.truth.base_pose()),
-            "articulation": lambda name: {"position": world.truth.articulation_position(name)},
             "joints": self._joints,
-            "honesty": lambda name: {"honesty": world.robot.diagnostics()["honesty"]},
         }
 
     def _judge(self, question: dict[str, Any]) -> Mapping[str, Any]:
         asked = str(question.get("ask", ""))
         if asked not in self._questions:
             raise LookupError(f"cannot tell {asked!r}; ask for {', '.join(self._questions)}")
-        return self._world.call(lambda: self._questions[asked](str(question.get("name", ""))))
+        answer = self._world.call(lambda: self._questions[asked](str(question.get("name", ""))))
+        return {"answer": _plain(answer)}
 
     def _joints(self, name: str) -> Mapping[str, Any]:
         group = self._world.robot.part(name, JointGroup)  # type: ignore[type-abstract]
         return {"positions": group.positions().tolist(), "velocities": group.velocities().tolist()}
 
 
-def _pose(pose: Pose) -> dict[str, Any]:
-    return {"position": pose.position.tolist(), "quaternion": pose.quaternion.tolist()}
+def _plain(answer: Any) -> Any:
+    if isinstance(answer, Pose):
+        return {"position": answer.position.tolist(), "quaternion": answer.quaternion.tolist()}
+    return answer

@@ -69,9 +69,14 @@ class TwinProcess:
         question = {"connection": connection, "fault": name}
         ask(Path(self._told["faults"]), question if value is None else {**question, "value": value})
 
-    def judge(self, question: str, name: str = "") -> dict[str, Any]:
+    @property
+    def judge_socket(self) -> Path:
+        """For ``RemoteTruth``."""
+        return Path(self._told["judge"])
+
+    def judge(self, question: str, name: str = "") -> Any:
         """What is true in the world."""
-        return ask(Path(self._told["judge"]), {"ask": question, "name": name})
+        return ask(self.judge_socket, {"ask": question, "name": name})["answer"]
 
     def start(self) -> None:
         """Start, and wait until the ports are open; TwinError with what the process said."""

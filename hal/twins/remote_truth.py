@@ -1,0 +1,97 @@
+"""Ground truth of the twins' world, asked over the judge's socket: it judges runs on twins as those in simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.messages import Pose
+from hal.pybullet import ContactIncident, Finding, GroundTruth, HonestyRecord, Penetration
+from hal.twins.json_lines import ask
+
+FINDINGS = (
+    "jumps",
+    "hidden_constraints",
+    "changes",
+    "unexplained_forces",
+    "joint_limits",
+    "velocity_limits",
+    "open_hand",
+)
+
+
+class RemoteTruth(GroundTruth):
+    """As ``GroundTruth``; each question is a round trip. LookupError for names that are not there."""
+
+    def __init__(self, judge: Path) -> None:
+        self._judge = judge
+
+    @property
+    def trusted(self) -> bool:
+        """The judge was there before time ran."""
+        return True
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """The movable objects."""
+        return tuple(self._ask("object_names"))
+
+    def object_pose(self, name: str) -> Pose:
+        """True pose of an object."""
+        return _pose(self._ask("object_pose", name))
+
+    def object_speed(self, name: str) -> tuple[float, float]:
+        """Speed in m/s and rate of turn in rad/s of an object."""
+        speed, turn_rate = self._ask("object_speed", name)
+        return speed, turn_rate
+
+    def furniture_pose(self, name: str) -> Pose:
+        """True pose of a piece of furniture."""
+        return _pose(self._ask("furniture_pose", name))
+
+    @property
+    def articulation_names(self) -> tuple[str, ...]:
+        """Doors and drawers."""
+        return tuple(self._ask("articulation_names"))
+
+    def articulation_position(self, name: str) -> float:
+        """How far a door or drawer is open."""
+        return float(self._ask("articulation_position", name))
+
+    def base_pose(self) -> Pose:
+        """True pose of the robot's base frame."""
+        return _pose(self._ask("base_pose"))
+
+    def frame_pose(self, frame: str) -> Pose:
+        """True pose of a frame of the robot."""
+        return _pose(self._ask("frame_pose", frame))
+
+    def touches_robot(self, name: str) -> bool:
+        """Whether the robot presses on an object."""
+        return bool(self._ask("touches_robot", name))
+
+    def supports(self, name: str) -> tuple[str, ...]:
+        """What an object rests on or touches."""
+        return tuple(self._ask("supports", name))
+
+    def honesty_record(self) -> HonestyRecord:
+        """What the monitor of the twins' world has seen."""
+        record = self._ask("honesty_record")
+        for name in FINDINGS:
+            record[name] = tuple(Finding(**finding) for finding in record[name])
+        record["contacts"] = tuple(ContactIncident(**_tupled(contact, "roles")) for contact in record["contacts"])
+        record["penetrations"] = tuple(Penetration(**penetration) for penetration in record["penetrations"])
+        return HonestyRecord(**record)
+
+    def _ask(self, question: str, name: str = "") -> Any:
+        return ask(self._judge, {"ask": question, "name": name})["answer"]
+
+
+def _pose(answer: dict[str, Any]) -> Pose:
+    return Pose(np.array(answer["position"]), np.array(answer["quaternion"]))
+
+
+def _tupled(fields: dict[str, Any], name: str) -> dict[str, Any]:
+    return {**fields, name: tuple(fields[name])}
