@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from importlib import import_module
 
 import pytest
 
 from bestman_bt.engine import Node
-from bestman_bt.registry import ALGORITHMS, BEHAVIOURS, DRIVERS, Registry, UnknownNameError, suggestion
+from bestman_bt.registry import ALGORITHMS, BEHAVIOURS, CONNECTIONS, DRIVERS, Registry, UnknownNameError, suggestion
 from hal.api import Robot
+from hal.hardware import Connection
+from hal.twins.twin_host import TWINS
 
 
 @pytest.mark.parametrize("name", BEHAVIOURS.names())
@@ -33,6 +36,16 @@ def test_every_algorithm_is_a_concrete_class_in_the_folder_of_its_slot(name: str
 @pytest.mark.parametrize("name", DRIVERS.names())
 def test_every_driver_is_a_robot(name: str) -> None:
     assert issubclass(DRIVERS.resolve(name), Robot)
+
+
+@pytest.mark.parametrize("name", CONNECTIONS.names())
+def test_every_connection_is_one_and_has_a_twin(name: str) -> None:
+    connection = CONNECTIONS.resolve(name)
+    assert issubclass(connection, Connection)
+    assert connection.driver == name
+    assert dataclasses.is_dataclass(connection.options_type)
+    assert inspect.getdoc(connection.options_type)
+    assert name in TWINS
 
 
 def test_every_skill_of_the_library_is_registered() -> None:
