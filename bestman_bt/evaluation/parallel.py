@@ -82,13 +82,17 @@ class _Worker:
         self._process = context.Process(target=_serve, args=(theirs,))
         self._process.start()
         theirs.close()
-        try:
-            self.connection.recv()
-        except EOFError as error:
-            raise RuntimeError("a worker process cannot start; its error is above") from error
         self.alive = True
         self.index = -1
         self._began = 0.0
+        try:
+            self.connection.recv()
+        except EOFError as error:
+            self.kill()
+            raise RuntimeError("a worker process cannot start; its error is above") from error
+        except KeyboardInterrupt:
+            self.kill()
+            raise
 
     def give(self, index: int, config: RunConfig, folder: Path | None) -> None:
         self.index, self._began = index, time.perf_counter()
