@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
-from behaviours.leaf import Leaf, Touching, find_leaf
+from behaviours.leaf import MEASURED, Leaf, Touching, find_leaf
 from bestman_bt.control.arm import FollowGuide, JointAxis
 from bestman_bt.manipulation.kinematics import ArcPath
 from bestman_bt.messages import Handle, Pose
-from bestman_bt.perception.grasp_pose import handle_motion
+from bestman_bt.perception.grasp_pose import HandShapeParameters, handle_motion
 from bestman_bt.world_model import HandleBelief
 
 STEP = 0.04
@@ -28,6 +28,8 @@ PARALLEL = 0.98
 """Cosine between bar and hinge from which on the bar may turn between the fingers."""
 FINGER_ROOM = 0.03
 """Metres between front and bar from which on fingers around the bar are clear of the front."""
+PALM_GAP = 0.01
+"""Metres that the palm keeps from a front."""
 TILTS = tuple(math.radians(degrees) for degrees in range(-50, 51, 10))
 """Turns of the hand about a bar, from straight at the front."""
 
@@ -37,7 +39,7 @@ class Opening:
     """A leaf to be opened: its handle in the map frame, and how far that is to go, metres along its way.
 
     ``angle``: radians, of a door; None of a drawer. ``asked``: what counts as done, radians or metres. ``start``: how
-    far it is believed to be open already.
+    far it is believed to be open already. ``most_tilt``: radians by which the hand may be turned beside the door.
     """
 
     leaf: Leaf
@@ -46,6 +48,7 @@ class Opening:
     start: float
     distance: float
     angle: float | None
+    most_tilt: float = TILTS[-1]
 
     def way(self) -> NDArray[np.float64]:
         """Metres from the start at which the stations are, first 0."""
@@ -92,7 +95,9 @@ class Opening:
             return (0.0,)
         inwards = -self.handle.outward
         now = math.atan2(float(np.cross(inwards, grasp.rotation[:, 2]) @ axis), float(inwards @ grasp.rotation[:, 2]))
-        return tuple(sorted({0.0, *(tilt - now for tilt in TILTS if abs(tilt - now) > math.radians(5.0))}))
+        return tuple(
+            sorted({0.0, *(t - now for t in TILTS if abs(t) <= self.most_tilt and abs(t - now) > math.radians(5.0))})
+        )
 
 
 def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, asked: float) -> Opening:
@@ -110,7 +115,18 @@ def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, 
     opening = np.cross(axis, handle.pose.position - hinge)
     opening = opening / np.linalg.norm(opening)
     handle = replace(handle, joint="revolute", hinge=hinge, hinge_direction=axis, opening_direction=opening)
-    return Opening(leaf, handle, asked, start, further * _radius(handle), further)
+    most_tilt = TILTS[-1] if leaf.furniture.position_error <= MEASURED else _palm_limit(skills, handle)
+    return Opening(leaf, handle, asked, start, further * _radius(handle), further, most_tilt)
+
+
+def _palm_limit(skills: SkillContext, handle: Handle) -> float:
+    """Radians that the hand may be turned about a bar until a corner of its palm is at the front.
+
+    Where the map is too vague to check the palm against it, what was seen of the handle tells how far the front is.
+    """
+    depth, half = skills.gripper_model.finger_depth, HandShapeParameters().palm_size[1] / 2
+    room = max(0.0, handle.standoff - PALM_GAP)
+    return math.asin(min(1.0, room / math.hypot(depth, half))) + math.atan2(depth, half)
 
 
 def stations(
