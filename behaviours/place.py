@@ -42,6 +42,8 @@ MIN_FREE = 0.4
 TURNS_OF_A_ROUND_OBJECT = 12
 LET_GO = 0.004
 """Metres by which the fingers must open beyond what they held."""
+LOOSE = 3.0
+"""Newtons with which fingers that are caught close again before they open once more."""
 
 
 class FindPlacePose(Skill):
@@ -181,6 +183,10 @@ class Release(Skill):
             raise SkillFailure("not_holding", f"the hand does not hold the {self.get_input('object')}")
         map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
         outcome = yield skills.gripper.release()
+        if outcome.width < held.width + LET_GO:
+            # Caught: hold it loosely, so that it comes to lie as it likes between the fingers, and try again.
+            yield skills.gripper.close(LOOSE)
+            outcome = yield skills.gripper.release()
         if outcome.width < held.width + LET_GO:
             opened = f"the fingers opened to {1e3 * outcome.width:.0f} mm, it is {1e3 * held.width:.0f} mm wide"
             raise SkillFailure("not_released", f"the hand does not let go of the {held.name}: {opened}")
