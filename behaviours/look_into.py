@@ -86,14 +86,14 @@ class LookInto(Skill):
         skills = self.skills
         base_from_map = skills.map_from_base.inverse()
         point: Pose | None = self.get_input("point")
-        if point is not None:
-            return base_from_map.apply(point.position[None])[0]
         belief = skills.world.objects.get(self.get_input("object") or "")
+        if point is not None:
+            return (base_from_map @ point).position
         if belief is not None:
-            return base_from_map.apply(belief.pose.position[None])[0]
+            return (base_from_map @ belief.pose).position
         furniture, surface = find_surface(skills, self.get_input("surface"))
-        middle = surface.pose.position.copy()
+        x, y, z = (float(value) for value in surface.pose.position)
         if surface.leaf is not None:
-            front = float(middle[0]) - surface.size[0] / 2
-            middle[0] = (front + min(float(middle[0]) + surface.size[0] / 2, -furniture.footprint[0] / 2)) / 2
-        return base_from_furniture.apply(middle[None])[0]
+            half = surface.size[0] / 2
+            x = (x - half + min(x + half, -furniture.footprint[0] / 2)) / 2
+        return (base_from_furniture @ Pose(np.array([x, y, z]))).position

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, move_free
+from behaviours.arm_motion import follow_path, hand_contacts, move_free
 from behaviours.beliefs import believe_surface
 from behaviours.perceive import camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import surface_region
 from bestman_bt.control.arm import GuardedOutcome
 from bestman_bt.manipulation.collision import CollisionWorld
+from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
 from bestman_bt.perception.detection import DetectedScene
@@ -144,24 +145,41 @@ class PlaceOn(Skill):
     def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
         skills = self.skills
         free = skills.arm_world(skills.planning_scene())
-        lowering = self._lowering_world(held)
-        reference = skills.arm_positions()
+        lowering, arm_alone = self._lowering_world(held), self._lowering_world(held, hand=True)
+        kinematics, reference = skills.algorithms.kinematics, skills.arm_positions()
         found: list[Approach] = []
         lift = DROP if skills.wrist_wrench is None else HOVER
         for above, down in place_tool_poses(held, base_from_object, self._above(held), lift):
             # Back along the hand's axis there must be room, too: that is how it leaves what it has let go.
             back = down @ Pose(np.array([0.0, 0.0, -BACK]))
-            found += approaches(skills.algorithms.kinematics, above, down, back, reference, free, lowering, skills.rng)
+            found += [
+                approach
+                for approach in approaches(kinematics, above, down, back, reference, free, lowering, skills.rng)
+                if self._has_room_below(approach, down, lift, arm_alone)
+            ]
         return min(found, key=lambda approach: approach.cost) if found else None
+
+    def _has_room_below(self, approach: Approach, down: Pose, lift: float, world: CollisionWorld) -> bool:
+        """Whether the arm stays clear of the support all the way that the object may be lowered by feel.
+
+        The wrist feels what the object and the hand touch, but not what the arm does.
+        """
+        lowest = Pose(down.position - np.array([0.0, 0.0, lift + SEARCH]), down.quaternion)
+        kinematics = self.skills.algorithms.kinematics
+        return cartesian_path(kinematics, approach.into[-1], lowest, world.is_free).complete
 
     def _above(self, held: HeldObject) -> float:
         """Metres above the goal where the descent begins."""
         return PRE_PLACE
 
-    def _lowering_world(self, held: HeldObject) -> CollisionWorld:
+    def _lowering_world(self, held: HeldObject, hand: bool = False) -> CollisionWorld:
+        """The object, or also the ``hand``, may touch what it is put on."""
         skills = self.skills
         supports = [name for name in skills.world.obstacles if name.endswith("/surface")]
-        return skills.arm_world(skills.planning_scene(allowed_pairs=[(held.name, support) for support in supports]))
+        allowed = [(held.name, support) for support in supports]
+        if hand:
+            allowed += hand_contacts(skills, *supports)
+        return skills.arm_world(skills.planning_scene(allowed_pairs=allowed))
 
 
 class Release(Skill):
