@@ -9,6 +9,7 @@ from behaviours.computation import TimeSource
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure, Steps, StepsTo
 from bestman_bt.control import ControlHandle, ControlStatus
+from bestman_bt.control.gripper import GripperOutcome
 from bestman_bt.manipulation.policy import (
     ActionChunk,
     ChunkStream,
@@ -37,7 +38,7 @@ class PolicyMotion:
         self.stream = ChunkStream(skills.arm_model, POLICY_STREAM)
         self.closed_at: Pose | None = None
         self._arm: ControlHandle[None] | None = None
-        self._fingers: ControlHandle[object] | None = None
+        self._fingers: ControlHandle[GripperOutcome] | None = None
         self._width = skills.gripper.width()
         self._chunk: tuple[ActionChunk, float] | None = None
 

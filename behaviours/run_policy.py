@@ -202,13 +202,13 @@ class RunPolicy(Skill):
     ) -> StreamedMotion:
         """The motion along ``path`` (H + 1, n) from the clock's ``begin`` on: in the box, and it touches nothing."""
         skills = self.skills
-        outside = motion.box.first_outside(path, skills.algorithms.kinematics)
-        spliced = None if outside is not None else motion.stream.splice(path, dt, seen, begin)
-        if spliced is not None:
-            outside = motion.box.first_outside(spliced.trajectory.positions, skills.algorithms.kinematics)
-        if spliced is None or outside is not None:
-            where = np.round(outside, 3).tolist()
-            raise SkillFailure("workspace", f"the policy would leave the workspace at {where}")
+        kinematics = skills.algorithms.kinematics
+        outside = motion.box.first_outside(path, kinematics)
+        if outside is None:
+            spliced = motion.stream.splice(path, dt, seen, begin)
+            outside = motion.box.first_outside(spliced.trajectory.positions, kinematics)
+        if outside is not None:
+            raise SkillFailure("workspace", f"the policy would leave the workspace at {np.round(outside, 3).tolist()}")
         name = self.get_input("object")
         allowed = hand_contacts(skills, name) if name else ()
         touch = first_touch(spliced.trajectory, skills.arm_world(skills.planning_scene(allowed_pairs=allowed)))

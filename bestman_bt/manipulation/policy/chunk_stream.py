@@ -122,7 +122,7 @@ class ChunkStream:
         the joints' range, StaleChunkError where it is over by then.
         """
         path = joint_path(path, len(self._limits.joint_names), "path")
-        times = seen + dt * np.arange(len(path))
+        times: Array = seen + dt * np.arange(len(path), dtype=np.float64)
         if self.moving(seen) and self.motion is not None:
             state = self.motion.state(at)
             waypoints = np.array([self._blended(point, t, at) for point, t in zip(path, times, strict=True)])
@@ -137,11 +137,12 @@ class ChunkStream:
         lower = np.minimum(self._limits.lower + _MARGIN, state.positions)
         upper = np.maximum(self._limits.upper - _MARGIN, state.positions)
         waypoints = np.clip(waypoints[ahead], lower, upper)
-        times, waypoints = np.append(at, times[ahead]), np.vstack([state.positions, waypoints])
-        slowdown = self._slowdown(times, waypoints)
+        waypoints = np.vstack([state.positions, waypoints])
+        passing: Array = np.concatenate([[at], times[ahead]])
+        slowdown = self._slowdown(passing, waypoints)
         if slowdown > MAX_SLOWDOWN:
             raise PolicyActionError(f"the chunk jumps: within the limits it would take {slowdown:.0f} times its time")
-        return self._timed((times - at) * slowdown, waypoints, state, at)
+        return self._timed((passing - at) * slowdown, waypoints, state, at)
 
     def accept(self, spliced: StreamedMotion, now: float) -> JointTrajectory:
         """Take the proposal; returns what is to be followed from ``now`` on: the motion under way up to it, then it.

@@ -166,7 +166,8 @@ class PickingExpert:
         p = self.parameters
         state, goal = self._begin(rng)
         observations: list[Observation] = []
-        chunks, lifted = [], False
+        chunks: list[Array] = []
+        lifted = False
         while len(chunks) < p.chunks and not lifted:
             lifted = self.lifted(state, goal)
             try:
