@@ -67,7 +67,8 @@ def _inertial(link: ET.Element) -> tuple[float, Array, Array]:
     element = link.find("inertial")
     assert element is not None
     mass, terms = element.find("mass"), element.find("inertia")
-    assert mass is not None and terms is not None
+    assert mass is not None
+    assert terms is not None
     pose = origin_pose(element)
     upper = {key: float(terms.get(f"i{key}", "0")) for key in ("xx", "xy", "xz", "yy", "yz", "zz")}
     inertia = np.array([[upper["".join(sorted(a + b))] for b in "xyz"] for a in "xyz"])
