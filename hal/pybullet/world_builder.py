@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from xml.etree import ElementTree
 
 import pybullet
 
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import MimicJoint, RobotModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
-from bestman_bt.robot_model.rigid_links import with_rigid_links_merged
 from bestman_bt.scene import PlacedFurniture, PlacedObject, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
 from hal.pybullet.client import PhysicsClient, SimulationError
@@ -76,12 +74,10 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
             articulations |= joints_of_piece
         objects = {placed.name: _object(client, placed, parameters, folder) for placed in world.objects}
         urdf, frames = without_bare_frames(model.urdf)
-        urdf, merged = with_rigid_links_merged(urdf, _links_of_their_own(model, urdf))
         # A robot without a base that drives is bolted to where it stands.
         robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.bases, ROBOT_FLAGS)
     joints, links = _names(client, robot)
     constraints = _set_up_robot(client, model, world, parameters, robot, joints, links)
-    frames = {**merged, **frames}
     return BuiltWorld(floor, walls, furniture, objects, robot, joints, links, frames, constraints, articulations)
 
 
@@ -154,19 +150,6 @@ def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsPara
         sleepThreshold=parameters.object_sleep_speed**2,
     )
     return body
-
-
-def _links_of_their_own(model: RobotModel, urdf: str) -> set[str]:
-    """Links on fixed joints that are to stay links: with a friction of their own, or weighed by a wrist sensor."""
-    casters = (link for base in model.bases.values() for link in base.caster_links)
-    fingers = (link for gripper in model.grippers.values() for link in gripper.finger_links)
-    weighed = {joint for sensor in model.force_torques.values() for joint in sensor.joints}
-    carried = (
-        child.get("link", "")
-        for joint in ElementTree.fromstring(urdf).findall("joint")
-        if joint.get("name") in weighed and (child := joint.find("child")) is not None
-    )
-    return {*casters, *fingers, *carried}
 
 
 def _names(client: PhysicsClient, robot: int) -> tuple[dict[str, int], dict[str, int]]:
