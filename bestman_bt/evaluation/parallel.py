@@ -84,15 +84,8 @@ class _Worker:
         theirs.close()
         self.alive = True
         self.index = -1
+        self._ready = False
         self._began = 0.0
-        try:
-            self.connection.recv()
-        except EOFError as error:
-            self.kill()
-            raise RuntimeError("a worker process cannot start; its error is above") from error
-        except KeyboardInterrupt:
-            self.kill()
-            raise
 
     def give(self, index: int, config: RunConfig, folder: Path | None) -> None:
         self.index, self._began = index, time.perf_counter()
@@ -103,12 +96,17 @@ class _Worker:
         passed = time.perf_counter() - self._began
         try:
             if self.connection.poll():
-                result: RunResult = self.connection.recv()
-                return result
-        except (EOFError, ConnectionError):
+                message = self.connection.recv()
+                if isinstance(message, RunResult):
+                    return message
+                self._ready, self._began = True, time.perf_counter()
+                return None
+        except (EOFError, ConnectionError) as error:
             self.kill()
+            if not self._ready:
+                raise RuntimeError("a worker process cannot start; its error is above") from error
             return _broken(config, f"the process ended with code {self._process.exitcode}", passed)
-        if passed <= wall_limit:
+        if not self._ready or passed <= wall_limit:
             return None
         self.kill()
         return _broken(config, f"given up after {passed:.0f} s of wall time", passed)
