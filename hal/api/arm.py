@@ -13,9 +13,13 @@ from hal.api.motion import Motion
 
 
 class Arm(JointGroup):
-    """A joint group that follows trajectories and streams set-points."""
+    """A joint group that follows trajectories and streams set-points.
+
+    ``latency``: seconds by which its encoders follow what it is commanded, when nothing disturbs it.
+    """
 
     kind: ClassVar[str] = "arm"
+    latency: float = 0.02
 
     @abstractmethod
     def follow(self, trajectory: JointTrajectory) -> Motion:
@@ -24,6 +28,13 @@ class Arm(JointGroup):
         Raises CommandRefusedError if its joints are not this arm's, a sample is beyond a limit, or it does not start
         where the arm is (within 0.05 rad).
         """
+
+    def trajectory_time(self) -> float | None:
+        """How far the trajectory under way has been commanded, seconds of it; None: as far as the clock says.
+
+        A real arm may run a trajectory more slowly: to keep its tool below a speed, or because its controller is late.
+        """
+        return None
 
     @abstractmethod
     def servo(self, positions: ArrayLike) -> None:

@@ -39,6 +39,8 @@ class StreamedArm(StreamedJointGroup, Arm):
     ) -> None:
         super().__init__(name, model, channel, latch, period, parameters)
         self._tool = tool
+        self._pace = 1.0  # of the trajectory under way
+        self.latency = self._parameters.latency
         self._streamed_at = 0.0
         self._time = 0.0
 
@@ -51,17 +53,22 @@ class StreamedArm(StreamedJointGroup, Arm):
             if fault is not None:
                 raise self._line.refuse("follow", fault)
             self._start_from_rest()
-            share = self._tool.slow_down(trajectory.positions, trajectory.velocities)
-            if share < 1.0:
+            self._pace = self._tool.slow_down(trajectory.positions, trajectory.velocities)
+            if self._pace < 1.0:
                 trajectory = JointTrajectory(
                     trajectory.joint_names,
-                    trajectory.times / share,
+                    trajectory.times / self._pace,
                     trajectory.positions,
-                    trajectory.velocities * share,
+                    trajectory.velocities * self._pace,
                 )
             motion = PartMotion(self)
             self._take_over(Follow(trajectory, self._position - trajectory.positions[0], 0.25), motion)
             return motion
+
+    def trajectory_time(self) -> float | None:
+        """What the set-points have come to."""
+        with self._line.lock:
+            return self._setpoints.time * self._pace if isinstance(self._setpoints, Follow) else None
 
     def servo(self, positions: ArrayLike) -> None:
         """Stream one set-point: it is reached after the time since the last one (at most 0.1 s)."""

@@ -15,7 +15,7 @@ class StreamingParameters:
 
     Set-points never jump: a late one goes on by ``longest_step`` periods at most, so that a slow link slows the motion
     down; one that has slowed it by more than ``slip_limit`` seconds, of which half is forgotten every
-    ``slip_half_life``, fails it as TIMEOUT.
+    ``slip_half_life``, fails it as TIMEOUT. ``latency``: from a set-point to the reading that shows it.
     """
 
     tracking_tolerance: float = 0.15
@@ -27,5 +27,6 @@ class StreamingParameters:
     moved_by_hand: float = 0.05
     longest_stream_interval: float = 0.1
     longest_step: float = 3.0
+    latency: float = 0.1
     slip_limit: float = 0.5
     slip_half_life: float = 1.0

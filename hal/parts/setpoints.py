@@ -109,6 +109,11 @@ class Follow(Setpoints):
         self._trajectory, self._offset, self._fade = trajectory, offset, min(fade, trajectory.duration)
         self._time = 0.0
 
+    @property
+    def time(self) -> float:
+        """Seconds of the trajectory that have passed."""
+        return min(self._time, self._trajectory.duration)
+
     def advance(self, dt: float) -> tuple[Array, Array]:
         """Go on along the trajectory."""
         self._time += dt

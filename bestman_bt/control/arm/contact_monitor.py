@@ -16,7 +16,7 @@ class ContactMonitorParameters:
     """``force``: newtons that inertia of hand and load never reaches. ``lag``: radians behind the set-point.
 
     ``samples``: in a row that must agree. ``period``: seconds between two looks. ``latency``: seconds by which encoders
-    follow set-points in undisturbed motion.
+    follow set-points in undisturbed motion, at least; the arm's own may be longer.
     """
 
     force: float = 30.0
@@ -63,8 +63,11 @@ class ContactMonitor:
     def _lag(self) -> str | None:
         if self._trajectory is None:
             return None
-        p, passed = self._parameters, self._clock.now() - self._began
-        now, before = (self._trajectory.sample(max(0.0, t))[0] for t in (passed, passed - p.latency))
+        p, passed = self._parameters, self._arm.trajectory_time()
+        if passed is None:
+            passed = self._clock.now() - self._began
+        latency = max(p.latency, self._arm.latency)
+        now, before = (self._trajectory.sample(max(0.0, t))[0] for t in (passed, passed - latency))
         measured = self._arm.positions()
         # Anywhere between the two set-points is no lag.
         lag = np.maximum(np.minimum(now, before) - measured, measured - np.maximum(now, before))
