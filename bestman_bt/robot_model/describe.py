@@ -199,7 +199,7 @@ def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:
         finger_links=gripper.finger_links,
         hand_link=part.root,
         min_width=gripper.min_width,
-        max_width=gripper.max_width,
+        max_width=part.opening[0][1] if part.opening else gripper.max_width,
         max_speed=gripper.max_speed,
         max_force=gripper.max_force,
         finger_depth=gripper.finger_depth,

@@ -33,7 +33,8 @@ def mount_place(mounted: MountedPart, placed: Mapping[str, PlacedPart]) -> Place
     if isinstance(carrier, BasePart) and carrier.deck is not None:
         pose = Pose.from_xyz_rpy(carrier.deck.xyz, carrier.deck.rpy) @ Pose.from_xyz_rpy(*own)
         x, y, z = pose.position.tolist()
-        return carrier.deck.link, (x, y, z), pose.roll_pitch_yaw
+        roll, pitch, yaw = (angle + 0.0 for angle in pose.roll_pitch_yaw)  # no minus zero
+        return carrier.deck.link, (x, y, z), (roll, pitch, yaw)
     return None
 
 

@@ -43,6 +43,8 @@ def outline(geometry: ET.Element | None, meshes: bool = False) -> NDArray[np.flo
 def _mesh_corners(filename: str) -> NDArray[np.float64]:
     import coal  # reads what collision worlds read, COLLADA among it
 
-    vertices: NDArray[np.float64] = np.array(coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(filename, np.ones(3)).vertices())
+    vertices: NDArray[np.float64] = np.array(
+        coal.MeshLoader(coal.NODE_TYPE.BV_OBBRSS).load(filename, np.ones(3)).vertices()
+    )
     corners: NDArray[np.float64] = vertices[ConvexHull(vertices).vertices]
     return corners

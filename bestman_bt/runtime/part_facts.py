@@ -24,6 +24,7 @@ from bestman_bt.robot_model.urdf_tree import UrdfTree
 Facts = tuple[dict[str, Any], list[str]]
 Array = NDArray[np.float64]
 
+FEWEST_ARM_JOINTS = 4
 TIME_TO_SPEED = 0.25  # seconds in which a joint whose acceleration nobody tells reaches its top speed
 FRICTION = 0.8
 SAMPLES = 200
@@ -57,9 +58,9 @@ def arm_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
 
 def gripper_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
     """Two fingers: their joints, the positions where they are open and closed, the tool frame between them."""
-    names = list(joints) if joints is not None else [n for n, joint in tree.joints.items() if tree.driven(joint)]
+    names = list(joints) if joints is not None else _hand_joints(tree)
     if not names:
-        raise UrdfError(f"{tree.path.name} has no joint that moves: it is no gripper")
+        raise UrdfError(f"{tree.path.name} has no joint that moves fingers: it is no gripper")
     root = _common_root(tree, names)
     subtree = tree.subtree(root)
     mimics = [mimic for mimic in subtree.mimics if mimic.leader in tree.joints]
@@ -180,6 +181,18 @@ def _foot(tree: UrdfTree, links: Sequence[str]) -> str:
     """Where the arm begins: the first link on the way to it that has a shape, or its joint's own link."""
     solid = (link for link in links if tree.links[link].find("visual") is not None)
     return next(solid, links[-1])
+
+
+def _hand_joints(tree: UrdfTree) -> list[str]:
+    """The driven joints, but for those of an arm that carries the hand in the same file."""
+    driven = [name for name, joint in tree.joints.items() if tree.driven(joint)]
+    chain = max(
+        ([j.get("name", "") for j in tree.path_to(child_of(tree.joints[n]))] for n in driven), key=len, default=[]
+    )
+    if sum(name in driven for name in chain) < FEWEST_ARM_JOINTS:
+        return driven
+    fields, _ = arm_facts(tree, None)
+    return [name for name in driven if name not in fields["joints"]]
 
 
 def _before_the_hand(tree: UrdfTree, chain: list[ET.Element]) -> list[ET.Element]:

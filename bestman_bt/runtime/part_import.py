@@ -15,9 +15,13 @@ from bestman_bt.robot_model.srdf import Srdf
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
 from bestman_bt.robot_model.urdf_source import UrdfError
 from bestman_bt.robot_model.urdf_tree import UrdfTree
-from bestman_bt.runtime.part_facts import arm_facts, base_facts, gripper_facts, overlapping_pairs
-
-FEWEST_ARM_JOINTS = 4
+from bestman_bt.runtime.part_facts import (
+    FEWEST_ARM_JOINTS,
+    arm_facts,
+    base_facts,
+    gripper_facts,
+    overlapping_pairs,
+)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,69 @@
+"""The verbs robots and robot."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.robot_model.small_robot import SRDF, arm_urdf, written
+
+
+def test_robots_lists_robots_parts_and_how_many_ways_they_go_together(bestman_bt) -> None:
+    answer = bestman_bt("robots", "--json")
+    assert answer.code == 0
+    told = json.loads(answer.out)
+    assert {"diff_panda", "diff_xarm6", "omni_ur5", "husky_panda"} <= {robot["name"] for robot in told["robots"]}
+    kinds = {part["kind"] for part in told["parts"]}
+    assert {"base", "arm", "gripper", "suction", "structure"} <= kinds
+    assert "omni_base+ur5_arm+suction" in told["combinations"]
+
+
+def test_show_tells_what_a_combination_can_do_and_draws_it(bestman_bt, folder) -> None:
+    answer = bestman_bt("robot", "show", "omni_base+xarm6_arm+xarm_gripper", "--png", "robot.png", "--json")
+    assert answer.code == 0
+    told = json.loads(answer.out)
+    assert told["bases"]["base"]["drive"] == "steered"
+    assert told["grippers"]["gripper"] | {"joints": 6, "max_width_m": 0.0873} == told["grippers"]["gripper"]
+    picture = np.asarray(Image.open(folder / "robot.png"))
+    assert picture.std() > 10.0
+
+
+def test_a_combination_of_unknown_parts_starts_nothing(bestman_bt) -> None:
+    answer = bestman_bt("robot", "show", "omni_base+xarm66_arm+wsg50")
+    assert answer.code == 2
+    assert "unknown part 'xarm66_arm'; did you mean 'xarm6_arm'" in answer.err
+
+
+def test_an_imported_part_can_be_built_into_a_robot(bestman_bt, folder) -> None:
+    written(folder, arm_urdf())
+    written(folder, SRDF, "small.srdf")
+    parts = folder / "parts"
+    for name, group in (("small_arm", "arm"), ("small_hand", "hand")):
+        options = ("--srdf", "small.srdf", "--group", group, "--name", name, "--into", parts)
+        assert bestman_bt("robot", "import", "small.urdf", *options).code == 0
+    combination = f"differential_base+{parts / 'small_arm.yaml'}+{parts / 'small_hand.yaml'}"
+    told = json.loads(bestman_bt("robot", "show", combination, "--json").out)
+    assert told["arms"]["arm"]["joints"] == 5
+    assert told["grippers"]["gripper"]["max_width_m"] == pytest.approx(0.06)
+    assert "ready" in told["postures"]
+    checked = json.loads(bestman_bt("robot", "check", combination, "--json").out)
+    assert checked["passed"], checked
+
+
+def test_an_import_replaces_nothing_unasked(bestman_bt, folder) -> None:
+    written(folder, arm_urdf())
+    assert bestman_bt("robot", "import", "small.urdf", "--into", folder).code == 0
+    again = bestman_bt("robot", "import", "small.urdf", "--into", folder)
+    assert again.code == 2
+    assert "there is a part 'small' already" in again.err
+    assert bestman_bt("robot", "import", "small.urdf", "--into", folder, "--force").code == 0
+
+
+def test_an_import_tells_what_is_wrong_with_the_file(bestman_bt, folder) -> None:
+    written(folder, "<robot/>")
+    answer = bestman_bt("robot", "import", "small.urdf", "--into", folder)
+    assert answer.code == 2
+    assert "small.urdf" in answer.err

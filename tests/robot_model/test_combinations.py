@@ -1,0 +1,56 @@
+"""Any base carries any arm with any end effector."""
+
+from __future__ import annotations
+
+import itertools
+import time
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import data_names
+from bestman_bt.robot_model import combine, load_robot_model
+
+BASES = ("differential_base", "omni_base", "husky_base")
+ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5_arm", "ur10_arm", "xarm7_arm", "kinova_arm")
+HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "suction")
+
+
+@pytest.mark.parametrize(("base", "arm", "hand"), list(itertools.product(BASES, ARMS, HANDS)))
+def test_the_three_become_one_urdf_with_unique_names_and_real_meshes(base: str, arm: str, hand: str) -> None:
+    robot = combine(base, arm, hand)
+    urdf = ET.fromstring(robot.urdf)
+    names = [element.get("name") for tag in ("link", "joint") for element in urdf.findall(tag)]
+    assert len(set(names)) == len(names)
+    assert all(Path(mesh.get("filename")).is_file() for mesh in urdf.iter("mesh"))
+    assert all(float(link.find("inertial/mass").get("value")) > 0 for link in urdf.findall("link"))
+    assert robot.hand_of == {"gripper": "arm"}
+    limits = {joint.get("name"): joint.find("limit") for joint in urdf.findall("joint")}
+    assert all(joint in robot.postures["home"] for joint in robot.arms["arm"].joint_names)
+    for joint, lower, upper in zip(
+        robot.arms["arm"].joint_names, robot.arms["arm"].lower, robot.arms["arm"].upper, strict=True
+    ):
+        assert lower < robot.postures["home"][joint] < upper
+        assert float(limits[joint].get("lower")) == pytest.approx(lower)
+
+
+def test_composing_takes_less_than_fifty_milliseconds() -> None:
+    seconds = []
+    for arm, hand in itertools.product(ARMS[:4], ("wsg50", "xarm_gripper")):
+        combine("husky_base", arm, hand)  # the first time, meshes and packages are looked up
+        began = time.process_time()
+        combine("husky_base", arm, hand)
+        seconds.append(time.process_time() - began)
+    assert sorted(seconds)[len(seconds) // 2] < 0.05
+
+
+@pytest.mark.parametrize("name", data_names("robot"))
+def test_shipped_robots_have_what_skills_and_postures_need(name: str) -> None:
+    robot = load_robot_model(name)
+    assert {"home", "carry", "look"} <= set(robot.postures)
+    assert robot.cameras
+    assert robot.lidars
+    footprint = max(x * x + y * y for base in robot.bases.values() for x, y in base.footprint) ** 0.5
+    assert all(lidar.range_min > footprint for lidar in robot.lidars.values())
+    assert all(camera.optical_frame for camera in robot.cameras.values())

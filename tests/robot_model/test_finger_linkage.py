@@ -1,0 +1,67 @@
+"""Fingers on linkages: which width belongs to which joint positions, and what a force at the pads takes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from bestman_bt.robot_model import GripperModel, MimicJoint, RobotModel, combine
+from bestman_bt.robot_model.finger_linkage import all_positions
+
+HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper")
+
+
+@pytest.fixture(scope="module", params=HANDS)
+def robot(request: pytest.FixtureRequest) -> RobotModel:
+    return combine("differential_base", "panda_arm", request.param)
+
+
+@pytest.fixture(scope="module")
+def gripper(robot: RobotModel) -> GripperModel:
+    return robot.grippers["gripper"]
+
+
+def gap(robot: RobotModel, width: float) -> float:
+    """Between the middles of the fingers along y of the tool, by pinocchio."""
+    model = pin.buildModelFromXML(robot.urdf)
+    geometry = pin.buildGeomFromUrdfString(model, robot.urdf, pin.GeometryType.COLLISION)
+    q = pin.neutral(model)
+    for joint, position in robot.grippers["gripper"].joint_positions(width).items():
+        q[model.joints[model.getJointId(joint)].idx_q] = position
+    data, placed = model.createData(), pin.GeometryData(geometry)
+    pin.updateGeometryPlacements(model, data, geometry, placed, q)
+    pin.updateFramePlacements(model, data)
+    tool = data.oMf[model.getFrameId(robot.arms["arm"].tool_frame)]
+    places = []
+    for finger in robot.grippers["gripper"].finger_links:
+        bodies = [i for i, g in enumerate(geometry.geometryObjects) if model.frames[g.parentFrame].name == finger]
+        places.append(np.mean([tool.actInv(placed.oMg[i]).translation[1] for i in bodies]))
+    return abs(places[0] - places[1])
+
+
+@pytest.mark.parametrize("share", [0.1, 0.4, 0.7, 1.0])
+def test_the_fingers_are_as_far_apart_as_the_width_says(robot: RobotModel, gripper: GripperModel, share: float) -> None:
+    width = share * gripper.max_width
+    assert gap(robot, width) - gap(robot, 0.0) == pytest.approx(width, abs=2e-4)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+def test_width_and_joint_positions_are_inverse(gripper: GripperModel, share: float) -> None:
+    width = share * gripper.max_width
+    positions = gripper.joint_positions(width)
+    assert gripper.width([positions[joint] for joint in gripper.joint_names]) == pytest.approx(width, abs=1e-6)
+
+
+def test_joints_turn_as_far_per_metre_as_the_transmission_says(gripper: GripperModel) -> None:
+    near, far = (gripper.joint_positions(share * gripper.max_width) for share in (0.499, 0.501))
+    turned = abs(far[gripper.joint_names[0]] - near[gripper.joint_names[0]])
+    assert turned / (0.002 * gripper.max_width) == pytest.approx(
+        gripper.transmission(0.5 * gripper.max_width), rel=0.02
+    )
+    assert gripper.transmission(0.5 * gripper.max_width) <= gripper.fastest_transmission * (1 + 1e-9)
+
+
+def test_followers_of_followers_follow() -> None:
+    mimics = [MimicJoint("c", "b", -2.0, 0.1), MimicJoint("b", "a", 0.5)]
+    assert all_positions({"a": 1.0}, mimics) == {"a": 1.0, "b": 0.5, "c": -0.9}

@@ -1,0 +1,87 @@
+"""Parts go on links or on parts; what cannot be mounted or borne is told before anything connects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.robot_model import load_robot_model, payload
+
+TEN_LINES = """\
+parts:
+  base: {part: differential_base}
+  column: {part: column, mount: base}
+  arm: {part: xarm6_arm, mount: column}
+  gripper: {part: xarm_gripper, mount: arm}
+"""
+
+
+def composed(folder: Path, text: str):
+    path = folder / "robot.yaml"
+    path.write_text(text)
+    return load_robot_model(path)
+
+
+def fault(folder: Path, text: str) -> str:
+    with pytest.raises(ConfigurationError) as error:
+        composed(folder, text)
+    return "\n".join(f"{problem.field}: {problem.message}" for problem in error.value.problems)
+
+
+def test_five_lines_make_a_robot(tmp_path: Path) -> None:
+    robot = composed(tmp_path, TEN_LINES)
+    assert robot.base_frame == "base_link"
+    assert robot.hand_of == {"gripper": "arm"}
+    assert robot.arms["arm"].tool_frame == "xarm_tool"
+    assert robot.posture("home", robot.arms["arm"].joint_names).tolist() == [0, -0.6, -0.9, 0, 1.5, 0]
+
+
+def test_to_mount_on_a_part_is_to_mount_on_the_link_that_carries(tmp_path: Path) -> None:
+    named = TEN_LINES.replace("mount: column}", "mount: column_top}").replace("mount: arm}", "mount: link6}")
+    named = named.replace("mount: base}", "mount: base_link, xyz: [15 cm, 0, 30 cm]}")
+    assert composed(tmp_path, named).urdf == composed(tmp_path, TEN_LINES).urdf
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (("mount: column}", "mount: colum}"), "parts.arm.mount: no frame 'colum' to mount on; did you mean 'column'"),
+        (("mount: arm}", "mount: left_wheel}"), "'left_wheel' turns with the joint 'left_wheel_joint' of a wheel"),
+        (("xarm6_arm, mount: column}", "differential_base, mount: column}"), "a base stands on the floor"),
+        (("part: xarm6_arm", "part: xarm6"), "parts.arm.part: unknown part 'xarm6'; did you mean 'xarm6_arm'?"),
+        (("  arm: {", "  column: {"), "parts.column: is given twice"),
+        (
+            ("gripper: {part: xarm_gripper, mount: arm}", "head: {part: pan_tilt, mount: gripper}"),
+            "no frame 'gripper' to mount on",
+        ),
+    ],
+)
+def test_impossible_mounts_and_parts_are_told_with_their_remedy(tmp_path: Path, change, words) -> None:
+    assert words in fault(tmp_path, TEN_LINES.replace(*change))
+
+
+def test_a_part_that_carries_nothing_names_the_links_to_choose_from(tmp_path: Path) -> None:
+    text = TEN_LINES + "  camera: {part: wrist_camera, mount: gripper}\n"
+    words = fault(tmp_path, text)
+    assert "the gripper 'gripper' does not say where it carries something: name a link of it" in words
+    assert "xarm_gripper_base_link" in words
+
+
+def test_an_arm_refuses_more_than_its_payload(tmp_path: Path) -> None:
+    heavy = "{part: wsg50, mount: arm, set: {dimensions: {housing_mass: 6 kg}}}"
+    text = TEN_LINES.replace("{part: xarm_gripper, mount: arm}", heavy)
+    assert fault(tmp_path, text) == "parts.arm: 6.2 kg are mounted on it, more than its payload of 5 kg"
+
+
+def test_what_hangs_on_the_tip_counts_but_not_the_arm_itself(tmp_path: Path) -> None:
+    robot = composed(tmp_path, TEN_LINES)
+    hand = payload(robot, "xarm_gripper_base_link").mass
+    assert 0.5 < hand < 1.0
+    assert payload(robot, "link6").mass == pytest.approx(hand + 0.1096)
+
+
+def test_a_base_refuses_more_than_its_payload(tmp_path: Path) -> None:
+    text = TEN_LINES.replace("mount: base}", "mount: base, set: {dimensions: {mass: 90 kg}}}")
+    assert "more than its payload of 80 kg" in fault(tmp_path, text)
