@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import signal
 import sys
+import threading
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -37,6 +39,9 @@ def command(
     at: Annotated[
         Path | None, typer.Option(metavar="SOCKET", help="With --fault: the socket that the twins told.")
     ] = None,
+    until_eof: Annotated[
+        bool, typer.Option("--until-eof", help="End with the standard input: with the program that started this.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Stand in for a robot's controllers: their wire protocols over a simulated world, in real time, until Ctrl-C."""
@@ -54,6 +59,8 @@ def command(
 
     signal.signal(signal.SIGINT, end)
     signal.signal(signal.SIGTERM, end)
+    if until_eof:
+        threading.Thread(target=_close_at_eof, args=(host,), daemon=True).start()
     try:
         host.run(lambda hosted: _tell(hosted, as_json))
     except TwinError as error:
@@ -86,6 +93,12 @@ def _tell(hosted: Hosted, as_json: bool) -> None:
     if hosted.judge is not None:
         print(f"judge: {hosted.judge}")
     sys.stdout.flush()
+
+
+def _close_at_eof(host: TwinHost) -> None:
+    while os.read(sys.stdin.fileno(), 1024):
+        pass
+    host.close()
 
 
 def _make_fault(fault: str, at: Path | None) -> None:

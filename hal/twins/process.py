@@ -17,7 +17,7 @@ from hal.twins.json_lines import ask
 
 
 class TwinProcess:
-    """``bestman-bt twin`` in the background, from ``with`` on; ends with it.
+    """``bestman-bt twin`` in the background, from ``with`` on; ends with it, and with this process however that ends.
 
     ``addresses``: connection → address. ``settings``: dotted keys → values that lead a robot's YAML to the twins.
     """
@@ -40,7 +40,7 @@ class TwinProcess:
             "--scene",
             str(scene),
         ]
-        self._command += ["--seed", str(seed), "--judge", "--json"]
+        self._command += ["--seed", str(seed), "--judge", "--json", "--until-eof"]
         self._command += [word for setting in settings for word in ("--set", setting)]
         self._start_timeout = start_timeout
         self._process: subprocess.Popen[str] | None = None
@@ -81,7 +81,7 @@ class TwinProcess:
     def start(self) -> None:
         """Start, and wait until the ports are open; TwinError with what the process said."""
         self._process = subprocess.Popen(
-            self._command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+            self._command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.PIPE, text=True
         )
         first: queue.SimpleQueue[str] = queue.SimpleQueue()
         output = self._process.stdout

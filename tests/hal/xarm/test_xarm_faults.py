@@ -157,3 +157,25 @@ def test_a_client_that_is_killed_leaves_the_arm_at_rest(xarm_model: RobotModel, 
     assert abs(moving[0]) > 0.1
     assert np.max(np.abs(after["velocities"])) < 0.01
     assert np.max(np.abs(np.subtract(later["positions"], after["positions"]))) < 1e-3
+
+
+STARTER = """
+import os, signal, sys
+from hal.twins import TwinProcess
+twin = TwinProcess(sys.argv[1], "pick_place_table")
+twin.start()
+print(twin.process.pid, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_twins_end_with_the_program_that_started_them(twin: TwinProcess) -> None:
+    robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
+    arguments = [sys.executable, "-c", STARTER, robot_file]
+    done = subprocess.run(arguments, stdout=subprocess.PIPE, text=True, check=False, timeout=120)
+    assert done.returncode == -signal.SIGKILL
+    process = Path(f"/proc/{int(done.stdout)}")
+    deadline = time.monotonic() + 15.0
+    while process.exists() and "Z" not in (process / "stat").read_text().split()[2]:
+        assert time.monotonic() < deadline, "the twins go on"
+        time.sleep(0.1)
