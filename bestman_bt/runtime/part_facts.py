@@ -186,9 +186,8 @@ def _foot(tree: UrdfTree, links: Sequence[str]) -> str:
 def _hand_joints(tree: UrdfTree) -> list[str]:
     """The driven joints, but for those of an arm that carries the hand in the same file."""
     driven = [name for name, joint in tree.joints.items() if tree.driven(joint)]
-    chain = max(
-        ([j.get("name", "") for j in tree.path_to(child_of(tree.joints[n]))] for n in driven), key=len, default=[]
-    )
+    chains = [[joint.get("name", "") for joint in tree.path_to(child_of(tree.joints[name]))] for name in driven]
+    chain = max(chains, key=len, default=[])
     if sum(name in driven for name in chain) < FEWEST_ARM_JOINTS:
         return driven
     fields, _ = arm_facts(tree, None)
