@@ -38,6 +38,7 @@ class SimulatedSuction(Gripper):
         self._reader: Reader | None = None
         self._cup = -1
         self._force = 0.0  # N, asked for; 0: the pump is off
+        self._asked = model.max_width
         self._sealed_for = 0.0
         self._left = 0.0
 
@@ -48,10 +49,10 @@ class SimulatedSuction(Gripper):
         return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
 
     def width(self) -> float:
-        """Nominal: 0 sucking air, half of the full width sucking at something, the full width at rest."""
+        """Nominal: 0 sucking air, half of the full width sucking at something, what was asked for at rest."""
         sucking = self._connection.simulation is not None and self._force > 0.0
         if not sucking:
-            return self._model.max_width
+            return self._asked
         return self._model.max_width / 2 if self._sealed_for > 0.0 else 0.0
 
     def state(self) -> GripperState:
@@ -76,6 +77,7 @@ class SimulatedSuction(Gripper):
         motion = PartMotion(self)
         self._connection.begin(motion)
         self._force = float(force) if width <= 1e-6 else 0.0
+        self._asked = float(width)
         self._left = 2.0 * BUILD_UP
         return motion
 
@@ -94,6 +96,7 @@ class SimulatedSuction(Gripper):
         self._reader = simulation.client.reader(ReadPurpose.SENSOR)
         self._cup = simulation.built.links[self._model.finger_links[0]]
         self._force = self._sealed_for = 0.0
+        self._asked = self._model.max_width
         simulation.controls.append(self._control)
         simulation.effort_controls.append(self._suck)
 
