@@ -15,6 +15,7 @@ from hal.hardware.driven_base import DrivenBase, DrivingParameters
 from hal.hardware.fault import ConnectionFailedError, Fault
 from hal.hardware.hardware_gripper import GripperParameters, HardwareGripper
 from hal.hardware.hardware_part import HardwarePart, HardwareSensor
+from hal.hardware.isolated_robot import IsolatedRobot
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.stop_latch import StopLatch
 from hal.hardware.streamed_arm import StreamedArm
@@ -38,6 +39,7 @@ __all__ = [
     "HardwarePart",
     "HardwareRobot",
     "HardwareSensor",
+    "IsolatedRobot",
     "JointChannel",
     "JointReading",
     "Lateness",

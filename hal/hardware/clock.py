@@ -48,15 +48,15 @@ class _OfThread(threading.local):
 
 
 class RealTimeClock(Clock):
-    """The machine's monotonic clock, from 0 at its making.
+    """The machine's monotonic clock, from 0 at its making, or at ``start``, seconds of that clock.
 
     As in simulation, periodic calls run while the thread that asked for them sleeps, never beside it, so that
     controllers need no locks. A thread that computes instead of sleeping delays its periodic calls: what has to come
     on time whatever happens (set-points, watchdogs) runs in threads of ``ControlLoop`` and takes no part in this.
     """
 
-    def __init__(self) -> None:
-        self._start = time.monotonic()
+    def __init__(self, start: float | None = None) -> None:
+        self._start = time.monotonic() if start is None else start
         self._own = _OfThread()
 
     def now(self) -> float:

@@ -30,9 +30,17 @@ class HardwareRobot(Robot):
     ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for.
     """
 
-    def __init__(self, model: RobotModel, world: World | None = None, *, seed: int = 0, gui: bool = False) -> None:
+    def __init__(
+        self,
+        model: RobotModel,
+        world: World | None = None,
+        *,
+        seed: int = 0,
+        gui: bool = False,
+        clock: RealTimeClock | None = None,
+    ) -> None:
         self._model = model
-        self._clock = RealTimeClock()
+        self._clock = clock or RealTimeClock()
         self._latch = StopLatch()
         self._lock = threading.RLock()
         self._faults: dict[str, Fault] = {}
@@ -125,6 +133,10 @@ class HardwareRobot(Robot):
     def faults(self) -> Mapping[str, Fault]:
         """Controller → the fault that stopped the robot; empty after ``clear_stop()``."""
         return MappingProxyType(dict(self._faults))
+
+    def noted_faults(self) -> dict[str, Fault]:
+        """A copy of ``faults``."""
+        return dict(self._faults)
 
     def diagnostics(self) -> dict[str, str]:
         """Short texts by subject; no addresses."""

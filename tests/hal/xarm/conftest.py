@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.robot_model import RobotModel, load_robot_model
-from hal.hardware import HardwareRobot
+from hal.hardware import HardwareRobot, IsolatedRobot
 from hal.twins import TwinProcess
 
 ROBOT = Path(__file__).parent / "xarm6_on_a_base.yaml"
@@ -29,6 +29,13 @@ def xarm_model(twin: TwinProcess) -> RobotModel:
 @pytest.fixture(scope="session")
 def shared_robot(xarm_model: RobotModel) -> Iterator[HardwareRobot]:
     with HardwareRobot(xarm_model) as robot:
+        yield robot
+
+
+@pytest.fixture(scope="session")
+def isolated_robot(xarm_model: RobotModel) -> Iterator[IsolatedRobot]:
+    """As a program uses it: with its connections in a process of their own."""
+    with IsolatedRobot(xarm_model) as robot:
         yield robot
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from hal.conformance import CHECKS, LIFE_CHECKS, Check, settle
-from hal.hardware import HardwareRobot
+from hal.hardware import IsolatedRobot
 
 NO_BASE = {
     "base commands beyond limits are refused",
@@ -18,20 +18,20 @@ NO_BASE = {
 
 
 @pytest.mark.parametrize("check", [c for c in CHECKS if c.name not in NO_BASE], ids=lambda check: check.name)
-def test_a_connected_xarm_keeps_its_promise(check: Check, robot: HardwareRobot) -> None:
-    assert check.applies_to(robot)
+def test_a_connected_xarm_keeps_its_promise(check: Check, isolated_robot: IsolatedRobot) -> None:
+    assert check.applies_to(isolated_robot)
     try:
-        check.run(robot)
+        check.run(isolated_robot)
     finally:
-        settle(robot)
+        settle(isolated_robot)
 
 
 @pytest.mark.parametrize("check", LIFE_CHECKS, ids=lambda check: check.name)
 def test_an_xarm_keeps_its_promise_about_connections(check: Check, xarm_model: RobotModel) -> None:
-    robot = HardwareRobot(xarm_model)
+    robot = IsolatedRobot(xarm_model)
     assert check.applies_to(robot)
     check.run(robot)
 
 
-def test_what_does_not_apply_is_known(robot: HardwareRobot) -> None:
-    assert {check.name for check in CHECKS if not check.applies_to(robot)} == NO_BASE
+def test_what_does_not_apply_is_known(isolated_robot: IsolatedRobot) -> None:
+    assert {check.name for check in CHECKS if not check.applies_to(isolated_robot)} == NO_BASE

@@ -1,0 +1,280 @@
+"""A real robot whose connections live in a process of their own, so that planning never holds up its set-points."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+import weakref
+from collections.abc import Mapping
+from multiprocessing.connection import Connection
+from types import MappingProxyType
+from typing import Any
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.api import (
+    Motion,
+    MotionError,
+    MotionErrorCode,
+    MotionStatus,
+    NotConnectedError,
+    Part,
+    Robot,
+)
+from hal.hardware.clock import RealTimeClock
+from hal.hardware.fault import Fault
+from hal.hardware.robot import HardwareRobot
+from hal.hardware.robot_process import ROBOT, Call, MotionNumber, MotionReport, Setup
+
+END_TIME = 5.0
+
+
+class IsolatedRobot(Robot):
+    """As ``HardwareRobot``, which runs in a process of its own from ``connect()`` to ``disconnect()``.
+
+    Should this process die, the other one notices, brings the robot to rest and ends. Should that one die, motions
+    fail as DISCONNECTED and its controllers get no more set-points.
+    """
+
+    def __init__(self, model: RobotModel, world: World | None = None, *, seed: int = 0, gui: bool = False) -> None:
+        start = time.monotonic()
+        self._start, self._clock = start, RealTimeClock(start)
+        self._description = HardwareRobot(model, clock=self._clock)  # never connected: it describes, and refuses
+        self._line = _Line()
+        parts = {name: _remote(part, self._line) for name, part in self._description.parts.items()}
+        self._parts = MappingProxyType(parts)
+
+    @property
+    def clock(self) -> RealTimeClock:
+        """Real time; the other process stamps readings by the same clock."""
+        return self._clock
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot model."""
+        return self._description.model
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """All parts by name."""
+        return self._parts
+
+    @property
+    def declared_missing(self) -> dict[str, str]:
+        """What of the Robotics API its controllers cannot do → why."""
+        return self._description.declared_missing
+
+    def connect(self) -> None:
+        """Start the other process and connect all controllers; raises as ``HardwareRobot.connect``; idempotent."""
+        if self._line.open:
+            return
+        self._line.start(Setup(self.model, self._start))
+        try:
+            self._line.call(Call(ROBOT, "connect"))
+            if self._description.stopped:
+                self._line.stop(Call(ROBOT, "stop"))
+        except BaseException:
+            self._line.close()
+            raise
+
+    def disconnect(self) -> None:
+        """Disconnect all controllers and end the other process; idempotent."""
+        if not self._line.open:
+            return
+        try:
+            if self.stopped:
+                self._description.stop()
+            self._line.call(Call(ROBOT, "disconnect"))
+        except NotConnectedError:
+            pass  # it is gone already
+        finally:
+            self._line.close()
+            self._clock.cancel_timers()
+
+    def stop(self) -> None:
+        """Bring all parts to rest and latch; safe from any thread, whatever else is being asked."""
+        self._description.stop()
+        if self._line.open:
+            self._line.stop(Call(ROBOT, "stop"))
+
+    def clear_stop(self) -> None:
+        """Accept commands again; raises as ``HardwareRobot.clear_stop``."""
+        if self._line.open:
+            self._line.call(Call(ROBOT, "clear_stop"))
+        self._description.clear_stop()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the stop is latched."""
+        return bool(self._line.call(Call(ROBOT, "stopped"))) if self._line.open else self._description.stopped
+
+    @property
+    def faults(self) -> Mapping[str, Fault]:
+        """Controller → the fault that stopped the robot."""
+        return dict(self._line.call(Call(ROBOT, "noted_faults"))) if self._line.open else {}
+
+    def diagnostics(self) -> dict[str, str]:
+        """Short texts by subject; no addresses."""
+        texts: dict[str, str] = (
+            self._line.call(Call(ROBOT, "diagnostics")) if self._line.open else self._description.diagnostics()
+        )
+        return texts
+
+
+class _Line:
+    """Both wires to the other process, and the motions that go on there."""
+
+    def __init__(self) -> None:
+        self._calls: _Wire | None = None
+        self._stops: _Wire | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._motions: weakref.WeakSet[RemoteMotion] = weakref.WeakSet()
+
+    @property
+    def open(self) -> bool:
+        """Whether there is another process, as far as is known."""
+        return self._calls is not None
+
+    def start(self, setup: Setup) -> None:
+        """Start the process; it is ready when this returns."""
+        pairs = [socket.socketpair() for _ in range(2)]
+        theirs = [their.fileno() for _, their in pairs]
+        command = [sys.executable, "-m", "hal.hardware.robot_process", *map(str, theirs)]
+        path = os.pathsep.join(filter(None, sys.path))
+        self._process = subprocess.Popen(
+            command, pass_fds=theirs, env={**os.environ, "PYTHONPATH": path}, stdin=subprocess.DEVNULL
+        )
+        for _, their in pairs:
+            their.close()
+        self._calls, self._stops = (_Wire(Connection(our.detach())) for our, _ in pairs)
+        self._calls.ask(setup)
+
+    def close(self) -> None:
+        """End the process: it ends with its wires; what still moved has failed."""
+        for wire in (self._calls, self._stops):
+            if wire is not None:
+                wire.close()
+        self._calls = self._stops = None
+        if self._process is not None:
+            try:
+                self._process.wait(END_TIME)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._process = None
+        for motion in tuple(self._motions):
+            motion.lose("the robot was disconnected")
+
+    def call(self, call: Call) -> Any:
+        """Ask, and wait for the answer; what the other side raised is raised here."""
+        return self._ask(self._calls, call)
+
+    def stop(self, call: Call) -> Any:
+        """As ``call``, past whatever else is being asked."""
+        return self._ask(self._stops, call)
+
+    def _ask(self, wire: _Wire | None, call: Call) -> Any:
+        if wire is None:
+            raise NotConnectedError(f"{call.target or 'the robot'} was used while it is not connected; call connect()")
+        answer = wire.ask(call)
+        if isinstance(answer, MotionNumber):
+            motion = RemoteMotion(answer.number, self)
+            self._motions.add(motion)
+            return motion
+        return answer
+
+
+class _Wire:
+    """One question at a time."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection, self._lock = connection, threading.Lock()
+
+    def ask(self, question: Any) -> Any:
+        """The answer; NotConnectedError where the other process is gone."""
+        with self._lock:
+            try:
+                self._connection.send(question)
+                answer = self._connection.recv()
+            except (OSError, EOFError) as error:
+                raise NotConnectedError("the process that holds the robot's connections is gone") from error
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    def close(self) -> None:
+        """End it."""
+        with self._lock:
+            self._connection.close()
+
+
+class RemoteMotion(Motion):
+    """A motion in the other process."""
+
+    def __init__(self, number: int, line: _Line) -> None:
+        self._number, self._line = number, line
+        self._report = MotionReport(MotionStatus.RUNNING, None)
+
+    @property
+    def status(self) -> MotionStatus:
+        """The present status."""
+        return self._poll("poll").status
+
+    @property
+    def error(self) -> MotionError | None:
+        """Why it failed or was cancelled."""
+        return self._poll("poll").error
+
+    def cancel(self) -> None:
+        """Bring the part to rest."""
+        self._poll("cancel")
+
+    def lose(self, text: str) -> None:
+        """Nothing more will be heard of it."""
+        if self._report.status is MotionStatus.RUNNING:
+            self._report = MotionReport(MotionStatus.FAILED, MotionError(MotionErrorCode.DISCONNECTED, text))
+
+    def _poll(self, method: str) -> MotionReport:
+        if self._report.status is MotionStatus.RUNNING:
+            try:
+                self._report = self._line.call(Call(self._number, method))
+            except NotConnectedError as error:
+                self.lose(str(error))
+        return self._report
+
+
+def _remote(part: Part, line: _Line) -> Part:
+    """A part of the same kind that asks the other process; its description, and its refusals, are those of ``part``."""
+    kind = next(cls for cls in type(part).__mro__ if cls.__module__.startswith("hal.api."))
+    members: dict[str, Any] = {}
+    for name in dir(kind):
+        if name.startswith("_") or name in ("name", "kind"):
+            continue
+        found = inspect.getattr_static(kind, name)
+        if isinstance(found, property):
+            members[name] = _described(part, name)
+        elif callable(found):
+            members[name] = _asking(part, name, line)
+        else:
+            members[name] = getattr(part, name)
+    remote: Part = type(f"Remote{kind.__name__}", (kind,), members)(part.name)
+    return remote
+
+
+def _described(part: Part, name: str) -> property:
+    return property(lambda self: getattr(part, name))
+
+
+def _asking(part: Part, method: str, line: _Line) -> Any:
+    def ask(self: Part, *arguments: Any, **keywords: Any) -> Any:
+        if not line.open:
+            return getattr(part, method)(*arguments, **keywords)  # which is not connected, and says so
+        call = Call(part.name, method, arguments, tuple(keywords.items()))
+        return line.stop(call) if method == "stop" else line.call(call)
+
+    return ask

@@ -1,0 +1,130 @@
+"""The process that holds a robot's connections: apart from the one that plans, whose computations would hold it up.
+
+Started by ``IsolatedRobot`` as ``python -m hal.hardware.robot_process FD FD``. Over the first socket come commands and
+readings, one after the other; over the second one stops, which wait for nothing.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import signal
+import sys
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import Motion, MotionError, MotionStatus, RobotError
+from hal.hardware.clock import RealTimeClock
+from hal.hardware.robot import HardwareRobot
+
+ROBOT = ""
+"""The name of the robot itself among its parts."""
+REMEMBERED_MOTIONS = 200
+REST_TIME = 0.6
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What the process is told first. ``clock_start``: of the monotonic clock, which all processes share."""
+
+    model: RobotModel
+    clock_start: float
+
+
+@dataclass(frozen=True)
+class Call:
+    """``method`` of a part, of the robot, or (``poll``, ``cancel``) of the motion with that number."""
+
+    target: str | int
+    method: str
+    arguments: tuple[Any, ...] = ()
+    keywords: tuple[tuple[str, Any], ...] = ()
+
+
+@dataclass(frozen=True)
+class MotionNumber:
+    """Stands for a motion that goes on in the other process."""
+
+    number: int
+
+
+@dataclass(frozen=True)
+class MotionReport:
+    """How a motion stands."""
+
+    status: MotionStatus
+    error: MotionError | None
+
+
+class RobotServer:
+    """Does what is asked of one robot."""
+
+    def __init__(self, setup: Setup) -> None:
+        self._robot = HardwareRobot(setup.model, clock=RealTimeClock(setup.clock_start))
+        self._motions: OrderedDict[int, Motion] = OrderedDict()
+        self._numbers = itertools.count(1)
+        self._lock = threading.Lock()
+
+    def serve(self, wire: Connection) -> None:
+        """Answer calls until the wire ends."""
+        while True:
+            try:
+                call = wire.recv()
+            except (EOFError, OSError):
+                return
+            try:
+                answer = self._do(call)
+            except Exception as error:  # noqa: BLE001 - it belongs to the one who asked
+                answer = error if isinstance(error, (RobotError, ValueError)) else RuntimeError(repr(error))
+            wire.send(answer)
+
+    def close(self) -> None:
+        """The program that planned is gone: come to rest, then disconnect."""
+        self._robot.stop()
+        threading.Event().wait(REST_TIME)
+        self._robot.disconnect()
+
+    def _do(self, call: Call) -> Any:
+        if isinstance(call.target, int):
+            return self._of_motion(call.target, call.method)
+        subject = self._robot if call.target == ROBOT else self._robot.parts[call.target]
+        found = getattr(subject, call.method)
+        answer = found(*call.arguments, **dict(call.keywords)) if callable(found) else found
+        return self._numbered(answer) if isinstance(answer, Motion) else answer
+
+    def _of_motion(self, number: int, method: str) -> MotionReport:
+        motion = self._motions[number]
+        if method == "cancel":
+            motion.cancel()
+        return MotionReport(motion.status, motion.error)
+
+    def _numbered(self, motion: Motion) -> MotionNumber:
+        with self._lock:
+            number = next(self._numbers)
+            self._motions[number] = motion
+            while len(self._motions) > REMEMBERED_MOTIONS:
+                self._motions.popitem(last=False)
+        return MotionNumber(number)
+
+
+def main() -> None:
+    """Serve both wires."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program that plans; it ends the wires
+    calls, stops = (Connection(int(descriptor)) for descriptor in sys.argv[1:3])
+    os.dup2(2, 1)  # what SDKs print is no output of the program
+    server = RobotServer(calls.recv())
+    threading.Thread(target=server.serve, args=(stops,), name="stops", daemon=True).start()
+    calls.send(None)
+    server.serve(calls)
+    server.close()
+
+
+if __name__ == "__main__":
+    # As a module of its package, not as __main__: what is pickled here has to have the same name on both sides.
+    from hal.hardware import robot_process
+
+    robot_process.main()
