@@ -19,7 +19,7 @@ def command(
 ) -> None:
     """List robots, the parts that robots are made of, and how they go together."""
     from bestman_bt.robot_model import load_robot_model
-    from bestman_bt.runtime.robot_facts import HANDS, part_facts, robot_facts
+    from bestman_bt.runtime.robot_facts import part_facts, robot_facts
 
     with json_output(as_json) as write:
         robots: list[dict[str, Any]] = []
@@ -30,10 +30,10 @@ def command(
             except ConfigurationError as error:
                 broken[name] = str(error)
         parts = part_facts()
-        by_kind: dict[str, list[dict[str, str]]] = {}
+        by_kind: dict[str, list[dict[str, Any]]] = {}
         for part in parts:
             by_kind.setdefault(part["kind"], []).append(part)
-        hands = [part["name"] for kind in HANDS for part in by_kind.get(kind, [])]
+        hands = [part["name"] for part in parts if part["end_effector"]]
         ways = list(itertools.product(*([p["name"] for p in by_kind.get(kind, [])] for kind in ("base", "arm")), hands))
         document: dict[str, Any] = {"robots": robots, "parts": parts, "combinations": ["+".join(way) for way in ways]}
         if broken:
@@ -59,7 +59,7 @@ def _sheet(names: list[str], png: Path) -> Path:
 
 
 def _tell(
-    robots: list[dict[str, Any]], broken: dict[str, str], by_kind: dict[str, list[dict[str, str]]], ways: int
+    robots: list[dict[str, Any]], broken: dict[str, str], by_kind: dict[str, list[dict[str, Any]]], ways: int
 ) -> None:
     print("Robots")
     for robot in robots:

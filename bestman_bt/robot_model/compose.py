@@ -55,7 +55,7 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     urdf = ET.Element("robot", name=name)
     for part in placed.values():
         urdf.extend(part.elements)
-        place = mount_place(config.parts[part.name], placed)
+        place = mount_place(config.parts[part.name], part, placed)
         if place is not None:
             link, xyz, rpy = place
             urdf.append(fixed_joint(f"{part.name}_mount_joint", link, part.root, xyz, rpy))
@@ -124,7 +124,7 @@ def _postures(config: RobotConfig, document: Document, placed: Mapping[str, Plac
     if problems:
         raise ConfigurationError(problems)
     for part in placed.values():
-        if isinstance(part.config, ArmPart):
+        if isinstance(part.config, ArmPart | JointGroupPart):
             for state, positions in part.config.states.items():
                 for joint, position in zip(part.config.joints, positions, strict=True):
                     postures.setdefault(state, {}).setdefault(joint, position)

@@ -28,11 +28,11 @@ from bestman_bt.robot_model.part_config import (
     ForceTorquePart,
     GripperPart,
     JointGroupPart,
-    JointLimitsConfig,
     LidarPart,
     StructurePart,
     SuctionPart,
 )
+from bestman_bt.robot_model.part_fields import JointLimitsConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.self_pairs import allowed_self_pairs
 
@@ -70,7 +70,7 @@ def describe(
                 arms[part_name] = ArmModel(
                     joint_names=arm.joints,
                     base_frame=part.root,
-                    tool_frame=hand.tool if isinstance(hand, GripperPart | SuctionPart) else arm.tip,
+                    tool_frame=_tool(hand) or arm.tip,
                     **_limits(arm.limits),
                 )
             case GripperPart() as gripper:
@@ -112,13 +112,18 @@ def _joint_parents(urdf: ET.Element) -> dict[str, tuple[str, ET.Element]]:
     return parents
 
 
+def _tool(config: object) -> str | None:
+    """Where a part grasps; None for one that does not."""
+    return config.tool if isinstance(config, GripperPart | SuctionPart | JointGroupPart) else None
+
+
 def _hands(urdf: ET.Element, placed: Mapping[str, PlacedPart]) -> dict[str, str]:
-    """Gripper → the arm whose link carries it, directly or through other parts."""
+    """Hand → the arm whose link carries it, directly or through other parts."""
     parents = _joint_parents(urdf)
     arm_of_link = {link: p.name for p in placed.values() if isinstance(p.config, ArmPart) for link in p.links}
     hands = {}
     for part in placed.values():
-        if isinstance(part.config, GripperPart | SuctionPart):
+        if _tool(part.config) is not None:
             link = part.root
             while link in parents and link not in arm_of_link:
                 link = parents[link][0]

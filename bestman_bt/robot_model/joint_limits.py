@@ -32,6 +32,10 @@ def write_limits(part: PlacedPart) -> None:
         row_or_none = limits.get(element.get("name", "")) if element.tag == "joint" else None
         if row_or_none is None:
             continue
+        if isinstance(config, JointGroupPart):
+            # Hands come with dampings far beyond what their light links can take in a step of a simulation.
+            for dynamics in element.findall("dynamics"):
+                element.remove(dynamics)
         limit = element.find("limit")
         limit = ET.SubElement(element, "limit") if limit is None else limit
         lower, upper, velocity, effort = row_or_none

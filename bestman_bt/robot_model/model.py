@@ -210,7 +210,8 @@ class RobotModel:
     """A composed robot. Mappings go from part name (``arm``, ``gripper``, ``base``, ``head``, ``head_camera``, …).
 
     ``urdf``: the text, meshes by absolute path. ``base_frame``: on the floor, x forward.
-    ``postures``: name → joint name → position. ``hand_of``: gripper name → arm name.
+    ``postures``: name → joint name → position. ``hand_of``: name of a gripper or another
+    hand → name of the arm that carries it.
     ``allowed_self_pairs``: pairs of links that always or never touch, left out of self-collision checks.
     ``connections``, ``safety``: of the real robot; the simulation has no use for the former.
     """

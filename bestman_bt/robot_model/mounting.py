@@ -17,12 +17,12 @@ Place = tuple[str, Vector, Vector]
 """A link, and where the root of the part is on it: xyz in metres, roll, pitch and yaw in radians."""
 
 
-def mount_place(mounted: MountedPart, placed: Mapping[str, PlacedPart]) -> Place | None:
-    """Where a part goes; None if its ``mount`` is neither a link nor a part that carries others.
+def mount_place(mounted: MountedPart, part: PlacedPart | None, placed: Mapping[str, PlacedPart]) -> Place | None:
+    """Where ``part`` goes; None if its ``mount`` is neither a link nor a part that carries others.
 
     The name of a part means its ``tip`` (of an arm), ``top`` (of a structure) or ``deck`` (of a base).
     """
-    own, name = (mounted.xyz, mounted.rpy), mounted.mount or ""
+    own, name = _seated(mounted, part), mounted.mount or ""
     if any(name in part.links for part in placed.values()):
         return name, *own
     carrier = placed[name].config if name in placed else None
@@ -32,9 +32,7 @@ def mount_place(mounted: MountedPart, placed: Mapping[str, PlacedPart]) -> Place
         return carrier.top, *own
     if isinstance(carrier, BasePart) and carrier.deck is not None:
         pose = Pose.from_xyz_rpy(carrier.deck.xyz, carrier.deck.rpy) @ Pose.from_xyz_rpy(*own)
-        x, y, z = pose.position.tolist()
-        roll, pitch, yaw = (angle + 0.0 for angle in pose.roll_pitch_yaw)  # no minus zero
-        return carrier.deck.link, (x, y, z), (roll, pitch, yaw)
+        return carrier.deck.link, *_numbers(pose)
     return None
 
 
@@ -53,7 +51,7 @@ def mount_problems(
     if mounted.mount is None:
         message = f"'mount' is missing: the link that carries the part; there are {', '.join(links)}"
         return [document.problem(("parts", name), message)]
-    place = mount_place(mounted, placed)
+    place = mount_place(mounted, part, placed)
     if place is None:
         return [document.problem(field, _no_frame(mounted.mount, placed, links))]
     wheel = _wheel_that_turns(place[0], placed)
@@ -61,6 +59,19 @@ def mount_problems(
         message = f"{place[0]!r} turns with the joint {wheel!r} of a wheel: nothing can be mounted there"
         return [document.problem(field, message)]
     return []
+
+
+def _seated(mounted: MountedPart, part: PlacedPart | None) -> tuple[Vector, Vector]:
+    seat = None if part is None else part.config.seat
+    if seat is None:
+        return mounted.xyz, mounted.rpy
+    return _numbers(Pose.from_xyz_rpy(mounted.xyz, mounted.rpy) @ Pose.from_xyz_rpy(seat.xyz, seat.rpy))
+
+
+def _numbers(pose: Pose) -> tuple[Vector, Vector]:
+    x, y, z = pose.position.tolist()
+    roll, pitch, yaw = (angle + 0.0 for angle in pose.roll_pitch_yaw)  # no minus zero
+    return (x, y, z), (roll, pitch, yaw)
 
 
 def _no_frame(mount: str, placed: Mapping[str, PlacedPart], links: list[str]) -> str:

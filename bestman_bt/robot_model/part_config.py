@@ -9,72 +9,33 @@ from typing import Any, Literal, TypeAlias
 from bestman_bt.configuration.quantity import (
     Acceleration,
     Angle,
-    Angles3,
     AngularAcceleration,
     AngularSpeed,
-    Damping,
     Distance,
     Factor,
     Force,
     Frequency,
     Friction,
     Inertia,
-    JointAcceleration,
-    JointEffort,
     JointPosition,
-    JointSpeed,
     Length,
-    Lengths3,
     LensDistortion,
     Mass,
     Number,
     PositiveLength,
     Share,
     Size2,
-    Size3,
     Speed,
-    Stiffness,
     Torque,
     WholeNumber,
 )
-
-
-@dataclass(frozen=True)
-class PadConfig:
-    """A box that replaces the collision shape of a link: ``size`` metres, centred at ``xyz`` in the link."""
-
-    size: Size3
-    xyz: Lengths3 = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class FrameConfig:
-    """A frame that the source of a part lacks, for example where a hand grasps; fixed on ``link``, metres, radians."""
-
-    link: str
-    xyz: Lengths3 = (0.0, 0.0, 0.0)
-    rpy: Angles3 = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class ContactConfig:
-    """How a link touches: lateral and spinning friction, contact stiffness (N/m) and damping (N s/m)."""
-
-    lateral_friction: Friction
-    spinning_friction: Friction = 0.0
-    stiffness: Stiffness | None = None
-    damping: Damping | None = None
-
-
-@dataclass(frozen=True)
-class JointLimitsConfig:
-    """Limits, one entry per joint, in the order of ``joints``."""
-
-    lower: tuple[JointPosition, ...]
-    upper: tuple[JointPosition, ...]
-    velocity: tuple[JointSpeed, ...]
-    acceleration: tuple[JointAcceleration, ...]
-    effort: tuple[JointEffort, ...]
+from bestman_bt.robot_model.part_fields import (
+    ContactConfig,
+    FrameConfig,
+    JointLimitsConfig,
+    PadConfig,
+    SeatConfig,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +47,7 @@ class PartConfig:
     ``generated`` with its ``dimensions``. ``frames``: frames to add. ``mass``: link → its mass, where the source lies
     or is silent; its inertia is that of its collision shape. ``collision``: link → boxes that replace its collision
     shape. ``contact``: link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by
-    construction or may touch.
+    construction or may touch. ``seat``: where the root lies on what carries the part, before ``xyz`` and ``rpy``.
     """
 
     kind: str
@@ -102,6 +63,7 @@ class PartConfig:
     collision: Mapping[str, tuple[PadConfig, ...]] = field(default_factory=dict)
     contact: Mapping[str, ContactConfig] = field(default_factory=dict)
     may_touch: tuple[tuple[str, str], ...] = ()
+    seat: SeatConfig | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,11 +169,18 @@ class SuctionPart(PartConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class JointGroupPart(PartConfig):
-    """Other joints that move together, for example a pan-tilt head."""
+    """Other joints that move together: a pan-tilt head, a torso, the fingers of a hand.
+
+    ``tool``: of a hand, the frame where it grasps, as a gripper's. ``states``: as an arm's. ``rotor_inertia``: of the
+    drives, as it is felt at each joint behind its reduction.
+    """
 
     kind: Literal["joint_group"]
     joints: tuple[str, ...]
     limits: JointLimitsConfig
+    rotor_inertia: Inertia = 0.0
+    tool: str | None = None
+    states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,10 +22,10 @@ from bestman_bt.robot_model.part_config import (
     AnyPart,
     ArmPart,
     BasePart,
-    ContactConfig,
     GripperPart,
-    PadConfig,
+    JointGroupPart,
 )
+from bestman_bt.robot_model.part_fields import ContactConfig, PadConfig
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, shape
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
@@ -129,7 +129,7 @@ def _opening(
 
 
 def _add_rotors(config: AnyPart, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]) -> None:
-    if not isinstance(config, GripperPart | BasePart) or config.rotor_inertia == 0.0:
+    if not isinstance(config, GripperPart | BasePart | JointGroupPart) or config.rotor_inertia == 0.0:
         return
     joints = config.wheel_joints if isinstance(config, BasePart) else config.joints
     turned = {*joints, *(mimic.joint for mimic in mimics)}
@@ -203,7 +203,7 @@ def _check_names(config: AnyPart, document: Document, names: set[str]) -> None:
             if count != expected:
                 message = f"should have {expected} entries, one per joint, got {count}"
                 problems.append(document.problem(("limits", each.name), message))
-    if isinstance(config, ArmPart):
+    if isinstance(config, ArmPart | JointGroupPart):
         for state, positions in config.states.items():
             if len(positions) != len(config.joints):
                 message = f"should have {len(config.joints)} positions, one per joint, got {len(positions)}"

@@ -10,8 +10,6 @@ from bestman_bt.configuration import data_names, find_data, read_document
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.robot_model import RobotModel, combine, load_robot_model, payload
 
-HANDS = ("gripper", "suction")
-
 
 def find_robot(name: str) -> RobotModel:
     """A robot by its name or file, or ``BASE+ARM+HAND``: three parts put together by rule."""
@@ -52,12 +50,13 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
     }
 
 
-def part_facts() -> list[dict[str, str]]:
-    """Name, kind and description of every part there is, by kind."""
+def part_facts() -> list[dict[str, Any]]:
+    """Name, kind and description of every part there is, by kind; and whether it is an end effector."""
     parts = []
     for name in data_names("part"):
         data = read_document(find_data("part", name)).data
-        parts.append({"name": name, "kind": str(data.get("kind")), "description": str(data.get("description", ""))})
+        facts = {"name": name, "kind": str(data.get("kind")), "description": str(data.get("description", ""))}
+        parts.append({**facts, "end_effector": "tool" in data})
     return sorted(parts, key=lambda part: (part["kind"], part["name"]))
 
 
@@ -65,7 +64,7 @@ def _arm(model: RobotModel, name: str) -> dict[str, Any]:
     arm = model.arms[name]
     _, reach = DampedLeastSquares(model, name).reach
     hands = [hand for hand, of in model.hand_of.items() if of == name]
-    load = sum(payload(model, model.grippers[hand].hand_link).mass for hand in hands)
+    load = sum(payload(model, model.grippers[hand].hand_link).mass for hand in hands if hand in model.grippers)
     return {
         "joints": len(arm.joint_names),
         "reach_m": round(float(reach), 3),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.finger_linkage import link_poses
 from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.shape_outline import outline
+from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link
 from bestman_bt.scene import World
 from hal.pybullet import PhysicsParameters, PyBulletRobot, ScenePhotographer, Viewpoint
 
@@ -28,12 +30,15 @@ def robot_picture(model: RobotModel, width: int = 480, height: int = 560, postur
     positions = dict(model.postures.get(posture, {}))
     for gripper in model.grippers.values():
         positions |= gripper.joint_positions(gripper.max_width)
+    lower, upper = _extent(model, positions)
+    if not model.bases:  # a part alone, perhaps below its root: held above the floor
+        held = np.array([0.0, 0.0, 0.02 - lower[2]])
+        lower, upper, model = lower + held, upper + held, _lifted(model, held)
     parameters = PhysicsParameters(initial_postures=(posture,))
     robot = PyBulletRobot(model, World("floor", 0, (), (), (), Pose2D(), {}), parameters=parameters)
     robot.connect()
     try:
         camera = ScenePhotographer(robot)
-        lower, upper = _extent(model, positions)
         centre = (lower + upper) / 2
         size = float(np.linalg.norm(upper - lower))
         direction = np.array(FROM) / np.linalg.norm(FROM)
@@ -58,15 +63,24 @@ def contact_sheet(pictures: Sequence[tuple[str, Picture]], columns: int = 4) -> 
     return np.asarray(sheet)
 
 
+def _lifted(model: RobotModel, by: NDArray[np.float64]) -> RobotModel:
+    robot = ET.fromstring(model.urdf)
+    above = {child_of(joint) for joint in robot.findall("joint")}
+    root = next(link.get("name", "") for link in robot.findall("link") if link.get("name") not in above)
+    robot.insert(0, link("picture_stand"))
+    robot.append(fixed_joint("picture_stand_joint", "picture_stand", root, by.tolist()))
+    return replace(model, urdf=ET.tostring(robot, encoding="unicode"))
+
+
 def _extent(model: RobotModel, positions: dict[str, float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The corners of the box around all shapes, (3,) metres each, as the robot is shown."""
     elements = list(ET.fromstring(model.urdf))
     links = [element for element in elements if element.tag == "link"]
-    poses = link_poses(elements, positions, [link.get("name", "") for link in links])
+    poses = link_poses(elements, positions, [element.get("name", "") for element in links])
     clouds = [np.zeros((1, 3))]
-    for link in links:
-        for shape in link.findall("visual"):
+    for solid in links:
+        for shape in solid.findall("visual"):
             corners = origin_pose(shape).apply(outline(shape.find("geometry"), meshes=True))
-            clouds.append(poses[link.get("name", "")].apply(corners))
+            clouds.append(poses[solid.get("name", "")].apply(corners))
     points = np.concatenate(clouds)
     return points.min(axis=0), points.max(axis=0)

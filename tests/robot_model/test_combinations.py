@@ -14,7 +14,7 @@ from bestman_bt.robot_model import combine, load_robot_model
 
 BASES = ("differential_base", "omni_base", "husky_base")
 ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5_arm", "ur10_arm", "xarm7_arm", "kinova_arm")
-HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "suction")
+HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "suction", "allegro_hand")
 
 
 @pytest.mark.parametrize(("base", "arm", "hand"), list(itertools.product(BASES, ARMS, HANDS)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -85,3 +86,12 @@ def test_what_hangs_on_the_tip_counts_but_not_the_arm_itself(tmp_path: Path) -> 
 def test_a_base_refuses_more_than_its_payload(tmp_path: Path) -> None:
     text = TEN_LINES.replace("mount: base}", "mount: base, set: {dimensions: {mass: 90 kg}}}")
     assert "more than its payload of 80 kg" in fault(tmp_path, text)
+
+
+def test_a_seat_is_where_the_root_of_a_part_lies_on_what_carries_it(tmp_path: Path) -> None:
+    """The Allegro hand's root is 95 mm ahead of where its palm begins."""
+    text = TEN_LINES.replace("{part: xarm_gripper, mount: arm}", "{part: allegro_hand, mount: arm, xyz: [0, 0, 1 cm]}")
+    robot = composed(tmp_path, text)
+    joints = {joint.get("name"): joint for joint in ET.fromstring(robot.urdf).findall("joint")}
+    assert joints["gripper_mount_joint"].find("origin").get("xyz") == "0.0093 0 0.105"
+    assert robot.arms["arm"].tool_frame == "allegro_tool"

@@ -11,7 +11,7 @@ from bestman_bt.evaluation.audit import audit
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.messages import Pose
 from bestman_bt.robot_model import combine
-from hal.api import Arm, Gripper
+from hal.api import Arm, Gripper, JointGroup
 from hal.pybullet import GroundTruth, PyBulletRobot
 
 ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "table")]
@@ -48,6 +48,17 @@ def test_fingers_on_linkages_close_on_nothing_and_open_again(name: str, empty_wo
         assert gripper.state().empty
         _finish(robot, gripper.open())
         assert gripper.width() == pytest.approx(gripper.description.max_width, abs=0.001)
+
+
+def test_a_hand_of_sixteen_joints_makes_a_fist_and_opens(empty_world) -> None:
+    with PyBulletRobot(combine("differential_base", "panda_arm", "allegro_hand"), empty_world) as robot:
+        truth, fingers = GroundTruth(robot), robot.part("gripper", JointGroup)
+        start = truth.base_pose()
+        for state in ("fist", "open"):
+            wanted = robot.model.posture(state, fingers.joint_names)
+            _finish(robot, fingers.move_to(wanted, 0.3))
+            np.testing.assert_allclose(fingers.positions(), wanted, atol=0.01)
+        assert np.linalg.norm(truth.base_pose().position - start.position) < 1e-4
 
 
 def _follower_error(robot: PyBulletRobot) -> float:
