@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import ClassVar
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
+from behaviours.carrying import postures_beside
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
 from bestman_bt.manipulation.kinematics import cartesian_path
@@ -18,19 +18,10 @@ from bestman_bt.manipulation.motion_planning import Upright
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
 
-BESIDE = ((0.0, 0.25, 1.45), (0.0, -0.2, 1.45), (0.1, 0.25, 1.45), (0.2, -0.2, 1.45), (-0.1, 0.2, 1.35))
-"""Places, (x, y, z) metres in the base frame, for what no posture of the robot holds upright: so that arm and object
-stay over the base, and the head camera sees past them what is before the robot."""
-TURNS_BESIDE = tuple(math.radians(degrees) for degrees in (0, 45, -45, 90, -90, 135, -135, 180))
-"""Turns of the hand from straight ahead there, the best first."""
 PULL_OUT = 0.30
 """Metres straight back with something that was taken from the side."""
 LEVEL = 0.5
 """Cosine between the hand's axis and the vertical below which the hand counts as level."""
-SAME_PLACE = 0.05
-"""Metres from such a place within which what is held counts as there."""
-ENOUGH = 4
-"""Postures among which the planner may choose."""
 ARRIVED = 0.02
 """Radians within which a posture counts as reached."""
 ROOM = 0.012
@@ -111,41 +102,7 @@ def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
         free = [turned for turned in _turned(skill, basic) if is_fit(turned)]
         if free:
             return [min(free, key=lambda positions: _reach(skill, positions, held))]
-    return _beside(skill, held, posture, world) or [posture]
-
-
-def _beside(
-    skill: Skill, held: HeldObject, posture: NDArray[np.float64], world: CollisionWorld
-) -> list[NDArray[np.float64]]:
-    """Postures in which what is held stands upright beside the robot, whichever way the hand has taken it.
-
-    The present one, if it is such.
-    """
-    skills = skill.skills
-    now = skills.arm_positions()
-    held_at = (skills.base_from_tool() @ held.tool_from_object).position
-    if min(float(np.linalg.norm(held_at - place)) for place in BESIDE) < SAME_PLACE and world.is_free(now):
-        return [now]
-    found: list[NDArray[np.float64]] = []
-    ahead = held.tool_from_object.inverse().rotation[:, 2]
-    yaw_ahead = -math.atan2(float(ahead[1]), float(ahead[0]))
-    for place in BESIDE:
-        for turn in TURNS_BESIDE:
-            base_from_object = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw_ahead + turn))
-            result = skills.algorithms.kinematics.solve(
-                base_from_object @ held.tool_from_object.inverse(),
-                posture,
-                skills.rng,
-                count=1,
-                is_valid=world.is_free,
-                attempts=4,
-            )
-            if result.found:
-                found += result.solutions
-                break
-        if len(found) >= ENOUGH:
-            break
-    return found
+    return postures_beside(skill.skills, held, posture, world) or [posture]
 
 
 def _posture(skill: Skill, name: str) -> NDArray[np.float64]:

@@ -32,6 +32,8 @@ class ModelBasedParameters:
     """Metres and radians.
 
     ``yaw_step``: between grasps around an axis of revolution. ``sides``: also propose grasps from the side.
+    ``room_below``: height of a hand from the side above the support, where the object is that tall: a camera on the
+    hand and the wrist behind it reach below it when the object is put down again.
     ``spacing``: of the samples that the hand must not touch. ``max_candidates``: how many are returned.
     ``surroundings_clearance``: between open hand and ``GraspTarget.surroundings``, at least.
     ``antipodal_count``: grasps to find on a model that brings none. ``max_tilt``: of their approach from straight down;
@@ -40,6 +42,7 @@ class ModelBasedParameters:
 
     yaw_step: float = math.radians(30.0)
     sides: bool = True
+    room_below: float = 0.085
     spacing: float = 0.006
     max_candidates: int = 120
     surroundings_clearance: float = 0.004
@@ -220,8 +223,9 @@ class ModelBased(GraspPlanner):
         approach = np.cross(closing, UP)
         lowest = support_height + hand.hand_half_thickness + hand.support_clearance
         top = float(outline[:, 2].max())
-        height = max(float(contacts.centre[2]), lowest)
-        if height > min(float(contacts.centre[2]) + contacts.slack, top - gripper.pad_size[0] / 2):
+        highest = min(float(contacts.centre[2]) + contacts.slack, top - gripper.pad_size[0] / 2)
+        height = max(float(contacts.centre[2]), lowest, min(support_height + self.parameters.room_below, highest))
+        if height > highest:
             return
         # The near end of the object must stay before the palm.
         near = float(((contacts.centre - outline) @ approach).max())

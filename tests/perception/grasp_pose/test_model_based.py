@@ -53,6 +53,20 @@ def test_each_grasp_keeps_the_rules_of_the_hand(model: ObjectModel) -> None:
     assert all(0.0 <= quality <= 1.0 for quality in qualities)
 
 
+def test_from_the_side_the_hand_keeps_room_below_it_for_camera_and_wrist_where_the_object_is_that_tall() -> None:
+    heights = {
+        model.name: min(c.grasp.position[2] for c in plan(model) if c.approach == "side") - SUPPORT
+        for model in (
+            CUP,
+            solid("bottle", Cylinder(0.03, 0.24), (1, 1, 1), 0),
+            solid("low", Cylinder(0.03, 0.07), (1, 1, 1), 0),
+        )
+    }
+    assert heights["cup"] == pytest.approx(min(ModelBased().parameters.room_below, CUP.size[2] - 0.01))
+    assert heights["bottle"] == pytest.approx(0.12), "its middle"
+    assert heights["low"] == pytest.approx(0.06), "a pad's half width below its top"
+
+
 @pytest.mark.parametrize("model", [CUP, BOX, TIN, CUBE, BALL, TUB], ids=lambda m: m.name)
 def test_both_pads_touch_the_object_when_the_hand_closes(model: ObjectModel) -> None:
     pose = standing(model)

@@ -1,0 +1,51 @@
+"""What was taken from the side is carried where the head camera sees past it and the arm stays over the base."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from behaviours.carrying import IN_VIEW, ROOM_TO_TURN, postures_beside
+from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.messages import PlacedShape, Pose, Sphere
+from bestman_bt.runtime import Session
+from bestman_bt.world_model import HeldObject
+
+
+@pytest.mark.parametrize("roll", [0.0, math.pi], ids=["camera on one side", "camera on the other side"])
+def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
+    bystander: Session, roll: float
+) -> None:
+    skills = bystander.skills
+    level = Pose.from_xyz_rpy((0.0, 0.0, 0.035), (0.0, np.pi / 2, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, roll))
+    held = HeldObject("cup", skills.world.models["cup"], level.inverse(), 0.066)
+    carry = skills.robot.posture("carry", skills.arm_model.joint_names)
+    skills.world.held = held
+    try:
+        scene = skills.planning_scene()
+        found = postures_beside(skills, held, carry, skills.arm_world(scene))
+    finally:
+        skills.world.held = None
+    assert found
+    view = skills.arm_world(PlanningScene(scene.positions, beads(bystander), scene.attached))
+    forward = ForwardKinematics(skills.robot)
+    back, front, side = ROOM_TO_TURN
+    for positions in found:
+        assert view.colliding_pairs(positions) == ()
+        base_from_object = skills.algorithms.kinematics.tool_pose(positions) @ held.tool_from_object
+        assert base_from_object.tilt < math.radians(0.5)
+        joints = {**scene.positions, **dict(zip(skills.arm_model.joint_names, positions, strict=True))}
+        for link in ("panda_link4", "panda_link5", "panda_link6", "panda_hand"):
+            x, y, _ = forward.pose(link, joints).position
+            assert back < x < front
+            assert abs(y) < side
+
+
+def beads(session: Session) -> tuple[SceneObstacle, ...]:
+    """Small balls on the way from the head camera to what it should see."""
+    eye = session.skills.camera.base_from_camera().position
+    middles = [eye + share * (np.array(point) - eye) for point in IN_VIEW for share in np.linspace(0.15, 0.85, 12)]
+    return (SceneObstacle("beads", tuple(PlacedShape(Sphere(0.01), Pose(middle)) for middle in middles)),)
