@@ -32,6 +32,7 @@ from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, Call, MotionNumber, MotionReport, Setup
 
 END_TIME = 5.0
+PROGRAM = "from hal.hardware.robot_process import main; main()"
 
 
 class IsolatedRobot(Robot):
@@ -144,7 +145,7 @@ class _Line:
         """Start the process; it is ready when this returns."""
         pairs = [socket.socketpair() for _ in range(2)]
         theirs = [their.fileno() for _, their in pairs]
-        command = [sys.executable, "-m", "hal.hardware.robot_process", *map(str, theirs)]
+        command = [sys.executable, "-c", PROGRAM, *map(str, theirs)]
         path = os.pathsep.join(filter(None, sys.path))
         self._process = subprocess.Popen(
             command, pass_fds=theirs, env={**os.environ, "PYTHONPATH": path}, stdin=subprocess.DEVNULL

@@ -1,7 +1,7 @@
 """The process that holds a robot's connections: apart from the one that plans, whose computations would hold it up.
 
-Started by ``IsolatedRobot`` as ``python -m hal.hardware.robot_process FD FD``. Over the first socket come commands and
-readings, one after the other; over the second one stops, which wait for nothing.
+Started by ``IsolatedRobot`` with the descriptors of two sockets. Over the first one come commands and readings, one
+after the other; over the second one stops, which wait for nothing.
 """
 
 from __future__ import annotations
@@ -121,10 +121,3 @@ def main() -> None:
     calls.send(None)
     server.serve(calls)
     server.close()
-
-
-if __name__ == "__main__":
-    # As a module of its package, not as __main__: what is pickled here has to have the same name on both sides.
-    from hal.hardware import robot_process
-
-    robot_process.main()

@@ -22,6 +22,7 @@ from hal.twins.errors import TwinError
 
 START_TIME = 60.0
 FRAME_TIME = 10.0
+URGENCY = -10
 RawPose = tuple[tuple[float, ...], tuple[float, ...]]
 
 
@@ -101,10 +102,11 @@ class Darkroom:
 
 
 def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
-    """The other process: not in a hurry, and ended by the end of the wire alone."""
+    """The other process: less urgent than the controllers, and ended by the end of the wire alone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.nice(URGENCY)
     with PyBulletRobot(model, world, seed=seed) as robot, contextlib.suppress(EOFError, OSError):
         wire.send("ready")
         while True:

@@ -130,8 +130,8 @@ CLIENT = """
 import sys, time
 from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm
-from hal.hardware import HardwareRobot
-robot = HardwareRobot(load_robot_model(sys.argv[1], {"connections.arm_controller.address": sys.argv[2]}))
+from hal.hardware import IsolatedRobot
+robot = IsolatedRobot(load_robot_model(sys.argv[1], {"connections.arm_controller.address": sys.argv[2]}))
 robot.connect()
 arm = robot.part("arm", Arm)
 arm.move_to(arm.positions() + [1.5 if arm.positions()[0] < 0 else -1.5, 0, 0, 0, 0, 0], 0.2)

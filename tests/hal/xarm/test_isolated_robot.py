@@ -1,0 +1,94 @@
+"""A robot's connections in a process of their own: neither process leaves the other or the robot in the lurch."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.hardware import IsolatedRobot
+
+FIRST_JOINT = np.eye(6)[0]
+
+
+def children() -> set[int]:
+    """Processes that this one has started and that still run."""
+    mine = set()
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                fields = (folder / "stat").read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[1]) == os.getpid() and fields[0] != "Z":
+                mine.add(int(folder.name))
+    return mine
+
+
+def test_the_other_process_is_there_only_while_connected(xarm_model: RobotModel) -> None:
+    before = children()
+    with IsolatedRobot(xarm_model):
+        assert len(children() - before) == 1
+    assert children() == before
+
+
+def test_a_busy_client_does_not_hold_up_a_motion(isolated_robot: IsolatedRobot) -> None:
+    arm = isolated_robot.part("arm", Arm)
+    here = arm.positions()
+    motion = arm.move_to(here + 0.3 * FIRST_JOINT, 0.3)
+    end = time.monotonic() + 1.5
+    while time.monotonic() < end:
+        sum(range(2_000_000))  # holds the interpreter's lock
+    assert motion.status is MotionStatus.SUCCEEDED
+    back = arm.move_to(here, 0.3)
+    while not back.done:
+        isolated_robot.clock.sleep(0.05)
+
+
+def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again(xarm_model: RobotModel) -> None:
+    before = children()
+    with IsolatedRobot(xarm_model) as robot:
+        arm = robot.part("arm", Arm)
+        motion = arm.move_to(arm.positions() + 0.5 * FIRST_JOINT, 0.1)
+        (process,) = children() - before
+        os.kill(process, signal.SIGKILL)
+        time.sleep(0.1)
+        assert motion.error is not None
+        assert motion.error.code is MotionErrorCode.DISCONNECTED
+        with pytest.raises(NotConnectedError):
+            arm.positions()
+        robot.disconnect()
+        robot.connect()
+        assert len(arm.positions()) == 6
+    assert children() == before
+
+
+def test_a_stop_is_kept_across_connections(xarm_model: RobotModel) -> None:
+    robot = IsolatedRobot(xarm_model)
+    robot.stop()
+    with robot:
+        arm = robot.part("arm", Arm)
+        assert robot.stopped
+        with pytest.raises(CommandRefusedError, match="stopped"):
+            arm.move_to(arm.positions())
+        robot.clear_stop()
+        assert not robot.stopped
+        arm.move_to(arm.positions())
+
+
+def test_a_stop_from_another_thread_does_not_wait_for_what_is_asked(isolated_robot: IsolatedRobot) -> None:
+    arm = isolated_robot.part("arm", Arm)
+    asking = threading.Thread(target=lambda: [arm.positions() for _ in range(2000)])
+    asking.start()
+    start = time.monotonic()
+    isolated_robot.stop()
+    assert time.monotonic() - start < 0.2
+    asking.join()
+    isolated_robot.clear_stop()
