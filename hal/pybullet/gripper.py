@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
 from hal.parts import PartMotion
+from hal.pybullet.contact_renewal import ContactRenewal
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation
@@ -33,6 +34,7 @@ class SimulatedGripper(Gripper):
         self._connection = Connection(name, stopped)
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._indices: list[int] = []
+        self._contacts: ContactRenewal | None = None
         self._target = model.max_width
         self._closing = self._blocked = False
         self._still_for = 0.0
@@ -68,6 +70,8 @@ class SimulatedGripper(Gripper):
         motion = PartMotion(self)
         self._connection.begin(motion)
         present = self.width()
+        if self._blocked and self._contacts is not None:
+            self._contacts.renew_all()
         self._closing = width < present
         self._target = float(width)
         self._blocked = False
@@ -95,6 +99,7 @@ class SimulatedGripper(Gripper):
         self._connection.attach(simulation)
         self._slots = simulation.slots(self._model.joint_names)
         self._indices = simulation.indices(self._model.joint_names)
+        self._contacts = ContactRenewal(simulation, self._model.finger_links, self._parameters.contact_turn)
         self._target, self._still_for = self.width(), 0.0
         self._closing = self._blocked = False
         self._send(min(self._parameters.gripper_force, self._model.max_force), self._model.max_speed)
@@ -103,9 +108,12 @@ class SimulatedGripper(Gripper):
     def detach(self) -> None:
         """Let go."""
         self._connection.detach()
+        self._contacts = None
 
     def _control(self) -> None:
         motion = self._connection.motion
+        if self._blocked and self._contacts is not None:
+            self._contacts.follow()
         if motion is None:
             # Fingers that press tremble; only when they have closed, the object is gone.
             self._blocked = self._blocked and self.width() > self._target + BLOCKED_MARGIN

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -12,7 +13,8 @@ class PhysicsParameters:
     Gripper speeds are rates of the opening width. ``odometry_calibration``: standard deviation of the relative
     errors of the wheel radii and the track that odometry believes, drawn once from the robot's seed.
     ``object_sleep_speed``: objects that stay slower (m/s, rad/s) for two seconds are left out of the solver until
-    something that moves touches them.
+    something that moves touches them. ``contact_turn``: radians that a hand and what it holds turn until the contacts
+    between them have been found afresh (see contact_renewal).
     """
 
     step_rate: float = 240.0
@@ -33,6 +35,7 @@ class PhysicsParameters:
     finger_stiffness: float = 3e5
     finger_damping: float = 1e4
     finger_spinning_friction: float = 0.02
+    contact_turn: float = math.radians(20.0)
     finger_gear_force: float = 50.0
     finger_gear_erp: float = 0.1
     linkage_force: float = 1000.0

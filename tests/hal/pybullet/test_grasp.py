@@ -50,6 +50,28 @@ def test_an_object_stays_in_a_moving_hand_and_where_it_is_released(name, robot_m
         assert judged.joint_limit_violations == judged.velocity_limit_violations == 0
 
 
+@pytest.mark.parametrize("name", ["box", "can"])
+def test_fingers_press_along_their_way_after_the_hand_has_turned(name, robot_model, table_worlds, operator) -> None:
+    """Bullet keeps normals of contact as they were in the world: they have to be found afresh on the way."""
+    with PyBulletRobot(robot_model, table_worlds[name], seed=3) as robot:
+        hand = operator(robot)
+        hand.grasp(name)
+        hand.move_vertically(0.15)
+        turned = hand.arm.positions()
+        turned[0] += 1.5
+        hand.finish(hand.arm.move_to(turned, 0.6))
+        built, client = robot.simulation.built, robot.simulation.client
+        sideways = []
+        for finger in ("panda_leftfinger", "panda_rightfinger"):
+            link = built.links[finger]
+            closing = hand.truth.frame_pose(finger).rotation[:, 1]
+            contacts = client.getContactPoints(bodyA=built.robot, bodyB=built.objects[name], linkIndexA=link)
+            assert contacts
+            sideways += [np.linalg.norm(np.cross(contact[7], closing)) for contact in contacts]
+        assert max(sideways) < np.sin(np.radians(25.0))
+        assert hand.gripper.state().object_held
+
+
 def test_slippery_fingers_hold_nothing(robot_model, table_worlds, operator) -> None:
     """Two fingers of 40 N hold 2 * 40 N * 0.02 * 0.8 = 1.3 N; the box weighs 2 N."""
     slippery = dataclasses.replace(table_worlds["box"], finger_friction=0.02)
