@@ -20,7 +20,7 @@ from bestman_bt.manipulation.collision import (
 )
 from bestman_bt.manipulation.kinematics import IsFreeAt
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf
+from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf, Obstacle
 
 MEASURED = 0.01
 """Metres of a piece's position error up to which its doors are where they are believed to be, for the palm too."""
@@ -81,13 +81,14 @@ def world_at_leaf(
     stand: Pose2D | None = None,
     ignore: Iterable[str] = (),
     margin: float = 0.0,
+    felt: Obstacle | None = None,
 ) -> CollisionWorld:
     """What the arm has around it while the leaf is open by ``position``, radians or metres.
 
     ``stand``: where the base will be, None where it is. ``ignore``: names to leave out. ``margin``: by how much more or
-    less the leaf may be open.
+    less the leaf may be open. ``felt``: where the leaf is by feel, instead of ``position``.
     """
-    scene = _scene_at_leaf(skills, leaf, position, touching, stand, ignore)
+    scene = _scene_at_leaf(skills, leaf, position, touching, stand, ignore, felt)
     if margin > 0.0:
         others = [_scene_at_leaf(skills, leaf, position + off, touching, stand, ignore) for off in (-margin, margin)]
         may_be = [o for other in (scene, *others) for o in other.obstacles if o.name == leaf.articulation]
@@ -103,8 +104,11 @@ def _scene_at_leaf(
     touching: Touching,
     stand: Pose2D | None,
     ignore: Iterable[str],
+    felt: Obstacle | None = None,
 ) -> PlanningScene:
     world = replace(skills.world, articulations={**skills.world.articulations, leaf.articulation: position})
+    if felt is not None:
+        world = replace(world, obstacles={**world.obstacles, felt.name: felt})
     if stand is not None:
         world = replace(world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()))
     allowed: list[tuple[str, str]] = []

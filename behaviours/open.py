@@ -5,17 +5,22 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
 from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
 from behaviours.leaf import world_at_leaf
+from behaviours.leaf_felt import felt_leaf
 from behaviours.opening import Opening, plan_opening
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
 from bestman_bt.control.arm import FollowedMotion, FollowEnd
+from bestman_bt.messages import Pose
+from bestman_bt.world_model import Obstacle
 
 ROLLS = 0.006
 """Metres by which the fingers may move while a bar turns between them."""
@@ -80,6 +85,7 @@ class Open(Skill):
         yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))
         yield from tare_wrist(self)
         yield from follow_path(self, plan.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
+        self._felt: Obstacle | None = None
         try:
             yield skills.gripper.close(self.get_input("force"))
             self._check_held()
@@ -89,10 +95,10 @@ class Open(Skill):
             raise
         except (SkillFailure, *ALGORITHM_ERRORS) as failure:
             yield skills.gripper.open()
-            yield from withdraw_after(self, leaf, posture, failure)
+            yield from withdraw_after(self, leaf, posture, failure, self._felt)
             raise
         yield skills.gripper.open()
-        yield from withdraw(self, leaf, posture)
+        yield from withdraw(self, leaf, posture, self._felt)
         self.set_output("opened", opened)
         self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
 
@@ -102,9 +108,15 @@ class Open(Skill):
             width = 1e3 * gripper.width()
             raise SkillFailure("grasp_failed", f"the hand closed to {width:.0f} mm and does not hold the handle")
 
+    def _held(self, plan: HandlePull, base_from_tool: Pose) -> NDArray[np.float64]:
+        """Where the held place (3,) is in the map frame."""
+        held: NDArray[np.float64] = (self.skills.map_from_base @ base_from_tool).apply(plan.guide.held_at[None])[0]
+        return held
+
     def _pull(self, opening: Opening, plan: HandlePull) -> StepsTo[float]:
         """Go along; how far it is open then. A following that ends early tells how far it came, too."""
         skills, leaf = self.skills, opening.leaf
+        held_before = self._held(plan, skills.base_from_tool())
         following = skills.arm.follow_constraint(
             skills.map_from_base.inverse().rotation @ opening.handle.opening_direction,
             distance=opening.distance if opening.angle is None else math.inf,
@@ -124,6 +136,8 @@ class Open(Skill):
         if motion is None:
             assert failure is not None
             raise failure
+        held_after = self._held(plan, motion.tool)
+        self._felt = felt_leaf(opening, held_before, held_after, motion.angle, skills.clock.now())
         opened = opening.start + (motion.angle if opening.angle is not None else motion.distance)
         if motion.end is not FollowEnd.GRIP_LOST:
             skills.world.believe_articulation(leaf.articulation, max(0.0, min(opened, leaf.leaf.upper)))

@@ -5,43 +5,61 @@ from __future__ import annotations
 import numpy as np
 
 from behaviours.arm_motion import follow_path, move_free
+from behaviours.context import SkillContext
 from behaviours.leaf import Leaf, world_at_leaf
+from behaviours.leaf_felt import grown
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps
+from bestman_bt.manipulation.collision import CollisionWorld
 from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.messages import Pose
+from bestman_bt.world_model import Obstacle
 
 BACK_OFF = 0.12
 """Metres that the hand goes straight back first."""
+FELT = 0.012
+"""Metres by which the boards of a leaf may be beside where they are felt to be."""
 UNSURE = {"revolute": 0.06, "prismatic": 0.015}
 """By how much a leaf may be open more or less than the hand's way has told, radians or metres."""
 
 
-def withdraw(skill: Skill, leaf: Leaf, posture: str) -> Steps:
+def withdraw(skill: Skill, leaf: Leaf, posture: str, felt: Obstacle | None = None) -> Steps:
     """Go straight back, and take the arm to the named posture.
 
-    The hand may be closer to the leaf than the map's error lets any motion come, the arm only where it is so already.
+    ``felt``: where the leaf is, by feel; without it the arm goes by the map. The hand may be closer to the leaf than
+    the map's error lets any motion come, the arm only where it is so already.
     """
     skills = skill.skills
     position = skills.world.articulations.get(leaf.articulation, 0.0)
     for bodies in ([], leaf.bodies()):
-        world = world_at_leaf(skills, leaf, position, "hand", ignore=bodies)
+        world = world_at_leaf(skills, leaf, position, "hand", ignore=bodies, felt=felt)
         if world.is_free(skills.arm_positions()):
             break
     back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -BACK_OFF]))
     line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
     if len(line.path) > 1:
         yield from follow_path(skill, line.path, world, speed=0.5)
+    around = _around(skills, leaf, position, felt)
+    yield from move_free(skill, [skills.robot.posture(posture, skills.arm_model.joint_names)], around)
+
+
+def _around(skills: SkillContext, leaf: Leaf, position: float, felt: Obstacle | None) -> CollisionWorld:
+    """What the arm keeps clear of on its way home: a leaf that was felt always, lest it is pushed."""
+    if felt is not None:
+        around = world_at_leaf(skills, leaf, position, "free", felt=grown(felt, FELT))
+        if not around.is_free(skills.arm_positions()):
+            around = world_at_leaf(skills, leaf, position, "free", felt=felt)
+        return around
     for margin, ignore in ((UNSURE[leaf.leaf.kind], ()), (0.0, ()), (0.0, (leaf.articulation,))):
         around = world_at_leaf(skills, leaf, position, "free", ignore=ignore, margin=margin)
         if around.is_free(skills.arm_positions()):
             break
-    yield from move_free(skill, [skills.robot.posture(posture, skills.arm_model.joint_names)], around)
+    return around
 
 
-def withdraw_after(skill: Skill, leaf: Leaf, posture: str, failure: Exception) -> Steps:
+def withdraw_after(skill: Skill, leaf: Leaf, posture: str, failure: Exception, felt: Obstacle | None = None) -> Steps:
     """Withdraw; where that fails, too, what went wrong first is what is told."""
     try:
-        yield from withdraw(skill, leaf, posture)
+        yield from withdraw(skill, leaf, posture, felt)
     except (SkillFailure, *ALGORITHM_ERRORS) as second:
         skill.explain("not_withdrawn", f"the hand could not be withdrawn: {second}")
         raise failure from second

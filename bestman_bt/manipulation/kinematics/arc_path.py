@@ -76,6 +76,7 @@ class _Node:
     positions: NDArray[np.float64]
     option: int
     cost: float
+    strain: float = 0.0
     before: _Node | None = None
 
 
@@ -166,26 +167,32 @@ def _search(
     parameters: ArcPathParameters,
     first: int = 1,
 ) -> ArcPath:
-    """Layer by layer; ``first``: the first station to be reached (1 where ``layer`` stands at station 0 already)."""
+    """Layer by layer; ``first``: the first station to be reached (1 where ``layer`` stands at station 0 already).
+
+    Nodes come cheapest first, so that those are passed over from which a pose can hardly be reached at less cost: the
+    strain in it is about the same from anywhere.
+    """
     failure = ""
     for station in range(first, len(stations)):
         following: dict[int, _Node] = {}
         refused = 0
-        for node in layer:
+        for node in sorted(layer, key=lambda node: node.cost):
             seed = node.positions + _push(kinematics, node.positions, limits, parameters)
             for option in _reachable_options(node.option, len(stations[station]), parameters.turn):
+                if option in following and following[option].cost - following[option].strain <= node.cost:
+                    continue
                 positions = kinematics.track(stations[station][option], seed)
                 if positions is None or np.abs(positions - node.positions).max() > parameters.max_step:
                     continue
                 moved = positions - node.positions
-                strain = 1.0 - joint_margin(positions, limits)
-                cost = node.cost + float(moved @ moved) + parameters.margin_weight * strain**4
+                strain = parameters.margin_weight * (1.0 - joint_margin(positions, limits)) ** 4
+                cost = node.cost + float(moved @ moved) + strain
                 if option in following and following[option].cost <= cost:
                     continue
                 if is_free is not None and not is_free(positions, station):
                     refused += 1
                     continue
-                following[option] = _Node(positions, option, cost, node)
+                following[option] = _Node(positions, option, cost, strain, node)
         if not following:
             cause = "refused by the validity check" if refused else "no smooth inverse kinematics"
             failure = f"{cause} at station {station} of {len(stations)}"
