@@ -24,12 +24,12 @@ BESIDE = (
     (0.1, 0.3, 1.25),
     (0.1, -0.3, 1.25),
 )
-"""Places, (x, y, z) metres in the base frame, for what is held, the best first."""
+"""Places, (x, y, z) metres in the base frame, for what is held."""
 TURNS_BESIDE = tuple(math.radians(degrees) for degrees in (0, 45, -45, 90, -90, 135, -135, 180))
-"""Turns of the hand from straight ahead there, the best first."""
+"""Turns of the hand from straight ahead there."""
 SAME_PLACE = 0.05
 """Metres from such a place within which what is held counts as there."""
-ENOUGH = 4
+ENOUGH = 6
 """Postures among which the planner may choose."""
 IN_VIEW = ((0.6, 0.0, 0.8), (0.75, 0.0, 0.8), (0.65, 0.25, 0.8), (0.65, -0.25, 0.8))
 """Points, (x, y, z) metres in the base frame, that the head camera should see: on a table before the robot."""
@@ -41,18 +41,19 @@ ROOM_TO_TURN = (-0.42, 0.45, 0.42)
 
 def postures_beside(
     skills: SkillContext, held: HeldObject, posture: NDArray[np.float64], world: CollisionWorld
-) -> list[NDArray[np.float64]]:
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Joint positions (n,) in which what is held stands upright beside the mast, whichever way the hand has taken it.
 
-    Those that leave the head camera's view free and do not stand out over the base; where there is none, others. The
-    present one, if it is such. ``posture``: near which they are sought; ``world``: what they must be free in.
+    First those that leave the head camera's view free and do not stand out over the base, then others; each nearest to
+    the present ones first. Only the present ones, if they are such. They are sought near these and near ``posture``.
+    ``world``: what they must be free in.
     """
     clear = _clear_of_view_and_turning(skills)
     now = skills.arm_positions()
     held_at = (skills.base_from_tool() @ held.tool_from_object).position
     is_beside = min(float(np.linalg.norm(held_at - place)) for place in BESIDE) < SAME_PLACE
     if is_beside and world.is_free(now) and clear.is_free(now):
-        return [now]
+        return [now], []
     ahead = held.tool_from_object.inverse().rotation[:, 2]
     yaw_ahead = -math.atan2(float(ahead[1]), float(ahead[0]))
     found: list[NDArray[np.float64]] = []
@@ -60,22 +61,18 @@ def postures_beside(
     for place in BESIDE:
         for turn in TURNS_BESIDE:
             base_from_object = Pose.from_xyz_rpy(place, (0.0, 0.0, yaw_ahead + turn))
-            result = skills.algorithms.kinematics.solve(
-                base_from_object @ held.tool_from_object.inverse(),
-                posture,
-                skills.rng,
-                count=2,
-                is_valid=world.is_free,
-                attempts=4,
-            )
-            fit = [positions for positions in result.solutions if clear.is_free(positions)]
-            if fit:
-                found.append(fit[0])
-                break
-            others += result.solutions[:1]
-        if len(found) >= ENOUGH:
-            break
-    return found or others[:ENOUGH]
+            base_from_tool = base_from_object @ held.tool_from_object.inverse()
+            for reference in (now, posture):
+                result = skills.algorithms.kinematics.solve(
+                    base_from_tool, reference, skills.rng, count=2, is_valid=world.is_free, attempts=4
+                )
+                for positions in result.solutions:
+                    (found if clear.is_free(positions) else others).append(positions)
+    return _nearest(found, now), _nearest(others, now)
+
+
+def _nearest(postures: list[NDArray[np.float64]], now: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    return sorted(postures, key=lambda positions: float(np.abs(positions - now).max()))[:ENOUGH]
 
 
 def _clear_of_view_and_turning(skills: SkillContext) -> CollisionWorld:

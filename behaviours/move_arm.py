@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -14,7 +15,7 @@ from behaviours.carrying import postures_beside
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
 from bestman_bt.manipulation.kinematics import cartesian_path
-from bestman_bt.manipulation.motion_planning import Upright
+from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode, Upright
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
 
@@ -38,9 +39,7 @@ class MoveArm(Skill):
 
     def execute(self) -> Steps:
         """Plan and follow; at once done where the arm is there already."""
-        goals = _postures(self, self.get_input("posture"))
-        if min(np.abs(self.skills.arm_positions() - goal).max() for goal in goals) > ARRIVED:
-            yield from move_free(self, goals)
+        yield from _move_to(self, _postures(self, self.get_input("posture")))
 
 
 class Retreat(Skill):
@@ -65,7 +64,7 @@ class Retreat(Skill):
             yield from self._straight_back(skills.arm_world(scene), distance)
         elif skills.world.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
             yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
-        yield from move_free(self, _postures(self, self.get_input("posture")))
+        yield from _move_to(self, _postures(self, self.get_input("posture")))
 
     def _straight_back(self, world: CollisionWorld, distance: float) -> Steps:
         """As far as that is free."""
@@ -76,8 +75,22 @@ class Retreat(Skill):
             yield from follow_path(self, line.path, world, speed=0.5)
 
 
-def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
-    """Joint positions (n,) to go to: the posture itself, or with something in the hand one like it that has room.
+def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Steps:
+    """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
+    for goals in choices:
+        if min(np.abs(skill.skills.arm_positions() - goal).max() for goal in goals) <= ARRIVED:
+            return
+        try:
+            yield from move_free(skill, goals)
+        except PlanningError as refusal:
+            if goals is choices[-1] or refusal.code is not PlanningErrorCode.NO_PATH:
+                raise
+        else:
+            return
+
+
+def _postures(skill: Skill, name: str) -> list[list[NDArray[np.float64]]]:
+    """Joint positions (n,) to go to, the best choices first: the posture itself, or with something in the hand others.
 
     Tried in turn: the posture, then with its last joint turned, then the postures whose names begin with its name and
     an underscore, in the same way; then any that hold it upright beside the robot.
@@ -86,7 +99,7 @@ def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
     posture = _posture(skill, name)
     held = skills.world.held
     if held is None:
-        return [posture]
+        return [[posture]]
     scene = skills.planning_scene()
     world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene))
     upright = Upright(skills.algorithms.kinematics, held.tool_from_object, MAX_HELD_TILT)
@@ -98,11 +111,12 @@ def _postures(skill: Skill, name: str) -> list[NDArray[np.float64]]:
     others = sorted(other for other in skills.robot.postures if other.startswith(f"{name}_"))
     for basic in (posture, *(_posture(skill, other) for other in others)):
         if is_fit(basic):
-            return [basic]
+            return [[basic]]
         free = [turned for turned in _turned(skill, basic) if is_fit(turned)]
         if free:
-            return [min(free, key=lambda positions: _reach(skill, positions, held))]
-    return postures_beside(skill.skills, held, posture, world) or [posture]
+            return [[min(free, key=lambda positions: _reach(skill, positions, held))]]
+    beside = postures_beside(skill.skills, held, posture, world)
+    return [goals for goals in beside if goals] or [[posture]]
 
 
 def _posture(skill: Skill, name: str) -> NDArray[np.float64]:

@@ -26,7 +26,7 @@ def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
     skills.world.held = held
     try:
         scene = skills.planning_scene()
-        found = postures_beside(skills, held, carry, skills.arm_world(scene))
+        found, _ = postures_beside(skills, held, carry, skills.arm_world(scene))
     finally:
         skills.world.held = None
     assert found
