@@ -12,8 +12,8 @@ from scipy.spatial import ConvexHull
 _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 
 
-def outline(geometry: ET.Element | None, meshes: bool = False) -> NDArray[np.float64]:
-    """Points whose hull is the shape's, (N, 3) metres in its own frame; without ``meshes`` a mesh has none."""
+def outline(geometry: ET.Element | None) -> NDArray[np.float64]:
+    """Points whose hull is the shape's, (N, 3) metres in its own frame."""
     shape = geometry[0] if geometry is not None and len(geometry) else None
     if shape is None:
         return np.zeros((0, 3))
@@ -32,7 +32,7 @@ def outline(geometry: ET.Element | None, meshes: bool = False) -> NDArray[np.flo
             radius = float(shape.get("radius", "0"))
             ring = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE), np.zeros(16)])
             return radius * np.concatenate([ring, ring[:, [0, 2, 1]], ring[:, [2, 0, 1]]])
-        case "mesh" if meshes:
+        case "mesh":
             scale = np.array(shape.get("scale", "1 1 1").split(), dtype=float)
             scaled: NDArray[np.float64] = _mesh_corners(shape.get("filename", "")) * scale
             return scaled

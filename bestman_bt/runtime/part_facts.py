@@ -238,7 +238,7 @@ def _finger_clouds(elements: list[ET.Element], positions: dict[str, float]) -> d
     for link in links:
         name = link.get("name", "")
         shapes = link.findall("collision") or link.findall("visual")
-        points = [origin_pose(s).apply(outline(s.find("geometry"), meshes=True)) for s in shapes]
+        points = [origin_pose(s).apply(outline(s.find("geometry"))) for s in shapes]
         if points:
             clouds[name] = poses[name].apply(np.concatenate(points))
     return clouds
@@ -280,7 +280,7 @@ def _ahead(clouds: dict[str, Array], fingers: tuple[str, str], closing: Array) -
 def _radius(elements: list[ET.Element], wheel: str) -> float:
     link = next(element for element in elements if element.tag == "link" and element.get("name") == wheel)
     shapes = link.findall("collision") or link.findall("visual")
-    points = np.concatenate([origin_pose(s).apply(outline(s.find("geometry"), meshes=True)) for s in shapes])
+    points = np.concatenate([origin_pose(s).apply(outline(s.find("geometry"))) for s in shapes])
     return float(np.ptp(points[:, 2]) / 2)
 
 

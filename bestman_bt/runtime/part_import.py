@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import yaml
@@ -129,8 +131,6 @@ def _states(
 
 def _alone(name: str, data: Mapping[str, Any]) -> RobotModel:
     """The part as a robot of its own: whatever is wrong with it shows now."""
-    from tempfile import TemporaryDirectory
-
     with TemporaryDirectory() as folder:
         file = Path(folder) / f"{name}.yaml"
         file.write_text(_text(data, ()), encoding="utf-8")
@@ -138,8 +138,6 @@ def _alone(name: str, data: Mapping[str, Any]) -> RobotModel:
 
 
 def _links_of(robot: RobotModel) -> list[str]:
-    import xml.etree.ElementTree as ET
-
     return [link.get("name", "") for link in ET.fromstring(robot.urdf).findall("link")]
 
 

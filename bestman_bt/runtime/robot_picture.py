@@ -80,7 +80,7 @@ def _extent(model: RobotModel, positions: dict[str, float]) -> tuple[NDArray[np.
     clouds = [np.zeros((1, 3))]
     for solid in links:
         for shape in solid.findall("visual"):
-            corners = origin_pose(shape).apply(outline(shape.find("geometry"), meshes=True))
+            corners = origin_pose(shape).apply(outline(shape.find("geometry")))
             clouds.append(poses[solid.get("name", "")].apply(corners))
     points = np.concatenate(clouds)
     return points.min(axis=0), points.max(axis=0)

@@ -1,0 +1,55 @@
+"""Postures that are proposed are free, look down, and are out of the way where they should be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene
+from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.manipulation.posture_search import PostureSearch, PostureSearchParameters
+from bestman_bt.robot_model import load_robot_model
+
+HEAD = {"head_pan_joint": 0.0, "head_tilt_joint": np.radians(47.0)}
+
+
+@pytest.fixture(scope="module")
+def search() -> PostureSearch:
+    return PostureSearch(load_robot_model("diff_xarm6"), parameters=PostureSearchParameters(samples=12))
+
+
+@pytest.fixture(scope="module")
+def home(search: PostureSearch) -> np.ndarray:
+    return search.home(np.random.default_rng(0))
+
+
+def assert_free_and_looking_down(search: PostureSearch, positions: np.ndarray) -> None:
+    world = CoalCollisionModel(search.robot).world(PlanningScene(positions=HEAD))
+    assert world.colliding_pairs(positions) == ()
+    np.testing.assert_allclose(
+        DampedLeastSquares(search.robot).tool_pose(positions).rotation[:, 2], [0, 0, -1], atol=1e-3
+    )
+
+
+def test_home_is_in_front_with_the_hand_down(search: PostureSearch, home: np.ndarray) -> None:
+    assert_free_and_looking_down(search, home)
+    x, y, _ = DampedLeastSquares(search.robot).tool_pose(home).position
+    assert x > 0.35
+    assert abs(y) < 0.01
+
+
+def test_carry_needs_less_room_than_home_and_hides_less_of_the_table(search: PostureSearch, home: np.ndarray) -> None:
+    carry = search.carry(np.random.default_rng(0), home, HEAD)
+    assert_free_and_looking_down(search, carry)
+    assert search.radius(carry) < search.radius(home) - 0.1
+    assert search.hidden(carry, HEAD) < search.hidden(home, HEAD)
+
+
+def test_carry_beside_is_beside_and_lower(search: PostureSearch, home: np.ndarray) -> None:
+    beside = search.carry_beside(np.random.default_rng(0), home, HEAD)
+    assert_free_and_looking_down(search, beside)
+    assert DampedLeastSquares(search.robot).tool_pose(beside).position[1] < -0.15
+
+
+def test_equal_seeds_propose_equal_postures(search: PostureSearch, home: np.ndarray) -> None:
+    np.testing.assert_array_equal(search.home(np.random.default_rng(0)), home)
