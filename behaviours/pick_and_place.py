@@ -15,6 +15,7 @@ from behaviours.place import FindPlacePose, PlaceOn, Release
 from behaviours.scan import ScanScene
 from behaviours.second_look import SecondLook
 from behaviours.stand import FindStandPose
+from behaviours.tidying import FindFreePlace
 from bestman_bt.engine import Fallback, ForceSuccess, Node, ReactiveSequence, RetryUntilSuccessful, Sequence, SubTree
 
 
@@ -100,6 +101,25 @@ def put_down() -> Node:
             Retreat(posture="carry"),
         ],
     )
+
+
+def put_aside() -> Node:
+    """Put what could not be placed to any free place on the surface: the next thing needs an empty hand."""
+    at_a_free_place = Sequence(
+        "at_a_free_place",
+        [
+            FindStandPose(surface="{surface}", stand="{stand}"),
+            MoveArm(posture="carry"),
+            carry(),
+            LookAt(surface="{surface}"),
+            FindFreePlace(object="{object}", surface="{surface}", goal="{goal}"),
+            SubTree(
+                put_down, tree_id="PutDown", name="put_down", object="{object}", surface="{surface}", goal="{goal}"
+            ),
+        ],
+    )
+    try_places = RetryUntilSuccessful("try_places", [at_a_free_place], num_attempts=3)
+    return Sequence("put_aside", [Holding(object="{object}"), try_places])
 
 
 def verify() -> Node:

@@ -45,6 +45,8 @@ LET_GO = 0.004
 """Metres by which the fingers must open beyond what they held."""
 LOOSE = 3.0
 """Newtons with which fingers that are caught close again before they open once more."""
+NUDGE = 0.001
+"""Metres that they are raised in between."""
 
 
 class FindPlacePose(Skill):
@@ -204,8 +206,12 @@ class Release(Skill):
         if outcome.width < held.width + LET_GO:
             # Caught: hold it loosely, so that it comes to lie as it likes between the fingers, and try again.
             yield skills.gripper.close(LOOSE)
+            if skills.wrist_wrench is not None:
+                yield skills.arm.move_until((0.0, 0.0, 1.0), SET_DOWN_SPEED, NUDGE, SET_DOWN_FORCE)
             outcome = yield skills.gripper.release()
         if outcome.width < held.width + LET_GO:
+            # The arm must not leave with a thing that is neither held nor free.
+            yield skills.gripper.close()
             opened = f"the fingers opened to {1e3 * outcome.width:.0f} mm, it is {1e3 * held.width:.0f} mm wide"
             raise SkillFailure("not_released", f"the hand does not let go of the {held.name}: {opened}")
         skills.world.held = None

@@ -91,14 +91,20 @@ class IsTidy(SkillCondition):
 
 
 class FindFreePlace(Skill):
-    """Look at a surface and choose a place on it, within a region, where there is room for an object.
+    """Look at a surface and choose a place on it, anywhere or within a region, where there is room for an object.
 
     The place nearest to the robot; asked again for the same object it gives another one.
     """
 
     INPUT_PORTS: ClassVar = {
         "object": PortInformation(str, description="the object that shall stand there"),
-        **_WHERE,
+        "surface": PortInformation(str, description="the surface, such as counter/top"),
+        "region_x": PortInformation(
+            list, required=False, description="from, to: metres in its frame; all of it by default"
+        ),
+        "region_y": PortInformation(
+            list, required=False, description="from, to: metres in its frame; all of it by default"
+        ),
         "margin": PortInformation(float, required=False, default_value=0.05, description="metres inside the region"),
         "clearance": PortInformation(float, required=False, default_value=0.04, description="metres around the object"),
     }
@@ -137,7 +143,8 @@ class FindFreePlace(Skill):
         fresh = [place for place in inside if (np.linalg.norm(given - place[:2], axis=1) > SAME_PLACE).all()]
         if not fresh:
             across = f"{200 * radius:.0f} cm disc for the {name}"
-            raise SkillFailure("surface_full", f"no free {across} is left in the region of the {surface}")
+            where = f"on the {surface}" if self.get_input("region_x") is None else f"in the region of the {surface}"
+            raise SkillFailure("surface_full", f"no free {across} is left {where}")
         self._given.append(fresh[0])
         self.set_output("goal", Pose(fresh[0], map_from_surface.quaternion))
         self.feedback_message = f"place for the {name} at {fresh[0][0]:.2f}, {fresh[0][1]:.2f}"
@@ -176,7 +183,10 @@ def _untidy(node: FindUntidy | IsTidy) -> list[str]:
 
 def _within(node: FindUntidy | IsTidy | FindFreePlace, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Which (N,) of the places (N, 3) in the frame of the surface lie inside the region by the margin."""
-    lower, upper = np.transpose([node.get_input("region_x"), node.get_input("region_y")])
+    region = node.get_input("region_x"), node.get_input("region_y")
+    if None in region:
+        return np.ones(len(places), dtype=bool)
+    lower, upper = np.transpose(region)
     margin: float = node.get_input("margin")
     within: NDArray[np.bool_] = ((places[:, :2] >= lower + margin) & (places[:, :2] <= upper - margin)).all(axis=1)
     return within

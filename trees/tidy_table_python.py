@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from behaviours.look import LookAt
 from behaviours.move_arm import MoveArm
-from behaviours.pick_and_place import carry, have_object, place, put_down, survey, verify
+from behaviours.pick_and_place import carry, have_object, place, put_aside, put_down, survey, verify
 from behaviours.stand import FindStandPose
 from behaviours.tidying import FindFreePlace, FindUntidy, IsTidy, RememberSeen
 from bestman_bt.engine import Fallback, ForceSuccess, ForEach, Node, RetryUntilSuccessful, Sequence, SubTree
@@ -21,7 +21,8 @@ def build() -> Node:
     put_one_away = SubTree(
         put_away, tree_id="PutAway", name="put_away", object="{object}", source="{source}", target="{target}", **REGION
     )
-    go_on = ForceSuccess("go_on_with_the_others", [put_one_away])
+    aside = SubTree(put_aside, tree_id="PutAside", name="put_aside", object="{object}", surface="{source}")
+    go_on = ForceSuccess("go_on_with_the_others", [Fallback("away_or_aside", [put_one_away, aside])])
     a_round = Sequence(
         "round",
         [

@@ -94,6 +94,14 @@ def test_a_free_place_is_clear_of_all_things_and_the_next_one_is_another(table) 
         assert y[0] <= local[1] <= y[1]
 
 
+def test_without_a_region_any_free_place_on_the_surface_will_do(table) -> None:
+    status, tree = run(table[0], '<FindFreePlace object="cup" surface="table" goal="{goal}"/>')
+    assert status == SUCCESS
+    goal = tree.blackboard.get("goal").position
+    assert abs(goal[2] - table[1].object_pose("cup").position[2]) < 0.1
+    assert np.linalg.norm(goal[:2] - table[1].object_pose("cup").position[:2]) > 0.1
+
+
 def test_a_region_without_room_is_full(table) -> None:
     body = f'<FindFreePlace object="cup" {WHERE} goal="{{goal}}"/>'
     status, _ = run(table[0], body, x=[CUP[0] - 0.06, CUP[0] + 0.06], y=[CUP[1] - 0.06, CUP[1] + 0.06])
@@ -140,3 +148,4 @@ def test_a_hand_that_does_not_let_go_says_so_and_keeps_the_object(table, monkeyp
     assert run(session, '<Release object="mug"/>')[0] == FAILURE
     assert failures_of(session)[0][0] == "not_released"
     assert skills.world.held is held
+    assert skills.gripper.width() < 0.01  # there is nothing between the fingers, which grip again
