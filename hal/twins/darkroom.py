@@ -22,7 +22,8 @@ from hal.twins.errors import TwinError
 
 START_TIME = 60.0
 FRAME_TIME = 10.0
-URGENCY = -10
+REAL_TIME_PRIORITY = 1
+"""Below the controllers' own; a real camera does not wait for the robot's computer either."""
 RawPose = tuple[tuple[float, ...], tuple[float, ...]]
 
 
@@ -105,8 +106,7 @@ def _work(wire: Connection, model: RobotModel, world: World, seed: int) -> None:
     """The other process: less urgent than the controllers, and ended by the end of the wire alone."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        os.nice(URGENCY)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
     with PyBulletRobot(model, world, seed=seed) as robot, contextlib.suppress(EOFError, OSError):
         wire.send("ready")
         while True:
