@@ -66,7 +66,11 @@ DRIVERS = Registry(
 )
 """Implementations of the Robotics API."""
 
-CONNECTIONS = Registry("bestman_bt.connections", "connection driver", {"xarm": "hal.xarm:XArmConnection"})
+CONNECTIONS = Registry(
+    "bestman_bt.connections",
+    "connection driver",
+    {"xarm": "hal.xarm:XArmConnection", "ur": "hal.ur:URConnection", "robotiq": "hal.robotiq:RobotiqConnection"},
+)
 """Classes that speak to one vendor's controller, by the ``driver`` of a connection in a robot's YAML."""
 
 ALGORITHMS = Registry(

@@ -27,6 +27,11 @@ class ToolLimits:
         """Whether there is anything to hold the tool to."""
         return self._safety.workspace is not None or self._safety.tool_speed is not None
 
+    @property
+    def top_speed(self) -> float | None:
+        """m/s; None where nothing is said."""
+        return self._safety.tool_speed
+
     def outside(self, positions: Array) -> str | None:
         """Where the tool would leave the workspace, in words, else None."""
         box = self._safety.workspace

@@ -20,7 +20,15 @@ from hal.twins.json_lines import JsonLineServer
 from hal.twins.judge_server import JudgeServer
 from hal.twins.world import TwinWorld
 
-TWINS = Registry("bestman_bt.twins", "protocol twin", {"xarm": "hal.twins.xarm_server:XArmTwin"})
+TWINS = Registry(
+    "bestman_bt.twins",
+    "protocol twin",
+    {
+        "xarm": "hal.twins.xarm_server:XArmTwin",
+        "ur": "hal.twins.ur_server:URTwin",
+        "robotiq": "hal.twins.robotiq_server:RobotiqTwin",
+    },
+)
 """Driver of a connection → the class that speaks the controller's side of its protocol."""
 REAL_TIME_PRIORITY = 10
 FIRST_ADDRESS, LAST_ADDRESS = 2, 254

@@ -1,0 +1,6 @@
+"""Robotiq 2F grippers: the socket of their URCap, which needs no SDK, and Modbus TCP (extra ``ur``: pymodbus)."""
+
+from hal.robotiq.connection import RobotiqConnection
+from hal.robotiq.options import RobotiqOptions
+
+__all__ = ["RobotiqConnection", "RobotiqOptions"]

@@ -1,0 +1,227 @@
+"""The two ways to a Robotiq 2F gripper: the URCap's socket on port 63352, and Modbus TCP. Numbers of 0 to 255."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import socket
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+from hal.hardware import ConnectionFailedError
+
+URCAP_PORT, MODBUS_PORT = 63352, 502
+ACTIVATE, GO = 1 << 0, 1 << 3
+
+
+@dataclass(frozen=True)
+class RobotiqStatus:
+    """What the gripper tells, in its own numbers.
+
+    ``activation``: 3 once it is active. ``object``: 0 moving, 1 and 2 stopped by an object while opening and closing,
+    3 at its target. ``echo``: the position that it was last asked for; ``position``: 0 open, 255 closed.
+    """
+
+    activation: int
+    object: int
+    fault: int
+    echo: int
+    position: int
+
+
+class RobotiqWire(ABC):
+    """Round trips to one gripper; OSError where it does not answer. Used by one thread at a time."""
+
+    @abstractmethod
+    def open(self) -> None:
+        """Connect; OSError."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close; idempotent."""
+
+    @abstractmethod
+    def status(self) -> RobotiqStatus:
+        """What it tells now."""
+
+    @abstractmethod
+    def reset(self) -> None:
+        """Take its activation, and with it a fault, away."""
+
+    @abstractmethod
+    def activate(self) -> None:
+        """Begin the activation, during which the fingers may close and open."""
+
+    @abstractmethod
+    def go(self, position: int, speed: int, force: int) -> None:
+        """Go to a position."""
+
+    @abstractmethod
+    def halt(self) -> None:
+        """Stay where the fingers are."""
+
+
+class URCapWire(RobotiqWire):
+    """Lines of text, ``SET POS 100 SPE 255`` and ``GET OBJ``, that the gripper's URCap takes at the UR's address."""
+
+    def __init__(self, address: str, port: int, timeout: float) -> None:
+        self._address, self._timeout = (address, port), timeout
+        self._socket: socket.socket | None = None
+        self._buffer = b""
+
+    def open(self) -> None:
+        """Connect."""
+        self._socket = socket.create_connection(self._address, self._timeout)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._buffer = b""
+
+    def close(self) -> None:
+        """Close."""
+        wire, self._socket = self._socket, None
+        if wire is not None:
+            wire.close()
+
+    def status(self) -> RobotiqStatus:
+        """Five questions, sent together."""
+        names = ("STA", "OBJ", "FLT", "PRE", "POS")
+        self._send("".join(f"GET {name}\n" for name in names))
+        return RobotiqStatus(*(self._value(name) for name in names))
+
+    def reset(self) -> None:
+        """Take its activation away."""
+        self._set(ACT=0, ATR=0)
+
+    def activate(self) -> None:
+        """Begin the activation."""
+        self._set(ACT=1)
+
+    def go(self, position: int, speed: int, force: int) -> None:
+        """Go to a position."""
+        self._set(POS=position, SPE=speed, FOR=force, GTO=1)
+
+    def halt(self) -> None:
+        """Stay where the fingers are."""
+        self._set(GTO=0)
+
+    def _set(self, **values: int) -> None:
+        self._send("SET " + " ".join(f"{name} {value}" for name, value in values.items()) + "\n")
+        self._expect(b"ack")
+
+    def _value(self, name: str) -> int:
+        line = self._line()
+        told, _, value = line.partition(" ")
+        if told != name or not value.strip().isdigit():
+            raise OSError(f"asked for {name}, the gripper answered {line!r}")
+        return int(value)
+
+    def _send(self, text: str) -> None:
+        if self._socket is None:
+            raise OSError("the wire is closed")
+        self._socket.sendall(text.encode("ascii"))
+
+    def _receive(self) -> None:
+        if self._socket is None:
+            raise OSError("the wire is closed")
+        chunk = self._socket.recv(1024)
+        if not chunk:
+            raise OSError("the gripper closed the connection")
+        self._buffer += chunk
+
+    def _line(self) -> str:
+        while b"\n" not in self._buffer:
+            self._receive()
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        return line.decode("ascii", "replace").strip()
+
+    def _expect(self, word: bytes) -> None:
+        """An acknowledgement, which some versions end with a line feed and some do not."""
+        while len(self._buffer.lstrip(b"\r\n")) < len(word):
+            self._receive()
+        self._buffer = self._buffer.lstrip(b"\r\n")
+        if not self._buffer.startswith(word):
+            raise OSError(f"the gripper refused a command: {self._buffer[:40]!r}")
+        self._buffer = self._buffer[len(word) :].lstrip(b"\r\n")
+
+
+class ModbusWire(RobotiqWire):
+    """Three registers of commands and three of status, two bytes in each, through pymodbus."""
+
+    def __init__(
+        self,
+        load: Callable[[str], ModuleType],
+        address: str,
+        port: int,
+        timeout: float,
+        device: int,
+        command_register: int,
+        status_register: int,
+    ) -> None:
+        self._load, self._address, self._port, self._timeout = load, address, port, timeout
+        self._device, self._command_register, self._status_register = device, command_register, status_register
+        self._client: Any = None
+        self._bytes = [0, 0, 0, 0, 0, 0]
+
+    def open(self) -> None:
+        """Connect."""
+        client = self._load("pymodbus.client").ModbusTcpClient
+        logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)  # it would tell the address
+        self._client = client(self._address, port=self._port, timeout=self._timeout, retries=0)
+        if not self._client.connect():
+            raise OSError("nobody answers")
+
+    def close(self) -> None:
+        """Close."""
+        client, self._client = self._client, None
+        if client is not None:
+            with contextlib.suppress(OSError):
+                client.close()
+
+    def status(self) -> RobotiqStatus:
+        """One read of three registers."""
+        answer = self._ask(lambda client: client.read_input_registers(self._status_register, count=3, device_id=self._device))
+        state, (fault, echo) = answer.registers[0] >> 8, divmod(answer.registers[1], 256)
+        return RobotiqStatus(state >> 4 & 3, state >> 6 & 3, fault & 15, echo, answer.registers[2] >> 8)
+
+    def reset(self) -> None:
+        """Take its activation away."""
+        self._bytes = [0, 0, 0, 0, 0, 0]
+        self._write()
+
+    def activate(self) -> None:
+        """Begin the activation."""
+        self._bytes[0] = ACTIVATE
+        self._write()
+
+    def go(self, position: int, speed: int, force: int) -> None:
+        """Go to a position."""
+        self._bytes = [ACTIVATE | GO, 0, 0, position, speed, force]
+        self._write()
+
+    def halt(self) -> None:
+        """Stay where the fingers are."""
+        self._bytes[0] = ACTIVATE
+        self._write()
+
+    def _write(self) -> None:
+        values = [high << 8 | low for high, low in zip(self._bytes[::2], self._bytes[1::2], strict=True)]
+        self._ask(lambda client: client.write_registers(self._command_register, values, device_id=self._device))
+
+    def _ask(self, question: Callable[[Any], Any]) -> Any:
+        if self._client is None:
+            raise OSError("the wire is closed")
+        modbus_error = self._load("pymodbus.exceptions").ModbusException
+        try:
+            answer = question(self._client)
+        except modbus_error as error:
+            raise OSError("no answer over Modbus") from error
+        if answer.isError():
+            raise OSError(f"the gripper refused a Modbus request: {answer}")
+        return answer
+
+
+def refused(name: str, error: OSError) -> ConnectionFailedError:
+    """The error for a gripper that cannot be reached; the address stays out of it."""
+    return ConnectionFailedError(f"{name}: the Robotiq gripper does not answer ({type(error).__name__})")

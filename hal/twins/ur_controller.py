@@ -1,0 +1,209 @@
+"""The controller of a UR e-series arm as a state machine over an arm of the twins' world."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Mapping
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import Arm
+from hal.twins.ur_kinematics import URKinematics
+from hal.twins.ur_program import URProgram
+from hal.twins.world import TwinWorld
+
+STOPPED, PLAYING = 1, 2
+UNLOCK_DELAY = 5.0
+"""Seconds after a protective stop before which it cannot be unlocked."""
+TRACKING_TOLERANCE = 0.12
+TRACKING_TIME = 0.1
+
+
+class RobotMode(IntEnum):
+    """Numbers of ``robot_mode``."""
+
+    POWER_OFF = 3
+    IDLE = 5
+    RUNNING = 7
+
+
+class SafetyMode(IntEnum):
+    """Numbers of ``safety_mode``."""
+
+    NORMAL = 1
+    PROTECTIVE_STOP = 3
+    SAFEGUARD_STOP = 5
+    ROBOT_EMERGENCY_STOP = 7
+    VIOLATION = 8
+
+
+_SAFETY_BITS = {
+    SafetyMode.NORMAL: 1 << 0,
+    SafetyMode.PROTECTIVE_STOP: 1 << 2,
+    SafetyMode.SAFEGUARD_STOP: 1 << 4 | 1 << 10,
+    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
+    SafetyMode.VIOLATION: 1 << 8 | 1 << 10,
+}
+
+
+class URController:
+    """Called by the protocol servers from their threads; touches the robot only in the world's thread (``tick``)."""
+
+    def __init__(self, world: TwinWorld, arm: Arm, model: RobotModel) -> None:
+        self._world, self._arm = world, arm
+        self._kinematics = URKinematics(model, arm.name)
+        self.robot_mode, self.safety_mode = RobotMode.RUNNING, SafetyMode.NORMAL
+        self._program: URProgram | None = None
+        self._inputs: dict[str, Any] = {}
+        self._arriving: deque[tuple[float, Mapping[str, Any]]] = deque()
+        self._written = time.monotonic()
+        self._tripped = -UNLOCK_DELAY
+        self._astray = 0.0
+        self._digital_outputs = 0
+        self._measured: dict[str, Any] = {}
+        world.ticks.append(self.tick)
+
+    # From any thread
+
+    @property
+    def playing(self) -> bool:
+        """Whether a program runs."""
+        return self._program is not None
+
+    def read(self) -> Mapping[str, Any]:
+        """The output fields now."""
+        return {
+            **self._measured,
+            "timestamp": time.monotonic(),
+            "robot_mode": int(self.robot_mode),
+            "safety_mode": int(self.safety_mode),
+            "safety_status_bits": _SAFETY_BITS[self.safety_mode],
+            "robot_status_bits": 1 | (2 if self.playing else 0),
+            "runtime_state": PLAYING if self.playing else STOPPED,
+            "speed_scaling": 1.0,
+            "target_speed_fraction": 1.0,
+            "actual_digital_output_bits": self._digital_outputs,
+        }
+
+    def write(self, due: float, values: Mapping[str, Any]) -> None:
+        """Inputs that take effect in the first cycle after ``due``."""
+        self._arriving.append((due, values))
+
+    def upload(self, script: str) -> None:
+        """A program on the script port replaces the one that runs; without power or after a stop it is dropped."""
+        if "read_input_integer_register" not in script:
+            return  # other people's programs do nothing in the twin
+
+        def begin() -> None:
+            self._end_program()
+            if self.robot_mode == RobotMode.RUNNING and self.safety_mode == SafetyMode.NORMAL:
+                self._program = URProgram(script, self._arm, self._kinematics)
+
+        self._world.post(begin)
+
+    def end_program(self) -> None:
+        """The button Stop."""
+        self._world.post(self._end_program)
+
+    def trip(self, mode: SafetyMode) -> None:
+        """The safety system stops the robot and ends the program."""
+
+        def stop() -> None:
+            self.safety_mode, self._tripped = mode, time.monotonic()
+            self._end_program()
+
+        self._world.post(stop)
+
+    def unlock(self) -> bool:
+        """Release a protective stop; whether that was possible."""
+        if self.safety_mode == SafetyMode.PROTECTIVE_STOP and time.monotonic() < self._tripped + UNLOCK_DELAY:
+            return False
+        if self.safety_mode == SafetyMode.PROTECTIVE_STOP:
+            self.safety_mode = SafetyMode.NORMAL
+        return True
+
+    def restart_safety(self) -> None:
+        """After a violation; it leaves the arm without power."""
+        self.safety_mode, self.robot_mode = SafetyMode.NORMAL, RobotMode.POWER_OFF
+        self.end_program()
+
+    def power(self, on: bool) -> None:
+        """Switch the arm on, with its brakes closed, or off."""
+        self.robot_mode = RobotMode.IDLE if on else RobotMode.POWER_OFF
+        if not on:
+            self.end_program()
+
+    def release_brakes(self) -> None:
+        """Open the brakes."""
+        if self.robot_mode == RobotMode.IDLE:
+            self.robot_mode = RobotMode.RUNNING
+
+    # The world's thread
+
+    def tick(self, dt: float) -> None:
+        """One physics step of the world is about to come."""
+        fresh = self._take_inputs()
+        program = self._program
+        if program is not None:
+            program.advance(dt, self._inputs, fresh)
+            self._watch(program, dt)
+        self._measure(program)
+
+    def _take_inputs(self) -> bool:
+        now, fresh = time.monotonic(), False
+        while self._arriving and self._arriving[0][0] <= now:
+            values = self._arriving.popleft()[1]
+            self._inputs.update(values)
+            self._set_outputs(values)
+            if "input_int_register_0" in values:
+                self._written, fresh = now, True
+        return fresh
+
+    def _set_outputs(self, values: Mapping[str, Any]) -> None:
+        """Digital outputs: 8 standard, 8 configurable, 2 of the tool."""
+        for kind, shift in (("standard", 0), ("configurable", 8), ("tool", 16)):
+            mask = values.get(f"{kind}_digital_output_mask")
+            if mask is not None:
+                bits = values[f"{kind}_digital_output"] & mask
+                self._digital_outputs = self._digital_outputs & ~(mask << shift) | bits << shift
+
+    def _watch(self, program: URProgram, dt: float) -> None:
+        """What ends a program: itself, its watchdog, jumps of set-points, and what holds a joint up."""
+        frequency = program.watchdog_frequency
+        if program.ended or (frequency and time.monotonic() - self._written > 1.0 / frequency):
+            self._end_program()
+        follower = program.follower
+        astray = follower is not None and bool(
+            np.any(np.abs(follower.setpoint - self._arm.positions()) > TRACKING_TOLERANCE)
+        )
+        self._astray = self._astray + dt if astray else 0.0
+        jumped = follower is not None and follower.too_fast
+        if jumped or program.protective_stop_asked or self._astray > TRACKING_TIME:
+            self.trip(SafetyMode.PROTECTIVE_STOP)
+
+    def _end_program(self) -> None:
+        if self._program is not None:
+            self._program.halt()
+        self._program, self._astray = None, 0.0
+        self._inputs["input_int_register_0"] = 0
+
+    def _measure(self, program: URProgram | None) -> None:
+        arm = self._arm
+        positions, velocities = arm.positions(), arm.velocities()
+        at_rest = (0.0,) * len(positions)
+        pose = self._kinematics.pose(positions)
+        follower = program.follower if program is not None else None
+        self._measured = {
+            "actual_q": tuple(positions.tolist()),
+            "actual_qd": tuple(velocities.tolist()),
+            "target_q": tuple((follower.setpoint if follower is not None else positions).tolist()),
+            "target_qd": tuple(velocities.tolist()) if follower is not None else at_rest,
+            "target_moment": tuple(arm.efforts().tolist()),
+            "actual_TCP_pose": pose,
+            "target_TCP_pose": pose,
+            **(program.outputs if program is not None else {"output_int_register_0": 0}),
+        }

@@ -1,0 +1,52 @@
+"""Where a UR's flange is, and which joint speeds move it, as the controller counts: in its own base frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import RobotModel
+
+Array = NDArray[np.float64]
+CONTROLLER_FRAME = pinocchio.SE3(pinocchio.utils.rotate("z", np.pi), np.zeros(3))
+"""The controller's base frame in the URDF's ``base_link``: UR count x and y the other way round."""
+DAMPING = 1e-3
+
+
+class URKinematics:
+    """Kinematics of one arm from its ``base_frame`` to the link that its last joint moves; used in one thread."""
+
+    def __init__(self, model: RobotModel, arm: str) -> None:
+        description = model.arms[arm]
+        self._model = pinocchio.buildModelFromXML(model.urdf)
+        self._data = self._model.createData()
+        joints = [self._model.joints[self._model.getJointId(name)] for name in description.joint_names]
+        self._slots, self._columns = [joint.idx_q for joint in joints], [joint.idx_v for joint in joints]
+        self._base = self._model.getFrameId(description.base_frame)
+        self._last = self._model.getJointId(description.joint_names[-1])
+
+    def pose(self, positions: Array) -> tuple[float, ...]:
+        """x, y, z in metres and the rotation vector in radians."""
+        pinocchio.framesForwardKinematics(self._model, self._data, self._all(positions))
+        flange = self._origin().actInv(self._data.oMi[self._last])
+        return (*flange.translation.tolist(), *pinocchio.log3(flange.rotation).tolist())
+
+    def joint_speeds(self, positions: Array, twist: Array) -> Array:
+        """The joint speeds (6,) for a velocity of the flange (vx, vy, vz, wx, wy, wz); damped least squares."""
+        pinocchio.computeJointJacobians(self._model, self._data, self._all(positions))
+        pinocchio.updateFramePlacements(self._model, self._data)
+        kind = pinocchio.LOCAL_WORLD_ALIGNED
+        jacobian = pinocchio.getJointJacobian(self._model, self._data, self._last, kind)[:, self._columns]
+        turn = self._origin().rotation
+        wanted = np.concatenate([turn @ twist[:3], turn @ twist[3:]])
+        solution: Array = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING**2 * np.eye(6), wanted)
+        return solution
+
+    def _all(self, positions: Array) -> Array:
+        q: Array = pinocchio.neutral(self._model)
+        q[self._slots] = positions
+        return q
+
+    def _origin(self) -> pinocchio.SE3:
+        return self._data.oMf[self._base] * CONTROLLER_FRAME

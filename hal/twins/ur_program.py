@@ -1,0 +1,161 @@
+"""The program that ur-rtde uploads, as far as it acts: a loop that takes commands from RTDE registers.
+
+What a command does and how it is acknowledged is that of ``rtde_control.script`` in ur-rtde 1.6: register 0 tells 1
+when ready and 2 when a command is done, which the client answers by clearing it; real-time commands need no answer.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hal.api import Arm, Motion
+from hal.twins.servo_follower import ServoFollower
+from hal.twins.ur_kinematics import URKinematics
+
+Array = NDArray[np.float64]
+READY, DONE = 1, 2
+RUNNING_BIT = 1 << 15
+
+
+class Command(IntEnum):
+    """The commands that do something in the twin; all others are acknowledged and forgotten."""
+
+    NONE = 0
+    MOVE_JOINTS = 1
+    SPEED_JOINTS = 9
+    SPEED_TOOL = 10
+    SERVO_JOINTS = 11
+    SPEED_STOP = 15
+    SERVO_STOP = 16
+    PROTECTIVE_STOP = 31
+    STOP_TOOL = 33
+    STOP_JOINTS = 34
+    SET_WATCHDOG = 35
+    MOVE_PATH = 45
+    STOP_PROGRAM = 255
+
+
+REAL_TIME = frozenset({6, 9, 10, 11, 24, 25, 26, 27, 38, 55, 58})
+
+
+@dataclass(frozen=True, eq=False)
+class Waypoint:
+    """One ``movej`` of a path: positions (6,) rad, acceleration rad/s², speed rad/s."""
+
+    positions: Array
+    acceleration: float
+    speed: float
+
+
+_PATH = re.compile(r"# inject move path\n((?:\s*(?:signal_async_progress|movej)\(.*\)\n)+)")
+_MOVE = re.compile(r"movej\(\[([^\]]*)\],\s*a=([^,]+),\s*v=([^,]+),")
+
+
+def path_of(script: str) -> list[Waypoint]:
+    """The waypoints that ``moveJ(path)`` has written into the script."""
+    injected = _PATH.search(script)
+    moves = _MOVE.findall(injected.group(1)) if injected else []
+    return [Waypoint(np.array([float(q) for q in joints.split(",")]), float(a), float(v)) for joints, a, v in moves]
+
+
+class URProgram:
+    """One run of the program over an arm; lives in the world's thread."""
+
+    def __init__(self, script: str, arm: Arm, kinematics: URKinematics) -> None:
+        self._arm, self._kinematics, self._path = arm, kinematics, path_of(script)
+        self._speed = np.array([limit.velocity for limit in arm.limits])
+        self._executing = self._acknowledged = False
+        self._moves: list[Waypoint] = []
+        self._motion: Motion | None = None
+        self._asynchronous = False
+        self._drifting = False
+        self._drift_left = np.inf
+        self.follower: ServoFollower | None = None
+        self.watchdog_frequency: float | None = None
+        self.ended = self.protective_stop_asked = False
+        self.outputs: dict[str, int] = {"output_int_register_0": READY, "output_int_register_2": 0}
+
+    def halt(self) -> None:
+        """Come to rest; nothing is followed any more."""
+        self._arm.stop()
+        self.follower, self._motion, self._drifting = None, None, False
+        self._moves = []
+
+    def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool) -> None:
+        """One cycle. ``fresh``: whether inputs have come since the last one."""
+        command = int(inputs.get("input_int_register_0", 0))
+        numbers = [float(inputs.get(f"input_double_register_{index}", 0.0)) for index in range(8)]
+        if command in REAL_TIME:
+            if fresh:
+                self._stream(command, numbers)
+            self.outputs["output_int_register_0"] = READY
+        elif command == Command.NONE:
+            self._executing = self._acknowledged = False
+            self.outputs["output_int_register_0"] = READY
+        elif not self._executing:
+            self._executing = True
+            self._begin(command, numbers, bool(inputs.get("input_int_register_1", 0)))
+        self._go_on(dt)
+        waits = self._motion is not None and not self._asynchronous
+        if self._executing and not self._acknowledged and not waits and not self.ended:
+            self._acknowledged = True
+            self.outputs["output_int_register_0"] = DONE
+
+    def _stream(self, command: int, numbers: list[float]) -> None:
+        target = np.array(numbers[:6])
+        if command == Command.SERVO_JOINTS:
+            if self.follower is None:
+                self.halt()
+                self.follower = ServoFollower(self._arm.positions(), self._speed)
+            self.follower.take(target)
+        elif command in (Command.SPEED_JOINTS, Command.SPEED_TOOL):
+            if command == Command.SPEED_TOOL:
+                target = self._kinematics.joint_speeds(self._arm.positions(), target)
+            self.follower, self._motion = None, None
+            self._arm.command(velocities=np.clip(target, -self._speed, self._speed))
+            self._drifting, self._drift_left = True, numbers[7] if numbers[7] > 0.0 else np.inf
+
+    def _begin(self, command: int, numbers: list[float], asynchronous: bool) -> None:
+        self._asynchronous = asynchronous
+        if command in (Command.MOVE_JOINTS, Command.MOVE_PATH):
+            self.halt()
+            single = [Waypoint(np.array(numbers[:6]), numbers[7], numbers[6])]
+            self._moves = single if command == Command.MOVE_JOINTS else list(self._path)
+            self._next_move()
+        elif command in (Command.SPEED_STOP, Command.SERVO_STOP, Command.STOP_JOINTS, Command.STOP_TOOL):
+            self.halt()
+        elif command == Command.SET_WATCHDOG:
+            self.watchdog_frequency = numbers[0]
+        elif command == Command.PROTECTIVE_STOP:
+            self.protective_stop_asked = True
+        elif command == Command.STOP_PROGRAM:
+            self.halt()
+            self.ended = True
+
+    def _next_move(self) -> None:
+        if not self._moves:
+            self._motion = None
+            self.outputs["output_int_register_2"] &= ~RUNNING_BIT
+            return
+        move = self._moves.pop(0)
+        share = float(np.clip(move.speed / float(np.max(self._speed)), 0.01, 1.0))
+        self._motion = self._arm.move_to(move.positions, share)
+        self.outputs["output_int_register_2"] |= RUNNING_BIT
+
+    def _go_on(self, dt: float) -> None:
+        if self.follower is not None:
+            self._arm.servo(self.follower.advance(dt))
+        elif self._motion is not None and self._motion.done:
+            self._next_move()
+        elif self._drifting:
+            self._drift_left -= dt
+            if self._drift_left <= 0.0:
+                self._drifting = False
+                self._arm.command(velocities=np.zeros(len(self._speed)))

@@ -1,0 +1,107 @@
+"""RTDE, the real-time data exchange of a UR controller on port 30004 (protocol version 2)."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hal.twins.faults import Faults
+from hal.twins.ur_rtde_fields import Recipe
+
+VERSION, CONTROLLER_VERSION, DATA = ord("V"), ord("v"), ord("U")
+SETUP_OUTPUTS, SETUP_INPUTS, START, PAUSE = ord("O"), ord("I"), ord("S"), ord("P")
+PROTOCOL = 2
+POLYSCOPE = (5, 11, 0, 108249)
+OUTPUT_RECIPE = 1
+
+
+class RtdeSession:
+    """One client, until it goes. ``read``: all output fields now; ``write(due, values)``: inputs, to apply when due."""
+
+    def __init__(
+        self,
+        client: socket.socket,
+        faults: Faults,
+        read: Callable[[], Mapping[str, Any]],
+        write: Callable[[float, Mapping[str, Any]], None],
+    ) -> None:
+        self._client, self._faults, self._read, self._write = client, faults, read, write
+        self._inputs: dict[int, Recipe] = {}
+        self._output: Recipe | None = None
+        self._rate = 125.0
+        self._sending = threading.Lock()
+        self._streaming = threading.Event()
+
+    def serve(self) -> None:
+        """Answer until the client closes."""
+        buffer = b""
+        try:
+            while chunk := self._client.recv(65536):
+                if self._faults.wire.silent:
+                    continue
+                buffer += chunk
+                while len(buffer) >= 3 and len(buffer) >= (size := int.from_bytes(buffer[:2], "big")):
+                    command, payload, buffer = buffer[2], buffer[3:size], buffer[size:]
+                    self._answer(command, payload)
+        finally:
+            self._streaming.clear()
+
+    def _answer(self, command: int, payload: bytes) -> None:
+        if command == DATA:
+            recipe = self._inputs.get(payload[0])
+            if recipe is not None:
+                self._write(time.monotonic() + self._faults.wire.delay, recipe.unpack(payload[1:]))
+        elif command == VERSION:
+            self._send(command, bytes([struct.unpack(">H", payload)[0] == PROTOCOL]))
+        elif command == CONTROLLER_VERSION:
+            self._send(command, struct.pack(">4I", *POLYSCOPE))
+        elif command == SETUP_OUTPUTS:
+            self._rate = struct.unpack_from(">d", payload)[0]
+            self._output = Recipe(_names(payload[8:]))
+            self._send(command, bytes([OUTPUT_RECIPE]) + ",".join(self._output.types).encode())
+        elif command == SETUP_INPUTS:
+            recipe = Recipe(_names(payload))
+            number = len(self._inputs) + 1 if recipe.known else 0
+            if number:
+                self._inputs[number] = recipe
+            self._send(command, bytes([number]) + ",".join(recipe.types).encode())
+        elif command == START:
+            ready = self._output is not None and self._output.known
+            self._send(command, bytes([ready]))
+            if ready and not self._streaming.is_set():
+                self._streaming.set()
+                threading.Thread(target=self._stream, name="rtde stream", daemon=True).start()
+        elif command == PAUSE:
+            self._streaming.clear()
+            self._send(command, b"\1")
+
+    def _stream(self) -> None:
+        """Data packages at the agreed rate; a delay of the wire holds each one back, the rate stays."""
+        due, underway = time.monotonic(), deque[tuple[float, bytes]]()
+        recipe = self._output
+        assert recipe is not None
+        try:
+            while self._streaming.is_set():
+                now, wire = time.monotonic(), self._faults.wire
+                underway.append((now + wire.delay, bytes([OUTPUT_RECIPE]) + recipe.pack(self._read())))
+                while underway and (wire.silent or underway[0][0] <= now):
+                    _, package = underway.popleft()
+                    if not wire.silent:
+                        self._send(DATA, package)
+                due = max(due + 1.0 / self._rate, now)
+                time.sleep(max(0.0, due - time.monotonic()))
+        except OSError:
+            self._streaming.clear()
+
+    def _send(self, command: int, payload: bytes) -> None:
+        with self._sending:
+            self._client.sendall(struct.pack(">HB", 3 + len(payload), command) + payload)
+
+
+def _names(payload: bytes) -> list[str]:
+    return [name for name in payload.decode("ascii").split(",") if name]

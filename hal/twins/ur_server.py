@@ -1,0 +1,138 @@
+"""The twin of a UR e-series controller: dashboard on port 29999, programs on 30003, RTDE on 30004."""
+
+from __future__ import annotations
+
+import re
+import socket
+import time
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.api import Arm
+from hal.twins.faults import Faults
+from hal.twins.tcp_server import TcpServer
+from hal.twins.ur_controller import SafetyMode, URController
+from hal.twins.ur_rtde_server import POLYSCOPE, RtdeSession
+from hal.twins.world import TwinWorld
+
+DASHBOARD, SCRIPT, RTDE = 29999, 30003, 30004
+GREETING = "Connected: Universal Robots Dashboard Server"
+SERIAL_NUMBER = "20215500000"
+
+
+class URTwin:
+    """Serves one arm on ``address``. OSError where a port cannot be had."""
+
+    def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
+        arm_name = next(name for name in connection.parts if name in model.arms)
+        self._servers: list[TcpServer] = []
+        attendants = {DASHBOARD: self._attend_dashboard, SCRIPT: self._attend_script, RTDE: self._attend_rtde}
+        try:
+            for port, attend in attendants.items():
+                self._servers.append(TcpServer(address, port, attend))
+        except OSError:
+            self.close()
+            raise
+        self.controller = controller = URController(
+            world,
+            world.robot.part(arm_name, Arm),  # type: ignore[type-abstract]
+            model,
+        )
+        self.faults = Faults()
+        self.faults.offer(
+            {
+                "protective_stop": lambda: controller.trip(SafetyMode.PROTECTIVE_STOP),
+                "joint_limit": lambda: controller.trip(SafetyMode.VIOLATION),
+                "emergency_stop": lambda: controller.trip(SafetyMode.ROBOT_EMERGENCY_STOP),
+                "emergency_release": controller.restart_safety,
+                "program_stop": controller.end_program,
+            }
+        )
+
+    def start(self) -> None:
+        """Accept clients."""
+        for server in self._servers:
+            server.start()
+
+    def close(self) -> None:
+        """Close all ports."""
+        for server in self._servers:
+            server.close()
+
+    def _attend_rtde(self, client: socket.socket) -> None:
+        RtdeSession(client, self.faults, self.controller.read, self.controller.write).serve()
+
+    def _attend_script(self, client: socket.socket) -> None:
+        """A program is complete with an ``end`` at the beginning of a line."""
+        text = ""
+        while chunk := client.recv(65536):
+            if self.faults.wire.silent:
+                continue
+            text += chunk.decode("ascii", "replace")
+            while (complete := re.search(r"^end[ \t]*\n", text, re.MULTILINE)) is not None:
+                time.sleep(self.faults.wire.delay)
+                self.controller.upload(text[: complete.end()])
+                text = text[complete.end() :]
+
+    def _attend_dashboard(self, client: socket.socket) -> None:
+        buffer = b""
+        if not self.faults.wire.silent:
+            client.sendall(GREETING.encode() + b"\n")
+        while chunk := client.recv(4096):
+            if self.faults.wire.silent:
+                continue
+            buffer += chunk
+            *lines, buffer = buffer.split(b"\n")
+            for line in lines:
+                time.sleep(self.faults.wire.delay)
+                answer = self._answer(line.decode("ascii", "replace").strip())
+                if not self.faults.wire.silent:
+                    client.sendall(answer.encode() + b"\n")
+
+    def _answer(self, request: str) -> str:
+        controller = self.controller
+        match request.lower():
+            case "polyscopeversion":
+                return "URSoftware " + ".".join(map(str, POLYSCOPE))
+            case "get serial number":
+                return SERIAL_NUMBER
+            case "get robot model":
+                return "UR5"
+            case "is in remote control":
+                return "true"
+            case "robotmode":
+                return f"Robotmode: {controller.robot_mode.name}"
+            case "safetymode" | "safetystatus" as question:
+                return f"{question.capitalize()}: {controller.safety_mode.name}"
+            case "running":
+                return f"Program running: {str(controller.playing).lower()}"
+            case "programstate":
+                return "PLAYING rtde_control" if controller.playing else "STOPPED rtde_control"
+            case "unlock protective stop":
+                unlocked = controller.unlock()
+                return (
+                    "Protective stop releasing"
+                    if unlocked
+                    else "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of protective "
+                    "stop before unlocking"
+                )
+            case "restart safety":
+                controller.restart_safety()
+                return "Restarting safety"
+            case "power on":
+                controller.power(True)
+                return "Powering on"
+            case "power off":
+                controller.power(False)
+                return "Powering off"
+            case "brake release":
+                controller.release_brakes()
+                return "Brake releasing"
+            case "stop":
+                controller.end_program()
+                return "Stopped"
+            case "close popup":
+                return "closing popup"
+            case "close safety popup":
+                return "closing safety popup"
+        return f"could not understand: '{request}'"

@@ -1,0 +1,225 @@
+"""A UR arm: streamed set-points as for every arm, and motions that the controller plans by itself."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.robot_model import ArmModel
+from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
+from hal.hardware import ConnectionFailedError, Fault, JointChannel, StopLatch, StreamedArm, ToolLimits
+from hal.parts import Hold, PartMotion, Setpoints, Trapezoid
+from hal.ur.link import URLink
+from hal.ur.sdk_process import Report
+
+Array = NDArray[np.float64]
+START_TIME, STOP_TIME = 3.0, 1.0
+"""Seconds within which the controller has to begin and to end a motion of its own."""
+DECELERATION = 5.0
+TOOL_ACCELERATION = 1.0
+ARRIVED = 0.01
+SPEED_MARGIN = 1.1
+AT_LEAST = 0.1
+"""Seconds that a motion lasts in any case, so that readings from before it say nothing about its end."""
+
+
+@dataclass(eq=False)
+class _OwnMotion:
+    """A motion that the controller plans: how to begin and stop it, and when it is over."""
+
+    motion: PartMotion
+    begin: Callable[[], object]
+    stop_call: str
+    over: Callable[[Report, float], bool]  # of the newest report and the seconds since it began
+    target: Array | None = None
+    begun: float | None = None
+    stopping: bool = False
+
+
+class URArm(StreamedArm):
+    """An arm behind ur-rtde.
+
+    ``move_path``, ``speed_joints`` and ``speed_tool`` are the controller's ``movej``, ``speedj`` and ``speedl``, within
+    the same limits as everything else. They do not take over from one another: ``stop`` or ``cancel`` comes first.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        model: ArmModel,
+        channel: JointChannel,
+        latch: StopLatch,
+        period: float,
+        tool: ToolLimits,
+        link: URLink,
+    ) -> None:
+        super().__init__(name, model, channel, latch, period, tool)
+        self._link = link
+        self._own: _OwnMotion | None = None
+
+    # Motions of the controller
+
+    def move_path(self, positions: ArrayLike, speed_scale: float = 1.0, blend: float = 0.0) -> Motion:
+        """Through joint positions (N, 6), with a ``blend`` radius in metres around all but the last."""
+        with self._line.lock:
+            self._line.check_command("move_path")
+            rows = [self._checks.positions("move_path", row) for row in np.atleast_2d(np.asarray(positions, float))]
+            scale = self._checks.speed_scale("move_path", speed_scale)
+            speed, acceleration = scale * float(min(self._checks.speed)), scale * float(min(self._checks.acceleration))
+            share, start = 1.0, self.positions()
+            for row in rows:
+                fault = self._tool.outside_on_the_way(start, row)
+                if fault is not None:
+                    raise self._line.refuse("move_path", fault)
+                course = Trapezoid(start, row, np.full(len(row), speed), np.full(len(row), acceleration))
+                share, start = min(share, self._slow_down(course)), row
+            numbers = (speed * share, acceleration * share**2)
+            path = [[*row.tolist(), *numbers, blend if row is not rows[-1] else 0.0] for row in rows]
+            return self._begin_own(
+                "move_path",
+                lambda: self._link.call("move_path", path, timeout=START_TIME),
+                "stop_path",
+                lambda report, passed: not report.moving,
+                rows[-1],
+            )
+
+    def speed_joints(self, velocities: ArrayLike, duration: float) -> Motion:
+        """Move the joints at velocities (6,), rad/s, for ``duration`` seconds, then come to rest."""
+        with self._line.lock:
+            self._line.check_command("speed_joints")
+            wanted = self._checks.velocities("speed_joints", velocities)
+            if self._tool.slow_down(self.positions()[None], wanted[None]) < 1.0:
+                raise self._line.refuse("speed_joints", "the tool would be faster than its limit")
+            arguments = (wanted.tolist(), float(min(self._checks.acceleration)), float(duration))
+            return self._begin_speed("speed_joints", arguments)
+
+    def speed_tool(self, twist: ArrayLike, duration: float) -> Motion:
+        """Move the tool at (vx, vy, vz, wx, wy, wz), m/s and rad/s in the arm's base frame, for ``duration`` seconds.
+
+        The tool is the controller's: the flange, unless another was set at its teach pendant.
+        """
+        with self._line.lock:
+            self._line.check_command("speed_tool")
+            wanted = np.asarray(twist, float)
+            if wanted.shape != (6,) or not np.all(np.isfinite(wanted)):
+                raise self._line.refuse("speed_tool", "the twist should be six finite numbers")
+            limit = self._tool.top_speed
+            if limit is not None and float(np.linalg.norm(wanted[:3])) > limit:
+                raise self._line.refuse("speed_tool", "the tool would be faster than its limit")
+            # The controller counts x and y of its base the other way round than the URDF does.
+            turned = wanted * np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
+            return self._begin_speed("speed_tool", (turned.tolist(), TOOL_ACCELERATION, float(duration)))
+
+    # As for every arm
+
+    @property
+    def resting(self) -> bool:
+        """Whether nothing is commanded to move."""
+        return self._own is None and super().resting
+
+    def brake(self) -> None:
+        """Come to rest."""
+        with self._line.lock:
+            if self._own is not None:
+                self._own.stopping = True
+            else:
+                super().brake()
+
+    def fail(self, fault: Fault) -> None:
+        """The motion has failed; the controller has stopped the arm or cannot be reached."""
+        with self._line.lock:
+            self._own = None
+            super().fail(fault)
+
+    def attach(self) -> None:
+        """Hold where the joints are."""
+        with self._line.lock:
+            self._own = None
+            super().attach()
+
+    def cycle(self, elapsed: float) -> None:
+        """One control period."""
+        own = self._own
+        if own is None:
+            super().cycle(elapsed)
+        else:
+            self._attend(own)
+
+    # Private
+
+    def _begin_speed(self, call: str, arguments: tuple[list[float], float, float]) -> Motion:
+        duration = arguments[2]
+        if not (np.isfinite(duration) and duration > 0.0):
+            raise self._line.refuse(call, f"duration = {duration} s is not positive")
+        still = self._parameters.settle_speed
+        return self._begin_own(
+            call,
+            lambda: self._link.call(call, *arguments, timeout=START_TIME),
+            "stop_speed",
+            lambda report, passed: passed > duration and max(map(abs, report.velocities)) < still,
+        )
+
+    def _begin_own(
+        self,
+        call: str,
+        begin: Callable[[], object],
+        stop_call: str,
+        over: Callable[[Report, float], bool],
+        target: Array | None = None,
+    ) -> Motion:
+        if not self.resting:
+            raise self._line.refuse(call, "the arm still moves")
+        motion = PartMotion(self)
+        self._line.begin(motion)
+        self._own = _OwnMotion(motion, begin, stop_call, over, target)
+        return motion
+
+    def _attend(self, own: _OwnMotion) -> None:
+        """The connection's loop alone speaks to the controller, and no lock is held meanwhile."""
+        report = self._link.report
+        try:
+            if own.begun is None:
+                if not own.stopping:
+                    own.begin()
+                own.begun = time.monotonic()
+                return
+            wrong = self._wrong(report) if report is not None else None
+            if wrong is not None:
+                own.motion.end(MotionStatus.FAILED, MotionErrorCode.FAULT, f"{self.name}: {wrong}")
+            passed = time.monotonic() - own.begun
+            over = report is not None and passed > AT_LEAST and own.over(report, passed)
+            if not (own.stopping or over or wrong is not None):
+                return
+            if not over or own.stop_call == "stop_speed":
+                self._link.call(own.stop_call, DECELERATION, timeout=STOP_TIME)
+        except ConnectionFailedError as error:
+            own.motion.end(MotionStatus.FAILED, MotionErrorCode.FAULT, str(error))
+        self._leave(own)
+
+    def _wrong(self, report: Report) -> str | None:
+        fast = np.abs(report.velocities) > SPEED_MARGIN * self._checks.speed
+        if np.any(fast):
+            return f"{self.joint_names[int(np.argmax(fast))]} is faster than its limit"
+        return self._tool.outside(np.array(report.positions))
+
+    def _leave(self, own: _OwnMotion) -> None:
+        with self._line.lock:
+            if self._own is not own:
+                return
+            measured = self._channel.read().positions
+            if own.target is None or float(np.max(np.abs(measured - own.target))) < ARRIVED:
+                own.motion.succeed()
+            else:
+                own.motion.end(MotionStatus.FAILED, MotionErrorCode.FAULT, f"{self.name}: the path ended elsewhere")
+            self._own = None
+            self._position = np.clip(measured, self._checks.lower, self._checks.upper)
+            self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)
+
+    def _take_over(self, setpoints: Setpoints, motion: PartMotion | None) -> None:
+        if self._own is not None:
+            raise CommandRefusedError(f"{self.name} refused a command: the controller moves it; stop() it first")
+        super()._take_over(setpoints, motion)

@@ -1,0 +1,111 @@
+"""Universal Robots e-series arms through ur-rtde."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from hal.api import MotionErrorCode, Part
+from hal.hardware import Connection, ConnectionFailedError, Fault, ToolLimits
+from hal.ur.arm import URArm
+from hal.ur.digital_io import URDigitalIO
+from hal.ur.joints import URJoints
+from hal.ur.link import URLink
+from hal.ur.modes import fault_of
+from hal.ur.options import UROptions
+
+JOINTS = 6
+READY_TIME = 35.0
+"""Seconds that unlocking, powering on and starting the program may take together."""
+LATE_TIME = 0.15
+
+
+class URConnection(Connection):
+    """One arm behind one controller, and its digital inputs and outputs.
+
+    Motions are set-points of ``servoj`` at ``rate`` hertz; the arm's ``move_path``, ``speed_joints`` and ``speed_tool``
+    are motions of the controller's own. Should the client vanish, the controller ends its program.
+    """
+
+    driver: ClassVar[str] = "ur"
+    extra: ClassVar[str] = "ur"
+    options_type: ClassVar[type] = UROptions
+    declared_missing: Mapping[str, str] = {
+        "command(efforts=…)": "the controller takes no joint torques in this mode",
+        "measured joint torques": "ur-rtde reads the torques that the controller's model wants, not measured ones",
+    }
+
+    def make_parts(self) -> dict[str, Part]:
+        """The arm of ``settings.parts``."""
+        options: UROptions = self.options
+        self._link = URLink(self.name, self.clock)
+        self.io = URDigitalIO(self._link, self.latch)
+        name = next(name for name in self.settings.parts if name in self.model.arms)
+        tool = ToolLimits(self.model, name, self.limits)
+        joints = URJoints(self._link)
+        self._arm = URArm(name, self.model.arms[name], joints, self.latch, 1.0 / options.rate, tool, self._link)
+        return {name: self._arm}
+
+    def open(self) -> None:
+        """Connect, unlock and power on where that is needed, start the SDK's program on the controller."""
+        if len(self._arm.joint_names) != JOINTS:
+            raise ConnectionFailedError(
+                f"{self.name}: a UR has {JOINTS} joints, {self._arm.name} has {len(self._arm.joint_names)}"
+            )
+        self.sdk("rtde_control")  # here only for the words where it is missing
+        options: UROptions = self.options
+        self._link.open(self.settings.address, self._settings(), options.connect_timeout + READY_TIME)
+        self.add_loop("set-points", options.rate, self._cycle)
+
+    def close(self) -> None:
+        """End the program on the controller and the SDK's process."""
+        self._link.close()
+
+    def heard(self) -> float:
+        """When the controller took the newest reading."""
+        return self._link.heard
+
+    def reported_fault(self) -> Fault | None:
+        """A safety or robot mode, a program that has ended, or a link that is too slow."""
+        report = self._link.pump()
+        if report is None:
+            return None
+        fault = fault_of(report)
+        if fault is not None:
+            return fault
+        late = self._link.late(self.options.longest_delay, LATE_TIME)
+        if late is not None:
+            return Fault(MotionErrorCode.TIMEOUT, f"readings come {late:.2f} s late")
+        return None
+
+    def recover(self) -> None:
+        """Unlock, power on, start the program again."""
+        self._link.call("recover", timeout=READY_TIME)
+
+    def fail(self, fault: Fault) -> None:
+        """A lost controller also loses the SDK, which would connect again of its own accord."""
+        super().fail(fault)
+        if fault.code is MotionErrorCode.DISCONNECTED:
+            self._link.kill()
+
+    def _cycle(self, elapsed: float) -> None:
+        report = self._link.pump()
+        silence = self.clock.now() - self._link.heard
+        if report is not None and fault_of(report) is None and silence < self.limits.watchdog:
+            self._arm.cycle(elapsed)
+
+    def _settings(self) -> dict[str, float]:
+        """For the SDK's process."""
+        options: UROptions = self.options
+        settings = {
+            "rate": options.rate,
+            "lookahead": options.servo_lookahead,
+            "gain": options.servo_gain,
+            "watchdog": 1.0 / options.controller_watchdog,
+            "connect_timeout": options.connect_timeout,
+            "deceleration": 5.0,
+        }
+        if options.payload is not None:
+            settings["payload"] = options.payload
+            settings |= {f"payload_{axis}": at for axis, at in zip("xyz", options.payload_center, strict=True)}
+        return settings

@@ -1,0 +1,153 @@
+"""The pipe to the process that runs ur-rtde: calls, set-points, and how old the newest reading is."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import select
+import subprocess
+import sys
+import threading
+import time
+from multiprocessing.connection import Connection
+from typing import Any
+
+from hal.api import Clock
+from hal.hardware import ConnectionFailedError
+from hal.ur import sdk_process
+from hal.ur.sdk_process import Report
+
+CLOCK_DRIFT = 1e-4
+"""Seconds per second by which the controller's clock may run slower than ours."""
+LEAVE_TIME = 1.0
+
+
+class URLink:
+    """One SDK process at a time. Every method may be called from any thread."""
+
+    def __init__(self, name: str, clock: Clock) -> None:
+        self._name = name
+        self._clock_offset = clock.now() - time.monotonic()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._calls: Connection | None = None
+        self._stream: Connection | None = None
+        self._calling, self._reading = threading.Lock(), threading.Lock()
+        self._report: Report | None = None
+        self._offset = 0.0  # of the controller's clock
+        self._lag = 0.0
+        self._late_since: float | None = None
+
+    def open(self, address: str, settings: dict[str, float], timeout: float) -> None:
+        """Start the process and let it connect; ConnectionFailedError says why it could not."""
+        calls, calls_there = multiprocessing.Pipe()
+        stream, stream_there = multiprocessing.Pipe()
+        numbers = (calls_there.fileno(), stream_there.fileno())
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", sdk_process.__file__, *map(str, numbers)],
+            pass_fds=numbers,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        calls_there.close()
+        stream_there.close()
+        self._calls, self._stream = calls, stream
+        self._arrived = select.poll()
+        self._arrived.register(stream, select.POLLIN)
+        self._report, self._late_since = None, None
+        self.call("open", address, settings, timeout=timeout)
+        deadline = time.monotonic() + 1.0
+        while self.pump() is None:
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{self._name}: the UR controller sends no readings")
+            time.sleep(0.005)
+
+    def call(self, name: str, *arguments: Any, timeout: float) -> Any:
+        """What the SDK's process answers; ConnectionFailedError where it refuses or does not answer in time."""
+        with self._calling:
+            calls = self._calls
+            if calls is None:
+                raise ConnectionFailedError(f"{self._name}: the UR controller is not connected")
+            try:
+                calls.send((name, arguments))
+                if not calls.poll(timeout):
+                    self.kill()  # nobody knows what it would still do
+                    raise ConnectionFailedError(f"{self._name}: the UR controller does not answer within {timeout:g} s")
+                well, result = calls.recv()
+            except (EOFError, OSError) as error:
+                raise ConnectionFailedError(f"{self._name}: the process of the UR's SDK has ended") from error
+        if not well:
+            raise ConnectionFailedError(f"{self._name}: the UR controller refuses: {result}")
+        return result
+
+    def send(self, positions: list[float]) -> None:
+        """One set-point; where the process is gone, the watchdog notices."""
+        stream = self._stream
+        if stream is not None:
+            try:
+                stream.send(positions)
+            except OSError:
+                self._stream = None
+
+    @property
+    def report(self) -> Report | None:
+        """The newest report that ``pump`` has found."""
+        return self._report
+
+    def pump(self) -> Report | None:
+        """Take in what has come; the newest report, None before the first."""
+        with self._reading:
+            stream = self._stream
+            try:
+                newest = None
+                while stream is not None and self._arrived.poll(0):
+                    newest = stream.recv()
+            except (EOFError, OSError):
+                self._stream = None
+            if newest is not None:
+                self._note(Report(*newest))
+            return self._report
+
+    @property
+    def heard(self) -> float:
+        """Time of the clock at which the controller took the newest reading."""
+        report = self.pump()
+        return report.time - self._lag + self._clock_offset if report is not None else -1e9
+
+    def late(self, delay: float, time_limit: float) -> float | None:
+        """By how much readings come late, if that is more than ``delay`` for ``time_limit`` seconds, else None."""
+        if self._lag <= delay:
+            self._late_since = None
+        elif self._late_since is None:
+            self._late_since = time.monotonic()
+        elif time.monotonic() - self._late_since > time_limit:
+            return self._lag
+        return None
+
+    def close(self) -> None:
+        """Let the process bring the arm to rest and end its program, then end it; idempotent, raises nothing."""
+        if self._process is not None:
+            with contextlib.suppress(ConnectionFailedError):  # where it cannot, the controller's watchdog does
+                self.call("leave", timeout=LEAVE_TIME)
+        self.kill()
+
+    def kill(self) -> None:
+        """End the process at once; idempotent."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.wait()
+        for pipe in (self._calls, self._stream):
+            if pipe is not None:
+                pipe.close()
+        self._calls = self._stream = None
+
+    def _note(self, report: Report) -> None:
+        offset = report.time - report.stamp
+        if self._report is None:
+            self._offset = offset
+        else:
+            drifted = self._offset + CLOCK_DRIFT * (report.time - self._report.time)
+            self._offset = min(offset, drifted)
+        self._lag = offset - self._offset
+        self._report = report

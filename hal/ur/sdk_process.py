@@ -1,0 +1,283 @@
+"""The vendor's SDK, unmodified, in a process of its own: run as a script, it imports nothing of ours.
+
+Two threads of ur-rtde decide for themselves: where a connection fails, they connect again and start their program on
+the controller anew, wait without a limit, and write to the standard output. In a process that can be ended at any time
+none of that matters: it ends with its parent, and the controller's own watchdog stops what it has left behind.
+
+Two pipes lead to the parent. Over ``calls`` come ``(name, arguments)``, answered by ``(True, result)`` or
+``(False, words)``. Over ``stream`` come set-points, of which only the latest counts, and go ``Report``s.
+"""
+
+from __future__ import annotations
+
+import os
+import selectors
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple
+
+CONTROL_RATE = 125.0
+"""Hertz at which the SDK's control interface is told the state of its program."""
+KICK_PERIOD = 0.02
+UNLOCK_TIME, POWER_TIME, PROGRAM_TIME = 7.0, 20.0, 5.0
+RUNNING, PLAYING = 7, 2
+VARIABLES = [
+    "timestamp",
+    "actual_q",
+    "actual_qd",
+    "target_moment",
+    "actual_TCP_pose",
+    "actual_digital_input_bits",
+    "actual_digital_output_bits",
+    "robot_mode",
+    "safety_mode",
+    "runtime_state",
+]
+IN_THE_HANDS_OF_PEOPLE = ("EMERGENCY", "SAFEGUARD")
+
+
+class Report(NamedTuple):
+    """What the controller tells. ``time``: when it came, monotonic clock; ``stamp``: the controller's clock; seconds.
+
+    Positions, velocities and the torques that the controller's model wants: (6,) each; rad, rad/s, N m. ``tool_pose``:
+    metres and rotation vector in the controller's base frame. ``busy``: its program is being exchanged. ``moving``: it
+    moves along a path of its own.
+    """
+
+    time: float
+    stamp: float
+    positions: list[float]
+    velocities: list[float]
+    torques: list[float]
+    tool_pose: list[float]
+    digital_inputs: int
+    digital_outputs: int
+    robot_mode: int
+    safety_mode: int
+    runtime_state: int
+    busy: bool
+    moving: bool
+
+
+class RefusedError(Exception):
+    """The controller is not in a state to be commanded."""
+
+
+class SDKProcess:
+    """Serves one parent until it goes."""
+
+    def __init__(self, calls: Connection, stream: Connection) -> None:
+        self._calls, self._stream = calls, stream
+        self._dashboard: Any = None
+        self._receive: Any = None
+        self._control: Any = None
+        self._io: Any = None
+        self._address = ""
+        self._settings: dict[str, float] = {}
+        self._busy = False
+        self._kicked = 0.0
+        self._answers: dict[str, Callable[..., Any]] = {
+            "open": self.open,
+            "recover": self.recover,
+            "leave": self.leave,
+            "set_output": self.set_output,
+            "move_path": self.move_path,
+            "speed_joints": lambda speeds, acceleration, time: self._control.speedJ(speeds, acceleration, time),
+            "speed_tool": lambda twist, acceleration, time: self._control.speedL(twist, acceleration, time),
+            "stop_path": lambda deceleration: self._control.stopJ(deceleration),
+            "stop_speed": lambda deceleration: self._control.speedStop(deceleration),
+        }
+
+    def serve(self) -> None:
+        """Until the parent closes its ends, or dies."""
+        selector = selectors.DefaultSelector()
+        selector.register(self._calls, selectors.EVENT_READ)
+        selector.register(self._stream, selectors.EVENT_READ)
+        try:
+            while True:
+                ready = {key.fileobj for key, _ in selector.select(KICK_PERIOD / 2)}
+                if self._stream in ready:
+                    self._follow()
+                if self._calls in ready:
+                    self._answer(*self._calls.recv())
+                if self._control is not None and time.monotonic() - self._kicked > KICK_PERIOD:
+                    self._control.kickWatchdog()
+                    self._kicked = time.monotonic()
+        except (EOFError, OSError):
+            self._go()
+
+    # What the parent asks for
+
+    def open(self, address: str, settings: dict[str, float]) -> None:
+        """Connect, make the controller ready, start the SDK's program on it."""
+        from dashboard_client import DashboardClient
+        from rtde_control import RTDEControlInterface
+        from rtde_receive import RTDEReceiveInterface
+
+        self._address, self._settings = address, settings
+        self._dashboard = DashboardClient(address)
+        self._dashboard.connect(int(1000 * settings["connect_timeout"]))
+        self._make_ready()
+        self._receive = RTDEReceiveInterface(address, settings["rate"], VARIABLES)
+        self._control = RTDEControlInterface(address, CONTROL_RATE, RTDEControlInterface.FLAG_UPLOAD_SCRIPT)
+        self._set_up()
+        threading.Thread(target=self._report, name="reports", daemon=True).start()
+
+    def recover(self) -> None:
+        """Clear what can be cleared, and start the program anew where it has ended."""
+        self._make_ready()
+        if not self._control.isProgramRunning():
+            self._control.reuploadScript()
+            self._await(self._control.isProgramRunning, PROGRAM_TIME, "its program does not start")
+        self._set_up()
+
+    def leave(self) -> None:
+        """End set-points and the program."""
+        control, self._control = self._control, None
+        if control is not None and control.isProgramRunning():
+            control.servoStop(self._settings["deceleration"])
+            control.stopScript()
+
+    def set_output(self, kind: str, number: int, on: bool) -> bool:
+        """Switch a digital output: ``standard``, ``configurable`` or ``tool``."""
+        if self._io is None:
+            from rtde_io import RTDEIOInterface
+
+            self._io = RTDEIOInterface(self._address)
+        setters = {
+            "standard": self._io.setStandardDigitalOut,
+            "configurable": self._io.setConfigurableDigitalOut,
+            "tool": self._io.setToolDigitalOut,
+        }
+        return bool(setters[kind](number, on))
+
+    def move_path(self, path: list[list[float]]) -> bool:
+        """Rows of positions (6,), speed, acceleration, blend radius; the SDK writes them into its program."""
+        self._busy = True
+        try:
+            self._control.servoStop(self._settings["deceleration"])
+            begun = bool(self._control.moveJ(path, True))
+            self._control.setWatchdog(self._settings["watchdog"])
+        finally:
+            self._busy = False
+        return begun
+
+    # Private
+
+    def _follow(self) -> None:
+        target = self._stream.recv()
+        while self._stream.poll():
+            target = self._stream.recv()
+        settings = self._settings
+        self._control.servoJ(target, 0.0, 0.0, 1.0 / settings["rate"], settings["lookahead"], settings["gain"])
+        self._kicked = time.monotonic()
+
+    def _answer(self, name: str, arguments: tuple[Any, ...]) -> None:
+        try:
+            result = self._answers[name](*arguments)
+        except Exception as error:  # noqa: BLE001 - the parent is to hear of it
+            words = str(error).replace(self._address, "its address") if self._address else str(error)
+            self._calls.send((False, words))
+        else:
+            self._calls.send((True, result))
+
+    def _make_ready(self) -> None:
+        dashboard = self._dashboard
+        if not dashboard.isInRemoteControl():
+            raise RefusedError("remote control is off; switch it on at the teach pendant")
+        safety = dashboard.safetymode()
+        if any(word in safety for word in IN_THE_HANDS_OF_PEOPLE):
+            raise RefusedError(f"it has to be released at the robot: {safety}")
+        if "PROTECTIVE" in safety:
+            dashboard.closeSafetyPopup()
+            self._await(self._unlocked, UNLOCK_TIME, "the protective stop cannot be unlocked")
+        elif "VIOLATION" in safety or "FAULT" in safety:
+            dashboard.closeSafetyPopup()
+            dashboard.restartSafety()
+        self._await(self._powered, POWER_TIME, "the arm does not become ready")
+
+    def _unlocked(self) -> bool:
+        try:
+            self._dashboard.unlockProtectiveStop()
+        except Exception:  # noqa: BLE001 - it refuses for the first seconds, in words only
+            return False
+        return True
+
+    def _powered(self) -> bool:
+        mode = self._dashboard.robotmode()
+        if "RUNNING" in mode:
+            return True
+        if "POWER_OFF" in mode:
+            self._dashboard.powerOn()
+        elif "IDLE" in mode:
+            self._dashboard.brakeRelease()
+        return False
+
+    def _set_up(self) -> None:
+        settings = self._settings
+        if "payload" in settings:
+            center = [settings[f"payload_{axis}"] for axis in "xyz"]
+            self._control.setPayload(settings["payload"], center)
+        if not self._control.setWatchdog(settings["watchdog"]):
+            raise RefusedError("it does not take the watchdog")
+        self._await(self._playing, PROGRAM_TIME, "it tells of no program")
+
+    def _playing(self) -> bool:
+        receive = self._receive
+        return bool(receive.getRuntimeState() == PLAYING and receive.getRobotMode() == RUNNING)
+
+    @staticmethod
+    def _await(done: Callable[[], bool], limit: float, otherwise: str) -> None:
+        deadline = time.monotonic() + limit
+        while not done():
+            if time.monotonic() > deadline:
+                raise RefusedError(otherwise)
+            time.sleep(0.05)
+
+    def _report(self) -> None:
+        receive, period, last = self._receive, 1.0 / self._settings["rate"], -1.0
+        try:
+            while True:
+                time.sleep(period)
+                stamp = receive.getTimestamp()
+                if stamp != last:
+                    last = stamp
+                    report = Report(
+                        time.monotonic(),
+                        stamp,
+                        receive.getActualQ(),
+                        receive.getActualQd(),
+                        receive.getTargetMoment(),
+                        receive.getActualTCPPose(),
+                        receive.getActualDigitalInputBits(),
+                        receive.getActualDigitalOutputBits(),
+                        receive.getRobotMode(),
+                        receive.getSafetyMode(),
+                        receive.getRuntimeState(),
+                        self._busy,
+                        self._moves(),
+                    )
+                    self._stream.send(tuple(report))
+        except OSError:
+            return  # the parent is gone; the main thread ends the process
+
+    def _moves(self) -> bool:
+        control = self._control
+        return control is not None and bool(control.getAsyncOperationProgressEx().isAsyncOperationRunning())
+
+    def _go(self) -> None:
+        """The parent is gone: bring the arm to rest if the controller answers, and end in any case."""
+        threading.Timer(1.0, os._exit, (1,)).start()
+        try:
+            self.leave()
+        finally:
+            os._exit(0)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
+    SDKProcess(Connection(int(sys.argv[1])), Connection(int(sys.argv[2]))).serve()
