@@ -80,7 +80,8 @@ class SwingingHand:
 
     ``pivot``: (y, z) of a finger's axis at the palm, ``tip``: (y, z) of its pad's axis beyond that, both for the left
     finger pointing straight ahead. ``pad``: extents of the pad, ``pad_face``: how far inside the pad's axis its face
-    lies. ``finger_mesh``, ``tip_mesh``: what is drawn, ``PACKAGE:FILE``, x leaving the hand and y to the left.
+    lies. ``finger_mesh``, ``tip_mesh``: what is drawn instead of boxes, ``PACKAGE:FILE``, x leaving the hand and y to
+    the left.
     """
 
     palm: Size3
@@ -90,8 +91,8 @@ class SwingingHand:
     finger_mass: Mass
     pad: Size3
     pad_face: Length
-    finger_mesh: str
-    tip_mesh: str
+    finger_mesh: str | None = None
+    tip_mesh: str | None = None
     color: Color = (0.70, 0.70, 0.72)
 
 
@@ -120,8 +121,13 @@ def swinging_hand(name: str, d: SwingingHand) -> Subtree:
         middle_of_bar = (0.0, sign * d.tip[0] / 2, d.tip[1] / 2)
         at_pad = (0.0, sign * (d.pad[1] / 2 - d.pad_face), d.pad[2] / 2)
         drawn = {
-            key: mesh_visual(str(locate_urdf(mesh, Path())), rpy=turn, rgba=(*d.color, 1), material=f"{name}_{key}")
-            for key, mesh in (("finger", d.finger_mesh), ("tip", d.tip_mesh))
+            key: shape("visual", Box(size), xyz, rpy, (*d.color, 1), material=f"{name}_{key}")
+            if mesh is None
+            else mesh_visual(str(locate_urdf(mesh, Path())), rpy=turn, rgba=(*d.color, 1), material=f"{name}_{key}")
+            for key, mesh, size, xyz, rpy in (
+                ("finger", d.finger_mesh, bar, middle_of_bar, (lean, 0.0, 0.0)),
+                ("tip", d.tip_mesh, d.pad, at_pad, (0.0, 0.0, 0.0)),
+            )
         }
         elements += [
             link(

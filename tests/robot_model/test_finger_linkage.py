@@ -9,7 +9,7 @@ import pytest
 from bestman_bt.robot_model import GripperModel, MimicJoint, RobotModel, combine
 from bestman_bt.robot_model.finger_linkage import all_positions
 
-HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper")
+HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "robotiq_2f85")
 
 
 @pytest.fixture(scope="module", params=HANDS)
