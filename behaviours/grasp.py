@@ -285,7 +285,16 @@ def _from_the_open_side(
         inwards = np.array([0.0, 0.0, -1.0])
     else:
         inwards = skills.map_from_base.inverse().rotation @ furniture.pose.to_pose().rotation[:, 0]
-    return tuple(one for one in candidates if float(one.grasp.rotation[:, 2] @ inwards) > OBLIQUE)
+    straight = tuple(one for one in candidates if float(one.grasp.rotation[:, 2] @ inwards) > OBLIQUE)
+    return straight if surface.leaf is not None else _camera_above(skills, straight)
+
+
+def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) -> tuple[GraspCandidate, ...]:
+    """Those with the camera of the hand above it: below, it touches what the object is put down on later."""
+    if skills.wrist_camera is None:
+        return candidates
+    tool_from_camera = skills.base_from_tool().inverse() @ skills.wrist_camera.base_from_camera()
+    return tuple(one for one in candidates if (one.grasp @ tool_from_camera).position[2] > one.grasp.position[2])
 
 
 def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:

@@ -32,8 +32,8 @@ class ModelBasedParameters:
     """Metres and radians.
 
     ``yaw_step``: between grasps around an axis of revolution. ``sides``: also propose grasps from the side.
-    ``room_below``: height of a hand from the side above the support, where the object is that tall: a camera on the
-    hand and the wrist behind it reach below it when the object is put down again.
+    ``room_below``: height of a hand from the side above the support, where the object is that tall: the wrist
+    behind it reaches below it when the object is put down again.
     ``spacing``: of the samples that the hand must not touch. ``max_candidates``: how many are returned.
     ``surroundings_clearance``: between open hand and ``GraspTarget.surroundings``, at least.
     ``antipodal_count``: grasps to find on a model that brings none. ``max_tilt``: of their approach from straight down;
@@ -42,7 +42,7 @@ class ModelBasedParameters:
 
     yaw_step: float = math.radians(30.0)
     sides: bool = True
-    room_below: float = 0.085
+    room_below: float = 0.07
     spacing: float = 0.006
     max_candidates: int = 120
     surroundings_clearance: float = 0.004
