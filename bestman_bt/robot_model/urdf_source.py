@@ -183,8 +183,8 @@ def locate_mesh(filename: str, urdf: Path, packages: Sequence[Path] = ()) -> Pat
         if file.is_file():
             return file
         raise UrdfError(f"{urdf.name}: no such mesh: {filename}")
-    above = urdf.resolve().parents
-    folders = [*packages, *above, *_ros_folders()] if separator else [urdf.resolve().parent, *packages, *above]
+    above = urdf.absolute().parents
+    folders = [*packages, *above, *_ros_folders()] if separator else [above[0], *packages, *above]
     names = [relative, relative.partition("/")[2]] if separator else [relative]
     for name in filter(None, names):
         for folder in folders:
