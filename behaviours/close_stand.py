@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.closing import BEFORE, Push, pushes
 from behaviours.leaf import Leaf, find_leaf
-from behaviours.leaf_stand import SAME_STAND, room_beside, stands_along_leaf
+from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.kinematics import StandAlong, stands_around
 from bestman_bt.messages import Pose2D
@@ -48,23 +48,16 @@ class FindCloseStand(Skill):
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
     def _rank(self, leaf: Leaf) -> Sequence[StandAlong]:
+        return find_stands(self.skills, leaf, self._ways(leaf))
+
+    def _ways(self, leaf: Leaf) -> Iterator[LeafWay]:
         skills = self.skills
         is_base_free = None
         for push in pushes(skills, leaf):
             positions = push.positions()
             is_base_free = is_base_free or room_beside(skills, leaf, positions)
-            found = stands_along_leaf(
-                skills,
-                leaf,
-                [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)],
-                [push.stations(BEFORE)[0], *push.stations()],
-                positions,
-                "fingers",
-                skip=1,
-            )
-            if found:
-                return sorted(found, key=lambda stand: -stand.score)
-        return []
+            stands = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
+            yield LeafWay(stands, [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
 
     def _is_new(self, stand: Pose2D) -> bool:
         return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,18 +11,26 @@ from numpy.typing import NDArray
 from behaviours.context import SkillContext
 from behaviours.leaf import Leaf, Touching, free_along
 from bestman_bt.manipulation.kinematics import (
+    DampedLeastSquares,
+    ReachabilityMap,
     StandAlong,
     StandAlongParameters,
     Stations,
     body_between,
+    promising_stands,
     rank_stand_poses_along,
+    reachability_map,
 )
 from bestman_bt.messages import Box, Pose2D
 
 BASE_GAP = 0.05
 """Metres that the robot's body keeps from where the leaf passes."""
 SAME_STAND = 0.05
-STANDS = StandAlongParameters(enough=2, most=24, starts=3)
+STANDS = StandAlongParameters(enough=2, starts=3)
+BATCHES = (slice(0, 6), slice(6, 18))
+"""Which of the most promising stands are looked at for all ways first, and then, where none is good."""
+ROOM = 0.05
+"""Share of half their ranges that the joints keep on a way that is good enough to look no further."""
 ACROSS = np.linspace(-0.5, 0.5, 9)
 """Places on a front, as shares of its width, that stand for all of it."""
 
@@ -59,28 +68,66 @@ def swept_by(leaf: Leaf, positions: Sequence[float]) -> NDArray[np.float64]:
     return np.concatenate([leaf.front(position).apply(across)[:, :2] for position in positions])
 
 
+@dataclass(frozen=True, eq=False)
+class LeafWay:
+    """One way to move a leaf: from one of ``stands`` the arm would follow ``stations``, both in the map frame.
+
+    ``positions``: where the leaf is meanwhile. ``touching``, ``skip``: as in ``free_along``.
+    """
+
+    stands: Sequence[Pose2D]
+    stations: Stations
+    positions: Sequence[float]
+    touching: Touching
+    skip: int = 0
+
+
+def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> list[StandAlong]:
+    """Stands from which the arm follows the whole of one of ``ways``, best first; empty if there is none.
+
+    The arm's reachability map says which stands are looked at, so that few paths are searched in vain.
+    """
+    kinematics, current = skills.algorithms.kinematics, skills.world.base.pose
+    reachability = _reachability(skills)
+    found: list[StandAlong] = []
+    promising: list[LeafWay] = []
+    for batch in BATCHES:
+        for way in promising or ways:
+            if batch is BATCHES[0]:
+                stands = way.stands
+                if reachability is not None:
+                    stands = promising_stands(stands, way.stations, kinematics, reachability, current)
+                way = replace(way, stands=stands)
+                promising.append(way)
+            found += stands_along_leaf(skills, leaf, replace(way, stands=way.stands[batch]), reachability)
+            if any(stand.arc.margin >= ROOM for stand in found):
+                return sorted(found, key=lambda stand: -stand.score)
+    return sorted(found, key=lambda stand: -stand.score)
+
+
 def stands_along_leaf(
     skills: SkillContext,
     leaf: Leaf,
-    candidates: Sequence[Pose2D],
-    stations: Stations,
-    positions: Sequence[float],
-    touching: Touching,
-    skip: int = 0,
+    way: LeafWay,
+    reachability: ReachabilityMap | None = None,
     parameters: StandAlongParameters = STANDS,
 ) -> tuple[StandAlong, ...]:
-    """Stands, best first, from which the arm follows all ``stations`` (map frame) while the leaf is at ``positions``.
-
-    ``touching``, ``skip``: as in ``free_along``.
-    """
+    """Of the stands of ``way`` those, best first, from which the arm follows it while the leaf moves."""
     return rank_stand_poses_along(
-        candidates,
-        stations,
+        way.stands,
+        way.stations,
         skills.algorithms.kinematics,
         skills.arm_model,
         skills.arm_positions(),
         skills.rng,
-        is_free_at=lambda stand: free_along(skills, leaf, positions, touching, stand, skip),
+        reachability,
+        is_free_at=lambda stand: free_along(skills, leaf, way.positions, way.touching, stand, way.skip),
         current=skills.world.base.pose,
         parameters=parameters,
     )
+
+
+def _reachability(skills: SkillContext) -> ReachabilityMap | None:
+    """The arm's map, from the disk; None where the kinematics in use has none."""
+    kinematics = skills.algorithms.kinematics
+    return reachability_map(kinematics) if isinstance(kinematics, DampedLeastSquares) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.handle_pull import pull_grasps
 from behaviours.leaf import find_leaf
-from behaviours.leaf_stand import SAME_STAND, room_beside, stands_along_leaf
+from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.opening import Opening, before, plan_opening, stations
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.kinematics import StandAlong, stands_around
@@ -96,12 +96,15 @@ class FindOpenStand(Skill):
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
     def _rank(self, opening: Opening, belief: HandleBelief) -> Sequence[StandAlong]:
-        """For one grasp after another, until there are stands."""
+        """For all grasps."""
+        return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
+
+    def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafWay]:
         skills = self.skills
         position, outward = opening.handle.pose.position, opening.handle.outward
         front = math.atan2(outward[1], outward[0])
         is_base_free = room_beside(skills, opening.leaf, opening.positions())
-        candidates = [
+        stands = [
             stand
             for stand in stands_around(position[:2], DISTANCES, [front + bearing for bearing in BEARINGS], TURNS)
             if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried) and is_base_free(stand)
@@ -110,9 +113,4 @@ class FindOpenStand(Skill):
             grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
             tilts = opening.tilts(grasp)
             way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
-            found = stands_along_leaf(
-                skills, opening.leaf, candidates, way, opening.positions(), opening.touching, skip=1
-            )
-            if found:
-                return sorted(found, key=lambda stand: -stand.score)
-        return []
+            yield LeafWay(stands, way, opening.positions(), opening.touching, skip=1)

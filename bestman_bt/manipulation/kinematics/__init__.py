@@ -23,6 +23,7 @@ from bestman_bt.manipulation.kinematics.reachability_map import (
 from bestman_bt.manipulation.kinematics.stand_along import (
     StandAlong,
     StandAlongParameters,
+    promising_stands,
     rank_stand_poses_along,
     stands_around,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "build_reachability_map",
     "cartesian_path",
     "link_hulls",
+    "promising_stands",
     "rank_stand_poses",
     "rank_stand_poses_along",
     "reachability_map",

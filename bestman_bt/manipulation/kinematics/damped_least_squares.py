@@ -39,7 +39,7 @@ class DampedLeastSquaresParameters:
     ``limit_margin``: rad kept from the joint limits. ``attempts``: start positions: the reference, then
     ``near_attempts`` within ``near_std`` rad of it, then anywhere. ``distinct``: rad by which two solutions differ in
     at least one joint. ``track_step``: rad that a joint may move in one ``track``. ``patience``: iterations without
-    a new smallest error after which an attempt ends.
+    a new smallest error after which an attempt ends; ``track_patience``: the same where the solution is near.
     """
 
     tolerance: float = 2e-5
@@ -54,6 +54,7 @@ class DampedLeastSquaresParameters:
     near_std: float = 0.6
     distinct: float = 0.2
     track_step: float = 0.3
+    track_patience: int = 6
 
     def __post_init__(self) -> None:
         for name in ("max_iterations", "attempts"):
@@ -190,7 +191,11 @@ class DampedLeastSquares(InverseKinematics):
         lower, upper = self._bounds
         # A start inside the margin must not jump out of it.
         q, reached = self._descend(
-            self._target(base_from_tool), origin, np.minimum(lower, origin), np.maximum(upper, origin)
+            self._target(base_from_tool),
+            origin,
+            np.minimum(lower, origin),
+            np.maximum(upper, origin),
+            self.parameters.track_patience,
         )
         return q if reached and np.abs(q - origin).max() <= self.parameters.track_step else None
 
@@ -200,9 +205,10 @@ class DampedLeastSquares(InverseKinematics):
         start: NDArray[np.float64],
         lower: NDArray[np.float64],
         upper: NDArray[np.float64],
+        patience: int | None = None,
     ) -> tuple[NDArray[np.float64], bool]:
         model, data, tool, parameters = self._model, self._data, self._tool, self.parameters
-        identity = np.eye(6)
+        identity, patience = np.eye(6), parameters.patience if patience is None else patience
         q, best, since_best = start, np.inf, 0
         for _ in range(parameters.max_iterations):
             pinocchio.forwardKinematics(model, data, self._to_model(q))
@@ -215,7 +221,7 @@ class DampedLeastSquares(InverseKinematics):
                 best, since_best = size, 0
             else:
                 since_best += 1
-                if since_best > parameters.patience:
+                if since_best > patience:
                     break
             jacobian = pinocchio.computeFrameJacobian(model, data, self._to_model(q), tool, pinocchio.LOCAL)
             jacobian = pinocchio.Jlog6(tool_from_target.inverse()) @ jacobian

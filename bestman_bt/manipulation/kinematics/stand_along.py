@@ -109,8 +109,7 @@ def rank_stand_poses_along(
     check_stations(stations)
     parameters = parameters or StandAlongParameters()
     origin = joint_vector(reference, len(kinematics.joint_names), "reference")
-    promise = _promises(candidates, stations, kinematics, reachability)
-    promise -= [_travel(stand, current, parameters) for stand in candidates]
+    promise = _promises(candidates, stations, kinematics, reachability, current, parameters)
     found: list[StandAlong] = []
     tried, complete = 0, 0
     for index in np.argsort(-promise, kind="stable"):
@@ -132,16 +131,35 @@ def rank_stand_poses_along(
     return tuple(sorted(found, key=lambda stand: (-stand.arc.complete, -stand.score)))
 
 
+def promising_stands(
+    candidates: Sequence[Pose2D],
+    stations: Stations,
+    kinematics: InverseKinematics,
+    reachability: ReachabilityMap,
+    current: Pose2D | None = None,
+    parameters: StandAlongParameters | None = None,
+) -> tuple[Pose2D, ...]:
+    """Those of ``candidates`` from which all ``stations`` (poses in the map frame) are in reach, most likely first."""
+    check_stations(stations)
+    promise = _promises(candidates, stations, kinematics, reachability, current, parameters or StandAlongParameters())
+    order = np.argsort(-promise, kind="stable")
+    return tuple(candidates[index] for index in order if np.isfinite(promise[index]))
+
+
 def _promises(
     candidates: Sequence[Pose2D],
     stations: Stations,
     kinematics: InverseKinematics,
     reachability: ReachabilityMap | None,
+    current: Pose2D | None,
+    parameters: StandAlongParameters,
 ) -> NDArray[np.float64]:
-    """How likely each stand is: -inf where a station is out of reach; else of the worst station its best pose."""
+    """How likely each stand is: -inf where a station is out of reach.
+
+    The worst station of the best way through them, on which the hand turns from place to neighbouring place.
+    """
     shoulder, reach = kinematics.reach
     sizes = [len(poses) for poses in stations]
-    starts = np.cumsum([0, *sizes[:-1]])
     positions = np.array([pose.position for poses in stations for pose in poses])
     approaches = np.array([pose.rotation[:, 2] for poses in stations for pose in poses])
     promises = np.empty(len(candidates))
@@ -154,9 +172,21 @@ def _promises(
         else:
             likely = reachability.score(local, approaches @ base_from_map.rotation.T)
         likely = np.where(distances <= 1.0, likely, -np.inf)
-        per_station = np.maximum.reduceat(likely, starts)
-        promises[i] = 0.5 * (per_station.min() + per_station.mean())
+        promises[i] = _widest_way(np.split(likely, np.cumsum(sizes)[:-1])) - _travel(stand, current, parameters)
     return promises
+
+
+def _widest_way(likely: Sequence[NDArray[np.float64]]) -> float:
+    """The largest minimum along a way through all stations (the widest path), from a place to the same or the next."""
+    best = likely[0]
+    for station in likely[1:]:
+        if len(station) == len(best):
+            around = np.pad(best, 1, constant_values=-np.inf)
+            best = np.maximum(np.maximum(around[:-2], around[2:]), best)
+        else:
+            best = np.full(len(station), best.max())
+        best = np.minimum(best, station)
+    return float(best.max())
 
 
 def _travel(stand: Pose2D, current: Pose2D | None, parameters: StandAlongParameters) -> float:
