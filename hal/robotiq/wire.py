@@ -11,8 +11,6 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
-from hal.hardware import ConnectionFailedError
-
 URCAP_PORT, MODBUS_PORT = 63352, 502
 ACTIVATE, GO = 1 << 0, 1 << 3
 
@@ -181,7 +179,9 @@ class ModbusWire(RobotiqWire):
 
     def status(self) -> RobotiqStatus:
         """One read of three registers."""
-        answer = self._ask(lambda client: client.read_input_registers(self._status_register, count=3, device_id=self._device))
+        answer = self._ask(
+            lambda client: client.read_input_registers(self._status_register, count=3, device_id=self._device)
+        )
         state, (fault, echo) = answer.registers[0] >> 8, divmod(answer.registers[1], 256)
         return RobotiqStatus(state >> 4 & 3, state >> 6 & 3, fault & 15, echo, answer.registers[2] >> 8)
 
@@ -220,8 +220,3 @@ class ModbusWire(RobotiqWire):
         if answer.isError():
             raise OSError(f"the gripper refused a Modbus request: {answer}")
         return answer
-
-
-def refused(name: str, error: OSError) -> ConnectionFailedError:
-    """The error for a gripper that cannot be reached; the address stays out of it."""
-    return ConnectionFailedError(f"{name}: the Robotiq gripper does not answer ({type(error).__name__})")

@@ -21,7 +21,10 @@ OUTPUT_RECIPE = 1
 
 
 class RtdeSession:
-    """One client, until it goes. ``read``: all output fields now; ``write(due, values)``: inputs, to apply when due."""
+    """One client, until it goes. ``read``: all output fields now; ``write(due, values)``: inputs, to apply when due.
+
+    ``owners``: input field → the session that has set it up, shared by all sessions: a field has one writer.
+    """
 
     def __init__(
         self,
@@ -29,8 +32,10 @@ class RtdeSession:
         faults: Faults,
         read: Callable[[], Mapping[str, Any]],
         write: Callable[[float, Mapping[str, Any]], None],
+        owners: dict[str, RtdeSession],
     ) -> None:
         self._client, self._faults, self._read, self._write = client, faults, read, write
+        self._owners = owners
         self._inputs: dict[int, Recipe] = {}
         self._output: Recipe | None = None
         self._rate = 125.0
@@ -50,6 +55,8 @@ class RtdeSession:
                     self._answer(command, payload)
         finally:
             self._streaming.clear()
+            for name in [name for name, owner in self._owners.items() if owner is self]:
+                del self._owners[name]
 
     def _answer(self, command: int, payload: bytes) -> None:
         if command == DATA:
@@ -66,10 +73,12 @@ class RtdeSession:
             self._send(command, bytes([OUTPUT_RECIPE]) + ",".join(self._output.types).encode())
         elif command == SETUP_INPUTS:
             recipe = Recipe(_names(payload))
-            number = len(self._inputs) + 1 if recipe.known else 0
+            taken = [self._owners.setdefault(name, self) is not self for name in recipe.names]
+            number = len(self._inputs) + 1 if recipe.known and not any(taken) else 0
             if number:
                 self._inputs[number] = recipe
-            self._send(command, bytes([number]) + ",".join(recipe.types).encode())
+            types = ("IN_USE" if used else kind for used, kind in zip(taken, recipe.types, strict=True))
+            self._send(command, bytes([number]) + ",".join(types).encode())
         elif command == START:
             ready = self._output is not None and self._output.known
             self._send(command, bytes([ready]))

@@ -26,6 +26,7 @@ class URTwin:
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         arm_name = next(name for name in connection.parts if name in model.arms)
         self._servers: list[TcpServer] = []
+        self._owners: dict[str, RtdeSession] = {}
         attendants = {DASHBOARD: self._attend_dashboard, SCRIPT: self._attend_script, RTDE: self._attend_rtde}
         try:
             for port, attend in attendants.items():
@@ -60,7 +61,7 @@ class URTwin:
             server.close()
 
     def _attend_rtde(self, client: socket.socket) -> None:
-        RtdeSession(client, self.faults, self.controller.read, self.controller.write).serve()
+        RtdeSession(client, self.faults, self.controller.read, self.controller.write, self._owners).serve()
 
     def _attend_script(self, client: socket.socket) -> None:
         """A program is complete with an ``end`` at the beginning of a line."""

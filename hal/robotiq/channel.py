@@ -1,0 +1,123 @@
+"""A Robotiq 2F gripper as a channel: metres and newtons on one side, its own numbers on the other."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+
+from bestman_bt.robot_model import GripperModel
+from hal.api import Clock, NoDataError
+from hal.hardware import ConnectionFailedError, Fault, GripperChannel, GripperReading
+from hal.robotiq.faults import fault_of
+from hal.robotiq.options import RobotiqOptions
+from hal.robotiq.wire import RobotiqStatus, RobotiqWire
+
+Answer = TypeVar("Answer")
+ACTIVE = 3
+STOPPED_BY_OBJECT = frozenset({1, 2})
+ACTIVATION_TIME = 10.0
+
+
+class RobotiqChannel(GripperChannel):
+    """Speaks over a wire that is open; what is not answered closes it, because later replies would be out of step."""
+
+    def __init__(self, name: str, model: GripperModel, options: RobotiqOptions, clock: Clock) -> None:
+        self._name, self._model, self._options, self._clock = name, model, options, clock
+        self._speaking = threading.Lock()
+        self._wire: RobotiqWire | None = None
+        self._status: RobotiqStatus | None = None
+        self._asked: int | None = None
+        self.heard = 0.0
+
+    def open(self, wire: RobotiqWire) -> None:
+        """Connect and activate; ConnectionFailedError, without the address."""
+        self._wire, self._status = wire, None
+        try:
+            wire.open()
+        except OSError as error:
+            why = type(error).__name__
+            raise ConnectionFailedError(f"{self._name}: the Robotiq gripper cannot be reached ({why})") from None
+        self.activate()
+
+    def close(self) -> None:
+        """Close the wire; what is held stays held. Idempotent."""
+        wire, self._wire = self._wire, None
+        if wire is not None:
+            wire.close()
+
+    def activate(self) -> None:
+        """Activate the gripper unless it is active and well."""
+        self._asked = None
+        deadline = time.monotonic() + ACTIVATION_TIME
+        if not self._ready():
+            self._exchange(lambda wire: wire.reset())
+            self._exchange(lambda wire: wire.activate())
+        while not self._ready():
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not become active")
+            time.sleep(0.05)
+
+    def refresh(self) -> None:
+        """One round trip for the status; what is not answered leaves the last one."""
+        status = self._exchange(lambda wire: wire.status())
+        if status is not None:
+            self._status = status
+
+    @property
+    def fault(self) -> Fault | None:
+        """What the gripper reports."""
+        return fault_of(self._status.fault) if self._status is not None else None
+
+    def read(self) -> GripperReading:
+        """The width, and whether an object stopped the fingers on the way that they were last sent."""
+        status = self._status
+        if status is None:
+            raise NoDataError(f"{self._name}: the Robotiq gripper has told nothing yet")
+        options, model = self._options, self._model
+        share = (status.position - options.open_position) / (options.closed_position - options.open_position)
+        width = model.max_width - share * (model.max_width - model.min_width)
+        held = status.object in STOPPED_BY_OBJECT and status.echo == self._asked
+        return GripperReading(float(np.clip(width, model.min_width, model.max_width)), held)
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        """Go to a width."""
+        options, model = self._options, self._model
+        share = (model.max_width - width) / (model.max_width - model.min_width)
+        position = round(options.open_position + share * (options.closed_position - options.open_position))
+        speed_byte = _byte(speed, options.least_speed, model.max_speed)
+        force_byte = _byte(force, options.least_force, model.max_force)
+        self._asked = position
+        self._exchange(lambda wire: wire.go(position, speed_byte, force_byte))
+        self.refresh()
+
+    def halt(self) -> None:
+        """Stay where the fingers are."""
+        self._exchange(lambda wire: wire.halt())
+
+    def _ready(self) -> bool:
+        self.refresh()
+        if self._status is None:
+            raise ConnectionFailedError(f"{self._name}: the Robotiq gripper does not answer")
+        return self._status.activation == ACTIVE and self.fault is None
+
+    def _exchange(self, exchange: Callable[[RobotiqWire], Answer]) -> Answer | None:
+        with self._speaking:
+            wire = self._wire
+            if wire is None:
+                return None
+            try:
+                answer = exchange(wire)
+            except OSError:
+                wire.close()
+                return None
+            self.heard = self._clock.now()
+            return answer
+
+
+def _byte(value: float, least: float, most: float) -> int:
+    """A value within [least, most] as 0 to 255."""
+    return round(255.0 * float(np.clip((value - least) / max(most - least, 1e-9), 0.0, 1.0)))

@@ -1,0 +1,158 @@
+"""What goes wrong with a UR stops the robot in time, says why with the vendor's number, and can be cleared."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.twins import TwinProcess
+
+CONTROLLER = "arm_controller"
+SLACK = 0.15
+"""Seconds that a test gives on top of what is promised, because the machine is shared."""
+
+
+def swing(robot: HardwareRobot) -> Motion:
+    """A slow motion of the arm that is well under way."""
+    arm = robot.part("arm", Arm)
+    here = arm.positions()
+    motion = arm.move_to(here + np.array([0.8 if here[0] < 0 else -0.8, 0, 0, 0, 0, 0]), 0.1)
+    robot.clock.sleep(0.4)
+    assert not motion.done, motion.error
+    return motion
+
+
+def ended(robot: HardwareRobot, motion: Motion, limit: float) -> None:
+    start = time.monotonic()
+    while not motion.done:
+        assert time.monotonic() < start + limit + SLACK, f"the motion still runs after {limit} s"
+        robot.clock.sleep(0.005)
+
+
+def works_again(robot: HardwareRobot) -> None:
+    robot.clear_stop()
+    motion = swing(robot)
+    motion.cancel()
+    robot.clock.sleep(0.5)
+
+
+CLIENT = """
+import sys, time
+from bestman_bt.robot_model import load_robot_model
+from hal.api import Arm
+from hal.hardware import HardwareRobot
+addresses = {f"connections.{name}.address": at for name, at in zip(sys.argv[2::2], sys.argv[3::2])}
+robot = HardwareRobot(load_robot_model(sys.argv[1], addresses))
+robot.connect()
+arm = robot.part("arm", Arm)
+arm.move_to(arm.positions() + [1.5 if arm.positions()[0] < 0 else -1.5, 0, 0, 0, 0, 0], 0.2)
+time.sleep(0.6)
+print(robot.connections["arm_controller"]._link._process.pid, flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("sdk_too", [False, True], ids=["the client", "the client and the SDK's process"])
+def test_whoever_is_killed_the_arm_comes_to_rest(twin: TwinProcess, sdk_too: bool) -> None:
+    robot_file = str(Path(__file__).parent / "ur5_on_a_base.yaml")
+    addresses = [word for pair in twin.addresses.items() for word in pair]
+    with subprocess.Popen(
+        [sys.executable, "-c", CLIENT, robot_file, *addresses], stdout=subprocess.PIPE, text=True
+    ) as client:
+        assert client.stdout is not None
+        sdk = int(client.stdout.readline())
+        moving = twin.judge("joints", "arm")["velocities"]
+        if sdk_too:
+            os.kill(sdk, signal.SIGKILL)
+        client.send_signal(signal.SIGKILL)
+        client.wait()
+        time.sleep(0.3)
+        after = twin.judge("joints", "arm")
+        time.sleep(0.3)
+        later = twin.judge("joints", "arm")
+    assert abs(moving[0]) > 0.1
+    assert np.max(np.abs(after["velocities"])) < 0.01
+    assert np.max(np.abs(np.subtract(later["positions"], after["positions"]))) < 1e-3
+    deadline = time.monotonic() + 3.0
+    while Path(f"/proc/{sdk}").exists():
+        assert time.monotonic() < deadline, "the SDK's process goes on"
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "number"),
+    [
+        ("protective_stop", MotionErrorCode.COLLISION, "safety mode 3"),
+        ("joint_limit", MotionErrorCode.FAULT, "safety mode 8"),
+        ("program_stop", MotionErrorCode.FAULT, "runtime state 1"),
+    ],
+)
+def test_a_stop_of_the_controller_fails_the_motion_with_its_number_and_stops_the_robot(
+    robot: HardwareRobot, twin: TwinProcess, fault: str, code: MotionErrorCode, number: str
+) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, fault)
+    ended(robot, motion, 0.1)
+    assert motion.status is MotionStatus.FAILED
+    assert motion.error is not None
+    assert motion.error.code is code
+    assert number in motion.error.text
+    robot.clock.sleep(0.05)
+    assert robot.stopped
+    assert robot.faults[CONTROLLER].vendor_code == number
+    with pytest.raises(CommandRefusedError, match=number):
+        robot.part("arm", Arm).move_to(robot.part("arm", Arm).positions())
+    works_again(robot)
+
+
+def test_an_emergency_stop_can_only_be_released_at_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, "emergency_stop")
+    ended(robot, motion, 0.1)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.STOPPED
+    with pytest.raises(ConnectionFailedError, match="released at the robot"):
+        robot.clear_stop()
+    assert robot.stopped
+    twin.fault(CONTROLLER, "emergency_release")  # which leaves the arm without power
+    works_again(robot)
+
+
+def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, "drop")
+    ended(robot, motion, 0.3)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    assert robot.stopped
+    with pytest.raises(NotConnectedError, match="arm"):
+        robot.part("arm", Arm).positions()
+    with pytest.raises(ConnectionFailedError, match=CONTROLLER) as refusal:
+        robot.clear_stop()
+    assert twin.addresses[CONTROLLER] not in str(refusal.value)
+    assert robot.stopped
+    twin.fault(CONTROLLER, "restore")
+    works_again(robot)
+
+
+def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
+    motion = swing(robot)
+    twin.fault(CONTROLLER, "delay", 0.2)
+    ended(robot, motion, 0.6)
+    assert motion.error is not None
+    assert motion.error.code is not MotionErrorCode.SUPERSEDED
+    assert robot.stopped
+    twin.fault(CONTROLLER, "restore")
+    robot.clock.sleep(0.3)
+    works_again(robot)
