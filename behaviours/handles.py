@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.furniture_place import believe_place
 from behaviours.leaf import Leaf, find_leaf
-from behaviours.leaf_seen import opening_seen
+from behaviours.leaf_seen import opening_seen, opening_since
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.perception.affordance import HandleScene
@@ -82,7 +82,11 @@ class DetectHandle(Skill):
         openings = [(handle, opening_seen(leaf, handle)) for handle in seen]
         found = [(handle, opening) for handle, opening in openings if opening is not None]
         if found:
-            _, opening = max(found, key=lambda entry: entry[0].confidence)
+            handle, opening = max(found, key=lambda entry: entry[0].confidence)
+            for known in skills.world.handles_of(leaf.furniture, leaf.leaf):
+                believed = skills.world.articulations.get(leaf.articulation, 0.0)
+                since = opening_since(leaf, believed, known.handle, handle)
+                opening = opening if since is None else since
             skills.world.believe_articulation(leaf.articulation, opening)
             self.set_output("opening", opening)
         return [handle for handle, _ in found]

@@ -50,3 +50,26 @@ def opening_seen(leaf: Leaf, handle: Handle) -> float | None:
     if not (before and abs(y) < width / 2 + slack and abs(z) < height / 2 + ACROSS / 2):
         return None
     return 0.0 if position < error + SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
+
+
+def opening_since(leaf: Leaf, believed: float, known: Handle, seen: Handle) -> float | None:
+    """How far ``leaf`` is open by how its handle has moved since it was ``known`` and the leaf open by ``believed``.
+
+    Other than what ``opening_seen`` tells, that does not depend on where exactly the map has the piece. Handles are in
+    the map frame; radians or metres; None if ``seen`` is not that handle.
+    """
+    frame, (_, axis) = leaf.furniture.pose.to_pose(), leaf.axis()
+    if leaf.leaf.kind == "prismatic":
+        further = float((seen.pose.position - known.pose.position) @ axis)
+    else:
+        further = math.atan2(float(np.cross(known.outward, seen.outward) @ axis), float(known.outward @ seen.outward))
+    position = believed + further
+    moved = frame @ leaf.leaf.moved(position) @ leaf.leaf.moved(believed).inverse() @ frame.inverse()
+    apart = seen.pose.position - moved.apply(known.pose.position[None])[0]
+    along = float(apart @ seen.axis)
+    beside = float(np.linalg.norm(apart - along * seen.axis))
+    if beside > ACROSS + 1.5 * leaf.furniture.position_error or abs(along) > max(
+        ACROSS, (known.length + seen.length) / 2
+    ):
+        return None
+    return 0.0 if position < SHUT[leaf.leaf.kind] else min(position, leaf.leaf.upper)
