@@ -1,0 +1,224 @@
+"""A Robotiq gripper over both of its protocols, against its twin over a gripper that something can block."""
+
+from __future__ import annotations
+
+import dataclasses
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.api import (
+    CommandRefusedError,
+    Gripper,
+    GripperDescription,
+    GripperState,
+    Motion,
+    MotionErrorCode,
+    MotionStatus,
+)
+from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.parts import PartMotion
+from hal.robotiq import RobotiqOptions
+from hal.twins.robotiq_server import RobotiqTwin
+
+HAND = "hand_controller"
+STEP = 0.005
+
+
+class BlockedGripper(Gripper):
+    """Moves with the speed asked, and no further than ``obstacle``."""
+
+    def __init__(self, description: GripperDescription) -> None:
+        super().__init__("gripper")
+        self._description, self._width, self._target = description, description.max_width, description.max_width
+        self._speed = self.force = 0.0
+        self.obstacle = 0.0
+        self._motion: PartMotion | None = None
+
+    @property
+    def description(self) -> GripperDescription:
+        return self._description
+
+    def width(self) -> float:
+        return self._width
+
+    def state(self) -> GripperState:
+        at_target = abs(self._width - self._target) < 1e-3
+        return GripperState(self._motion is not None, at_target, not at_target, False)
+
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+        self._target, self.force, self._speed = width, force or 0.0, speed or 0.1
+        self._motion = PartMotion(self)
+        return self._motion
+
+    def stop(self) -> None:
+        self._motion = None
+
+    def brake(self) -> None:
+        self._motion = None
+
+    def tick(self, dt: float) -> None:
+        if self._motion is None:
+            return
+        change = max(-self._speed * dt, min(self._speed * dt, self._target - self._width))
+        reached = max(self._width + change, self.obstacle)
+        if reached == self._width:
+            self._motion.succeed()
+            self._motion = None
+        self._width = reached
+
+
+class World:
+    """Ticks in real time, as the twins' world does, and holds one gripper."""
+
+    def __init__(self, gripper: BlockedGripper) -> None:
+        self.robot = SimpleNamespace(part=lambda name, kind: gripper)
+        self.ticks: list[Callable[[float], None]] = [gripper.tick]
+        self._work: list[Callable[[], None]] = []
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def post(self, work: Callable[[], None]) -> None:
+        self._work.append(work)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._closing.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._closing.wait(STEP):
+            while self._work:
+                self._work.pop(0)()
+            for tick in self.ticks:
+                tick(STEP)
+
+
+@dataclasses.dataclass
+class Bench:
+    """A client, its twin, and what the fingers really do."""
+
+    robot: HardwareRobot
+    twin: RobotiqTwin
+    fingers: BlockedGripper
+
+    @property
+    def gripper(self) -> Gripper:
+        return self.robot.part("gripper", Gripper)
+
+    def end(self, motion: Motion, limit: float = 4.0) -> Motion:
+        deadline = time.monotonic() + limit
+        while not motion.done:
+            assert time.monotonic() < deadline, "the motion does not end"
+            self.robot.clock.sleep(0.01)
+        return motion
+
+
+@pytest.fixture(scope="session")
+def panda() -> RobotModel:
+    """Any robot with a gripper."""
+    return load_robot_model("diff_panda")
+
+
+@pytest.fixture(params=["urcap", "modbus"])
+def bench(request: pytest.FixtureRequest, panda: RobotModel) -> Iterator[Bench]:
+    if request.param == "modbus":
+        pytest.importorskip("pymodbus", reason="the extra ur is not installed")
+    options = RobotiqOptions(protocol=request.param)
+    connection = ConnectionConfig("robotiq", ("gripper",), "127.0.0.1", free_port(), options=options)
+    model = dataclasses.replace(panda, connections={HAND: connection})
+    ranges = model.grippers["gripper"]
+    fingers = BlockedGripper(GripperDescription(ranges.min_width, ranges.max_width, ranges.max_speed, ranges.max_force))
+    world: Any = World(fingers)
+    twin = RobotiqTwin(connection, model, world, "127.0.0.1")
+    world.start()
+    twin.start()
+    try:
+        with HardwareRobot(model) as robot:
+            yield Bench(robot, twin, fingers)
+    finally:
+        twin.close()
+        world.close()
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def test_it_goes_to_the_width_asked_and_holds_nothing_there(bench: Bench) -> None:
+    for width in (0.02, 0.06):
+        motion = bench.end(bench.gripper.move(width, speed=0.1))
+        assert motion.status is MotionStatus.SUCCEEDED
+        assert bench.fingers.width() == pytest.approx(width, abs=0.001)
+        assert bench.gripper.width() == pytest.approx(width, abs=0.001)
+        assert not bench.gripper.state().object_held
+
+
+def test_it_feels_what_it_holds_and_that_it_is_gone(bench: Bench) -> None:
+    bench.fingers.obstacle = 0.03
+    motion = bench.end(bench.gripper.close(force=30.0))
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert bench.gripper.state().object_held
+    assert bench.gripper.width() == pytest.approx(0.03, abs=0.001)
+    bench.fingers.obstacle = 0.0
+    assert bench.end(bench.gripper.open()).status is MotionStatus.SUCCEEDED
+    assert not bench.gripper.state().object_held
+    bench.end(bench.gripper.close())
+    assert bench.gripper.state().empty
+
+
+def test_the_force_asked_arrives_as_its_own_number_and_back(bench: Bench) -> None:
+    bench.end(bench.gripper.move(0.05, force=35.0))
+    assert bench.fingers.force == pytest.approx(35.0, abs=0.5)
+
+
+def test_a_stop_halts_moving_fingers(bench: Bench) -> None:
+    motion = bench.gripper.move(0.0, speed=0.02)
+    bench.robot.clock.sleep(0.4)
+    bench.robot.stop()
+    bench.robot.clock.sleep(0.2)
+    width = bench.fingers.width()
+    bench.robot.clock.sleep(0.3)
+    assert bench.fingers.width() == pytest.approx(width, abs=1e-4)
+    assert motion.status is MotionStatus.CANCELED
+    with pytest.raises(CommandRefusedError, match="stopped"):
+        bench.gripper.open()
+
+
+def test_an_overcurrent_fails_the_motion_with_its_number_and_an_activation_clears_it(bench: Bench) -> None:
+    bench.twin.faults.happen("gripper_jam")
+    motion = bench.end(bench.gripper.move(0.02), 1.0)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.FAULT
+    assert "gFLT 14" in motion.error.text
+    assert bench.robot.stopped
+    bench.twin.faults.happen("gripper_free")
+    bench.robot.clear_stop()
+    assert bench.end(bench.gripper.move(0.02)).status is MotionStatus.SUCCEEDED
+
+
+def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:
+    motion = bench.gripper.move(0.0, speed=0.02)
+    bench.robot.clock.sleep(0.2)
+    bench.twin.faults.happen("drop")
+    bench.end(motion, 0.5)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    with pytest.raises(ConnectionFailedError, match=HAND) as refusal:
+        bench.robot.clear_stop()
+    assert "127.0.0.1" not in str(refusal.value)
+    bench.twin.faults.happen("restore")
+    bench.robot.clear_stop()
+    assert bench.end(bench.gripper.open()).status is MotionStatus.SUCCEEDED

@@ -1,0 +1,65 @@
+"""What the robot's YAML allows a UR at most also binds the motions that its controller plans by itself."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bestman_bt.robot_model import load_robot_model
+from hal.api import CommandRefusedError, Motion, MotionErrorCode
+from hal.hardware import HardwareRobot, ToolLimits
+from hal.twins import TwinProcess
+from hal.ur import URArm
+
+ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
+STEP = np.array([0.3, 0, 0, 0, 0, 0])
+
+
+@contextmanager
+def connected(twin: TwinProcess, **settings: Any) -> Iterator[tuple[HardwareRobot, URArm]]:
+    changes = {key.replace("__", "."): value for key, value in settings.items()}
+    with HardwareRobot(load_robot_model(ROBOT, {**twin.settings, **changes})) as robot:
+        yield robot, robot.part("arm", URArm)
+
+
+def finish(robot: HardwareRobot, motion: Motion, limit: float = 8.0) -> Motion:
+    deadline = time.monotonic() + limit
+    while not motion.done:
+        assert time.monotonic() < deadline, "the motion does not end"
+        robot.clock.sleep(0.02)
+    return motion
+
+
+def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinProcess) -> None:
+    with connected(twin) as (robot, arm):
+        place = ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())
+    box = {"lower": (place - 0.1).tolist(), "upper": (place + 0.1).tolist()}
+    with connected(twin, safety__workspace=box, safety__tool_speed=0.1) as (robot, arm):
+        with pytest.raises(CommandRefusedError, match="workspace"):
+            arm.move_path([arm.positions() + 3 * STEP])
+        with pytest.raises(CommandRefusedError, match="faster than its limit"):
+            arm.speed_tool([0.2, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0)
+        with pytest.raises(CommandRefusedError, match="faster than its limit"):
+            arm.speed_joints(3 * STEP, 1.0)
+        motion = finish(robot, arm.speed_tool([0.0, 0.0, 0.08, 0.0, 0.0, 0.0], 3.0))
+        assert motion.error is not None
+        assert motion.error.code is MotionErrorCode.FAULT
+        assert "workspace" in motion.error.text
+        robot.clock.sleep(0.3)
+        assert np.max(np.abs(arm.velocities())) < 0.01
+        assert ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())[2] < place[2] + 0.12
+
+
+def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:
+    before = set(threading.enumerate())
+    with connected(twin) as (robot, _):
+        assert set(threading.enumerate()) - before
+    assert set(threading.enumerate()) - before == set()
+    assert robot.diagnostics()["connected"] == "no"

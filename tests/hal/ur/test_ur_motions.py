@@ -1,0 +1,99 @@
+"""Motions that a UR's controller plans by itself, its digital outputs, and its one client."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import CommandRefusedError, Motion, MotionStatus
+from hal.hardware import ConnectionFailedError, HardwareRobot, ToolLimits
+from hal.twins import TwinProcess
+from hal.ur import URArm, URConnection
+
+CONTROLLER = "arm_controller"
+STEP = np.array([0.3, 0, 0, 0, 0, 0])
+
+
+def finish(robot: HardwareRobot, motion: Motion, limit: float = 8.0) -> Motion:
+    deadline = time.monotonic() + limit
+    while not motion.done:
+        assert time.monotonic() < deadline, "the motion does not end"
+        robot.clock.sleep(0.02)
+    return motion
+
+
+def test_a_path_leads_through_its_waypoints(robot: HardwareRobot) -> None:
+    arm = robot.part("arm", URArm)
+    start = arm.positions()
+    furthest = start[0]
+    motion = arm.move_path([start + STEP, start], speed_scale=0.5, blend=0.01)
+    while not motion.done:
+        robot.clock.sleep(0.01)
+        furthest = max(furthest, arm.positions()[0])
+    assert motion.status is MotionStatus.SUCCEEDED, motion.error
+    assert furthest == pytest.approx(start[0] + 0.3, abs=0.02)
+    assert arm.positions() == pytest.approx(start, abs=0.005)
+    assert finish(robot, arm.move_to(start + STEP)).status is MotionStatus.SUCCEEDED  # set-points go on from there
+    finish(robot, arm.move_to(start))
+
+
+def test_a_path_that_is_stopped_comes_to_rest_at_once(robot: HardwareRobot) -> None:
+    arm = robot.part("arm", URArm)
+    motion = arm.move_path([arm.positions() + 3 * STEP], speed_scale=0.1)
+    deadline = time.monotonic() + 3.0
+    while abs(arm.velocities()[0]) < 0.1:
+        assert time.monotonic() < deadline, "the path does not begin"
+        robot.clock.sleep(0.01)
+    with pytest.raises(CommandRefusedError, match="still moves"):
+        arm.speed_joints(STEP, 1.0)
+    with pytest.raises(CommandRefusedError, match="stop"):
+        arm.move_to(arm.positions())
+    robot.stop()
+    robot.clock.sleep(0.5)
+    assert motion.status is MotionStatus.CANCELED
+    assert np.max(np.abs(arm.velocities())) < 0.01
+
+
+def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
+    arm = robot.part("arm", URArm)
+    start = arm.positions()
+    motion = finish(robot, arm.speed_joints(-STEP, 1.0))
+    assert motion.status is MotionStatus.SUCCEEDED, motion.error
+    assert arm.positions()[0] == pytest.approx(start[0] - 0.3, abs=0.05)
+
+
+def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) -> None:
+    arm = robot.part("arm", URArm)
+    tool = ToolLimits(robot.model, "arm", robot.model.safety)
+    before = tool.tool(arm.positions())
+    motion = finish(robot, arm.speed_tool([0.05, 0.0, 0.03, 0.0, 0.0, 0.0], 1.0))
+    assert motion.status is MotionStatus.SUCCEEDED, motion.error
+    # The arm stands upright and unturned on the robot's base, so both frames have the same axes.
+    assert tool.tool(arm.positions()) - before == pytest.approx([0.05, 0.0, 0.03], abs=0.01)
+
+
+def test_outputs_are_switched_read_back_and_refused_while_stopped(robot: HardwareRobot) -> None:
+    connection = robot.connections[CONTROLLER]
+    assert isinstance(connection, URConnection)
+    for kind in ("standard", "configurable", "tool"):
+        for on in (True, False):
+            connection.io.set_output(kind, 1, on)
+            robot.clock.sleep(0.1)
+            assert connection.io.output(kind, 1) is on
+            assert not connection.io.output(kind, 0)
+    with pytest.raises(CommandRefusedError, match="no tool"):
+        connection.io.set_output("tool", 2, True)
+    robot.stop()
+    with pytest.raises(CommandRefusedError, match="stopped"):
+        connection.io.set_output("tool", 0, True)
+
+
+def test_a_second_client_is_refused_as_long_as_the_first_one_is_there(
+    robot: HardwareRobot, ur_model: RobotModel, twin: TwinProcess
+) -> None:
+    with pytest.raises(ConnectionFailedError, match=CONTROLLER) as refusal:
+        HardwareRobot(ur_model).connect()
+    assert twin.addresses[CONTROLLER] not in str(refusal.value)
