@@ -10,6 +10,7 @@ Two pipes lead to the parent. Over ``calls`` come ``(name, arguments)``, answere
 
 from __future__ import annotations
 
+import contextlib
 import os
 import selectors
 import signal
@@ -23,6 +24,7 @@ from typing import Any, NamedTuple
 CONTROL_RATE = 125.0
 """Hertz at which the SDK's control interface is told the state of its program."""
 KICK_PERIOD = 0.02
+REAL_TIME_PRIORITY = 20
 UNLOCK_TIME, POWER_TIME, PROGRAM_TIME = 7.0, 20.0, 5.0
 RUNNING, PLAYING = 7, 2
 VARIABLES = [
@@ -280,4 +282,6 @@ class SDKProcess:
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent's to handle
+    with contextlib.suppress(PermissionError):  # as the parent's control loops have it
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
     SDKProcess(Connection(int(sys.argv[1])), Connection(int(sys.argv[2]))).serve()
