@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from behaviours.leaf import Leaf
-from behaviours.leaf_seen import opening_seen
+from behaviours.leaf_seen import opening_seen, opening_since
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene import PlacedFurniture, Wall, World, read_furniture, semantic_map
 
@@ -65,3 +65,26 @@ def test_what_is_beside_the_leaf_or_at_its_hinge_is_no_handle_of_it() -> None:
     assert handle.hinge is not None
     at_hinge = np.array([*handle.hinge[:2], handle.pose.position[2]]) + 0.05 * handle.outward
     assert opening_seen(leaf, replace(handle, pose=Pose(at_hinge, handle.pose.quaternion))) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "part", "before", "now"),
+    [
+        ("fridge", "upper_door", 0.0, 1.4),
+        ("fridge", "upper_door", 0.6, 1.3),
+        ("drawer_chest", "drawer_2", 0.0, 0.22),
+        ("drawer_chest", "drawer_2", 0.3, 0.12),
+    ],
+)
+def test_a_handle_that_was_seen_before_tells_how_far_a_leaf_has_moved_whatever_the_map_is_wrong_by(
+    name: str, part: str, before: float, now: float
+) -> None:
+    leaf, known = leaf_and_handle(name, part, before)
+    _, seen = leaf_and_handle(name, part, now)
+    assert opening_since(leaf, before, known, seen) == pytest.approx(now, abs=1e-4)
+
+
+def test_another_handle_does_not_tell_how_far_a_leaf_has_moved() -> None:
+    leaf, known = leaf_and_handle("drawer_chest", "drawer_2", 0.0)
+    _, other = leaf_and_handle("drawer_chest", "drawer_3", 0.2)
+    assert opening_since(leaf, 0.0, known, other) is None
