@@ -94,8 +94,7 @@ def _middle(elements: list[ET.Element], link: str) -> NDArray[np.float64]:
     """The mean of the corners of a link's collision shapes, (3,) metres in its frame; its origin if it has none."""
     found = next(element for element in elements if element.tag == "link" and element.get("name") == link)
     clouds = [
-        origin_pose(collision).apply(outline(collision.find("geometry")))
-        for collision in found.findall("collision")
+        origin_pose(collision).apply(outline(collision.find("geometry"))) for collision in found.findall("collision")
     ]
     points = np.concatenate([np.zeros((0, 3)), *clouds])
     return points.mean(axis=0) if len(points) else np.zeros(3)
