@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.robot_model import RobotModel
-from hal.api import Arm
+from hal.api import Arm, ForceTorque
 from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import URProgram
 from hal.twins.world import TwinWorld
@@ -53,8 +53,8 @@ _SAFETY_BITS = {
 class URController:
     """Called by the protocol servers from their threads; touches the robot only in the world's thread (``tick``)."""
 
-    def __init__(self, world: TwinWorld, arm: Arm, model: RobotModel) -> None:
-        self._world, self._arm = world, arm
+    def __init__(self, world: TwinWorld, arm: Arm, sensor: ForceTorque | None, model: RobotModel) -> None:
+        self._world, self._arm, self._sensor = world, arm, sensor
         self._kinematics = URKinematics(model, arm.name)
         self.robot_mode, self.safety_mode = RobotMode.RUNNING, SafetyMode.NORMAL
         self._program: URProgram | None = None
@@ -196,6 +196,7 @@ class URController:
         positions, velocities = arm.positions(), arm.velocities()
         at_rest = (0.0,) * len(positions)
         pose = self._kinematics.pose(positions)
+        wrench = self._sensor.wrench() if self._sensor is not None else None
         follower = program.follower if program is not None else None
         self._measured = {
             "actual_q": tuple(positions.tolist()),
@@ -205,5 +206,6 @@ class URController:
             "target_moment": tuple(arm.efforts().tolist()),
             "actual_TCP_pose": pose,
             "target_TCP_pose": pose,
+            **({"ft_raw_wrench": (*wrench.force.tolist(), *wrench.torque.tolist())} if wrench is not None else {}),
             **(program.outputs if program is not None else {"output_int_register_0": 0}),
         }

@@ -8,7 +8,7 @@ import time
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from hal.api import Arm
+from hal.api import Arm, ForceTorque
 from hal.twins.faults import Faults
 from hal.twins.tcp_server import TcpServer
 from hal.twins.ur_controller import SafetyMode, URController
@@ -25,6 +25,7 @@ class URTwin:
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         arm_name = next(name for name in connection.parts if name in model.arms)
+        sensor_name = next((name for name in connection.parts if name in model.force_torques), None)
         self._servers: list[TcpServer] = []
         self._owners: dict[str, RtdeSession] = {}
         attendants = {DASHBOARD: self._attend_dashboard, SCRIPT: self._attend_script, RTDE: self._attend_rtde}
@@ -37,6 +38,7 @@ class URTwin:
         self.controller = controller = URController(
             world,
             world.robot.part(arm_name, Arm),  # type: ignore[type-abstract]
+            world.robot.part(sensor_name, ForceTorque) if sensor_name else None,  # type: ignore[type-abstract]
             model,
         )
         self.faults = Faults()

@@ -3,6 +3,7 @@
 from hal.ur.arm import URArm
 from hal.ur.connection import URConnection
 from hal.ur.digital_io import URDigitalIO
+from hal.ur.force_torque import URForceTorque
 from hal.ur.options import UROptions
 
-__all__ = ["URArm", "URConnection", "URDigitalIO", "UROptions"]
+__all__ = ["URArm", "URConnection", "URDigitalIO", "URForceTorque", "UROptions"]

@@ -132,7 +132,8 @@ class URArm(StreamedArm):
     def fail(self, fault: Fault) -> None:
         """The motion has failed; the controller has stopped the arm or cannot be reached."""
         with self._line.lock:
-            self._own = None
+            if self._own is not None:
+                self._own.stopping = True  # a fault of the link leaves the controller moving
             super().fail(fault)
 
     def attach(self) -> None:

@@ -9,6 +9,7 @@ from hal.api import MotionErrorCode, Part
 from hal.hardware import Connection, ConnectionFailedError, Fault, ToolLimits
 from hal.ur.arm import URArm
 from hal.ur.digital_io import URDigitalIO
+from hal.ur.force_torque import URForceTorque
 from hal.ur.joints import URJoints
 from hal.ur.link import URLink
 from hal.ur.modes import fault_of
@@ -21,7 +22,7 @@ LATE_TIME = 0.15
 
 
 class URConnection(Connection):
-    """One arm behind one controller, and its digital inputs and outputs.
+    """One arm behind one controller, the force-torque sensor in its flange, and its digital inputs and outputs.
 
     Motions are set-points of ``servoj`` at ``rate`` hertz; the arm's ``move_path``, ``speed_joints`` and ``speed_tool``
     are motions of the controller's own. Should the client vanish, the controller ends its program.
@@ -36,15 +37,23 @@ class URConnection(Connection):
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """The arm of ``settings.parts``."""
+        """The arm of ``settings.parts``, and its force-torque sensor if that is named."""
         options: UROptions = self.options
         self._link = URLink(self.name, self.clock)
         self.io = URDigitalIO(self._link, self.latch)
-        name = next(name for name in self.settings.parts if name in self.model.arms)
-        tool = ToolLimits(self.model, name, self.limits)
-        joints = URJoints(self._link)
-        self._arm = URArm(name, self.model.arms[name], joints, self.latch, 1.0 / options.rate, tool, self._link)
-        return {name: self._arm}
+        arms = [name for name in self.settings.parts if name in self.model.arms]
+        sensors = [name for name in self.settings.parts if name in self.model.force_torques]
+        if len(arms) != 1 or len(sensors) > 1 or len(self.settings.parts) > len(arms + sensors):
+            names = ", ".join(self.settings.parts)
+            text = f"{self.name}: a UR has one arm behind it and at most its force-torque sensor, not {names}"
+            raise ConnectionFailedError(text)
+        tool = ToolLimits(self.model, arms[0], self.limits)
+        model, joints = self.model.arms[arms[0]], URJoints(self._link)
+        self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link)
+        parts: dict[str, Part] = {arms[0]: self._arm}
+        for name in sensors:
+            parts[name] = URForceTorque(name, self.model.force_torques[name], self._link, self.clock, self.latch)
+        return parts
 
     def open(self) -> None:
         """Connect, unlock and power on where that is needed, start the SDK's program on the controller."""

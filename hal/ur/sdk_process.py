@@ -33,6 +33,7 @@ VARIABLES = [
     "actual_qd",
     "target_moment",
     "actual_TCP_pose",
+    "ft_raw_wrench",
     "actual_digital_input_bits",
     "actual_digital_output_bits",
     "robot_mode",
@@ -46,8 +47,8 @@ class Report(NamedTuple):
     """What the controller tells. ``time``: when it came, monotonic clock; ``stamp``: the controller's clock; seconds.
 
     Positions, velocities and the torques that the controller's model wants: (6,) each; rad, rad/s, N m. ``tool_pose``:
-    metres and rotation vector in the controller's base frame. ``busy``: its program is being exchanged. ``moving``: it
-    moves along a path of its own.
+    metres and rotation vector in the controller's base frame. ``wrench``: (6,) of the flange's sensor, N and N m.
+    ``busy``: its program is being exchanged. ``moving``: it moves along a path of its own.
     """
 
     time: float
@@ -56,6 +57,7 @@ class Report(NamedTuple):
     velocities: list[float]
     torques: list[float]
     tool_pose: list[float]
+    wrench: list[float]
     digital_inputs: int
     digital_outputs: int
     robot_mode: int
@@ -255,6 +257,7 @@ class SDKProcess:
                         receive.getActualQd(),
                         receive.getTargetMoment(),
                         receive.getActualTCPPose(),
+                        receive.getFtRawWrench(),
                         receive.getActualDigitalInputBits(),
                         receive.getActualDigitalOutputBits(),
                         receive.getRobotMode(),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model import RobotModel
-from hal.api import CommandRefusedError, Motion, MotionStatus
+from hal.api import CommandRefusedError, ForceTorque, Motion, MotionStatus
 from hal.hardware import ConnectionFailedError, HardwareRobot, ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm, URConnection
@@ -73,6 +73,13 @@ def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) ->
     assert motion.status is MotionStatus.SUCCEEDED, motion.error
     # The arm stands upright and unturned on the robot's base, so both frames have the same axes.
     assert tool.tool(arm.positions()) - before == pytest.approx([0.05, 0.0, 0.03], abs=0.01)
+
+
+def test_the_wrist_feels_the_weight_of_the_hand(robot: HardwareRobot) -> None:
+    sensor = robot.part("wrist_force_torque", ForceTorque)
+    wrench = sensor.wrench()
+    assert abs(wrench.stamp - robot.clock.now()) < 0.1
+    assert 5.0 < np.linalg.norm(wrench.force) < 14.0  # 0.9 kg of palm and fingers, and the sensor's offset
 
 
 def test_outputs_are_switched_read_back_and_refused_while_stopped(robot: HardwareRobot) -> None:
