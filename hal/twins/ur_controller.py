@@ -182,7 +182,9 @@ class URController:
         )
         self._astray = self._astray + dt if astray else 0.0
         jumped = follower is not None and follower.too_fast
-        if jumped or program.protective_stop_asked or self._astray > TRACKING_TIME:
+        if program.limit_exceeded:
+            self.trip(SafetyMode.VIOLATION)
+        elif jumped or program.protective_stop_asked or self._astray > TRACKING_TIME:
             self.trip(SafetyMode.PROTECTIVE_STOP)
 
     def _end_program(self) -> None:

@@ -22,6 +22,7 @@ from hal.twins.ur_kinematics import URKinematics
 Array = NDArray[np.float64]
 READY, DONE = 1, 2
 RUNNING_BIT = 1 << 15
+LIMIT_MARGIN = 1e-3
 
 
 class Command(IntEnum):
@@ -71,6 +72,8 @@ class URProgram:
     def __init__(self, script: str, arm: Arm, kinematics: URKinematics) -> None:
         self._arm, self._kinematics, self._path = arm, kinematics, path_of(script)
         self._speed = np.array([limit.velocity for limit in arm.limits])
+        self._lower = np.array([limit.lower for limit in arm.limits])
+        self._upper = np.array([limit.upper for limit in arm.limits])
         self._executing = self._acknowledged = False
         self._moves: list[Waypoint] = []
         self._motion: Motion | None = None
@@ -79,7 +82,7 @@ class URProgram:
         self._drift_left = np.inf
         self.follower: ServoFollower | None = None
         self.watchdog_frequency: float | None = None
-        self.ended = self.protective_stop_asked = False
+        self.ended = self.protective_stop_asked = self.limit_exceeded = False
         self.outputs: dict[str, int] = {"output_int_register_0": READY, "output_int_register_2": 0}
 
     def halt(self) -> None:
@@ -114,7 +117,8 @@ class URProgram:
             if self.follower is None:
                 self.halt()
                 self.follower = ServoFollower(self._arm.positions(), self._speed)
-            self.follower.take(target)
+            if self._reachable(target):
+                self.follower.take(np.clip(target, self._lower, self._upper))
         elif command in (Command.SPEED_JOINTS, Command.SPEED_TOOL):
             if command == Command.SPEED_TOOL:
                 target = self._kinematics.joint_speeds(self._arm.positions(), target)
@@ -145,9 +149,17 @@ class URProgram:
             self.outputs["output_int_register_2"] &= ~RUNNING_BIT
             return
         move = self._moves.pop(0)
+        if not self._reachable(move.positions):
+            return
         share = float(np.clip(move.speed / float(np.max(self._speed)), 0.01, 1.0))
-        self._motion = self._arm.move_to(move.positions, share)
+        self._motion = self._arm.move_to(np.clip(move.positions, self._lower, self._upper), share)
         self.outputs["output_int_register_2"] |= RUNNING_BIT
+
+    def _reachable(self, positions: Array) -> bool:
+        """Whether the joints' limits allow these positions; else the safety system is to stop the robot."""
+        within = (positions > self._lower - LIMIT_MARGIN) & (positions < self._upper + LIMIT_MARGIN)
+        self.limit_exceeded = self.limit_exceeded or not bool(np.all(within))
+        return not self.limit_exceeded
 
     def _go_on(self, dt: float) -> None:
         if self.follower is not None:

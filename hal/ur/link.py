@@ -31,6 +31,7 @@ class URLink:
         self._process: subprocess.Popen[bytes] | None = None
         self._calls: Connection | None = None
         self._stream: Connection | None = None
+        self._arrived = select.poll()
         self._calling, self._reading = threading.Lock(), threading.Lock()
         self._report: Report | None = None
         self._offset = 0.0  # of the controller's clock

@@ -1,0 +1,51 @@
+"""What the UR twin reads of its clients' bytes and programs is what ur-rtde writes."""
+
+from __future__ import annotations
+
+import struct
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hal.api import JointLimits
+from hal.twins.ur_program import Command, URProgram, path_of
+from hal.twins.ur_rtde_fields import Recipe
+
+
+def test_a_path_is_read_as_the_sdk_writes_it() -> None:
+    sdk = pytest.importorskip("rtde_control", reason="the extra ur is not installed")
+    path = sdk.Path()
+    path.appendMovejPath([[0.1, -0.2, 0.3, 0, 1e-9, 0.6, 0.5, 1.5, 0.02], [1, 2, 3, 4, 5, 6, 0.25, 1.2, 0.0]])
+    script = f"def rtde_control():\n  # inject move path\n{path.toScriptCode()}  end\nend\n"
+    first, second = path_of(script)
+    assert first.positions == pytest.approx([0.1, -0.2, 0.3, 0, 0, 0.6], abs=1e-6)
+    assert (first.speed, first.acceleration) == (0.5, 1.5)
+    assert second.positions == pytest.approx([1, 2, 3, 4, 5, 6])
+    assert path_of("def rtde_control():\n  # inject move path\nend\n") == []
+
+
+def test_fields_are_packed_in_the_order_asked_and_unknown_ones_are_named() -> None:
+    recipe = Recipe(["timestamp", "actual_q", "safety_mode", "output_int_register_2", "actual_digital_output_bits"])
+    assert recipe.known
+    packed = recipe.pack({"timestamp": 2.5, "actual_q": (1, 2, 3, 4, 5, 6), "safety_mode": 3})
+    assert packed == struct.pack(">d6diiQ", 2.5, 1, 2, 3, 4, 5, 6, 3, 0, 0)
+    assert recipe.unpack(packed)["actual_q"] == (1, 2, 3, 4, 5, 6)
+    assert Recipe(["timestamp", "tea_temperature"]).types == ("DOUBLE", "NOT_FOUND")
+
+
+@pytest.mark.parametrize("wrong", [7.0, float("nan")])
+def test_a_set_point_beyond_the_joints_limits_is_not_followed(wrong: float) -> None:
+    moved: list[Any] = []
+    arm: Any = SimpleNamespace(
+        limits=[JointLimits(-6.28, 6.28, 3.14, 8.0, 150.0)] * 6,
+        positions=lambda: np.zeros(6),
+        stop=lambda: None,
+        servo=moved.append,
+    )
+    program = URProgram("", arm, None)  # type: ignore[arg-type]
+    inputs = {"input_int_register_0": int(Command.SERVO_JOINTS), "input_double_register_0": wrong}
+    program.advance(0.004, inputs, True)
+    assert program.limit_exceeded
+    assert np.all(np.array(moved) == 0.0)
