@@ -12,7 +12,7 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
 @pytest.mark.parametrize(
     ("body", "code", "why"),
     [
-        ('<MoveArm posture="salute"/>', "unknown_posture", "no posture 'salute'; it has carry, carry_beside, home, look"),
+        ('<MoveArm posture="salute"/>', "unknown_posture", "no posture 'salute'; it has carry, carry_beside,"),
         ('<LookAt surface="shelf"/>', "unknown_surface", "no surface 'shelf' in the map; there are table/top"),
         ('<LookAt object="cup"/>', "no_target", "nothing to look at"),
         ('<LookAt point="-5;0;1"/>', "unreachable", "head cannot look at"),
