@@ -78,7 +78,7 @@ class URLink:
             except (EOFError, OSError) as error:
                 raise ConnectionFailedError(f"{self._name}: the process of the UR's SDK has ended") from error
         if not well:
-            raise ConnectionFailedError(f"{self._name}: the UR controller refuses: {result}")
+            raise ConnectionFailedError(f"{self._name}: the UR controller cannot be used: {result}")
         return result
 
     def send(self, positions: list[float]) -> None:
