@@ -61,6 +61,7 @@ class URController:
         self._inputs: dict[str, Any] = {}
         self._arriving: deque[tuple[float, Mapping[str, Any]]] = deque()
         self._written = time.monotonic()
+        self._cycles_since = 0.0  # seconds of cycles since then
         self._tripped = -UNLOCK_DELAY
         self._astray = 0.0
         self._digital_outputs = 0
@@ -146,21 +147,22 @@ class URController:
 
     def tick(self, dt: float) -> None:
         """One physics step of the world is about to come."""
-        fresh = self._take_inputs()
+        fresh = self._take_inputs(dt)
         program = self._program
         if program is not None:
             program.advance(dt, self._inputs, fresh)
             self._watch(program, dt)
         self._measure(program)
 
-    def _take_inputs(self) -> bool:
+    def _take_inputs(self, dt: float) -> bool:
         now, fresh = time.monotonic(), False
+        self._cycles_since += dt
         while self._arriving and self._arriving[0][0] <= now:
             values = self._arriving.popleft()[1]
             self._inputs.update(values)
             self._set_outputs(values)
             if "input_int_register_0" in values:
-                self._written, fresh = now, True
+                self._written, self._cycles_since, fresh = now, 0.0, True
         return fresh
 
     def _set_outputs(self, values: Mapping[str, Any]) -> None:
@@ -174,7 +176,9 @@ class URController:
     def _watch(self, program: URProgram, dt: float) -> None:
         """What ends a program: itself, its watchdog, jumps of set-points, and what holds a joint up."""
         frequency = program.watchdog_frequency
-        if program.ended or (frequency and time.monotonic() - self._written > 1.0 / frequency):
+        # By the clock and by cycles, so that neither a pause of this process nor its catching up counts as silence.
+        silence = min(time.monotonic() - self._written, self._cycles_since)
+        if program.ended or (frequency and silence > 1.0 / frequency):
             self._end_program()
         follower = program.follower
         astray = follower is not None and bool(
