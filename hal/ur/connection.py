@@ -95,7 +95,7 @@ class URConnection(Connection):
         """A lost controller also loses the SDK, which would connect again of its own accord."""
         super().fail(fault)
         if fault.code is MotionErrorCode.DISCONNECTED:
-            self._link.kill()
+            self._link.abandon()
 
     def _cycle(self, elapsed: float) -> None:
         report = self._link.pump()

@@ -132,6 +132,12 @@ class URLink:
                 self.call("leave", timeout=LEAVE_TIME)
         self.kill()
 
+    def abandon(self) -> None:
+        """End the process without waiting for that; ``close`` tidies up."""
+        process = self._process
+        if process is not None:
+            process.kill()
+
     def kill(self) -> None:
         """End the process at once; idempotent."""
         process, self._process = self._process, None

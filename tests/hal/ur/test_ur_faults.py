@@ -135,6 +135,7 @@ def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
     ended(robot, motion, 0.3)
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.DISCONNECTED
+    robot.clock.sleep(0.02)
     assert robot.stopped
     with pytest.raises(NotConnectedError, match="arm"):
         robot.part("arm", Arm).positions()
