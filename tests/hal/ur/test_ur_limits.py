@@ -52,7 +52,7 @@ def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinPro
         assert motion.error is not None
         assert motion.error.code is MotionErrorCode.FAULT
         assert "workspace" in motion.error.text
-        robot.clock.sleep(0.3)
+        robot.clock.sleep(0.5)
         assert np.max(np.abs(arm.velocities())) < 0.01
         assert ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())[2] < place[2] + 0.12
 
