@@ -8,12 +8,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from bestman_bt.engine.around_tick import Conditions
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.conversion import number_from_text
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, TreeLoadError
-from bestman_bt.engine.node import Conditions, Node
+from bestman_bt.engine.node import Node
 from bestman_bt.engine.place import Place
 from bestman_bt.engine.ports import key_of, outer_key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest

@@ -20,15 +20,27 @@ from py_trees.common import BlackBoxLevel
 from py_trees.common import Status as PyTreesStatus
 from py_trees.ports import PortInformation
 
+from bestman_bt.engine.around_tick import (
+    Conditions,
+    Hooks,
+    PostTick,
+    PreTick,
+    Tick,
+    with_conditions,
+    with_post_hooks,
+    with_pre_hooks,
+    with_visits,
+)
 from bestman_bt.engine.errors import NodeError
 from bestman_bt.engine.lazy import Lazy
+from bestman_bt.engine.node_arguments import split_arguments
+from bestman_bt.engine.node_errors import describe_bad_status, wrapped
 from bestman_bt.engine.ports import make_reader, make_writer
 from bestman_bt.engine.status import (
     FAILURE,
     IDLE,
     RUNNING,
     SKIPPED,
-    STATUS_NAMES,
     SUCCESS,
     TO_PY_TREES,
     from_py_trees,
@@ -45,39 +57,6 @@ if TYPE_CHECKING:
 else:
     _Base = object
 
-Tick = Callable[[], int]
-PreTick = Callable[["Node"], "int | None"]
-PostTick = Callable[["Node", int], "int | None"]
-
-
-class Conditions:
-    """The compiled scripts around one node's tick: ``_skipIf`` and the like before, ``_onSuccess`` after."""
-
-    __slots__ = ("on_failure", "on_halted", "on_success", "post", "pre")
-
-    def __init__(self) -> None:
-        self.pre: list[tuple[str, Callable[[], bool]]] = []
-        self.on_success: Callable[[], Any] | None = None
-        self.on_failure: Callable[[], Any] | None = None
-        self.on_halted: Callable[[], Any] | None = None
-        self.post: Callable[[], Any] | None = None
-
-    @property
-    def after(self) -> bool:
-        """Whether a script follows the tick."""
-        return not (self.on_success is None and self.on_failure is None and self.post is None)
-
-
-class Hooks:
-    """The callbacks around one node's tick; a status that they return replaces the tick's."""
-
-    __slots__ = ("monitor", "post", "pre")
-
-    def __init__(self) -> None:
-        self.pre: list[PreTick] = []
-        self.post: list[PostTick] = []
-        self.monitor: list[PostTick] = []
-
 
 class Node(_Base):
     """Base of all nodes.
@@ -93,7 +72,6 @@ class Node(_Base):
         "attributes",
         "children",
         "conditions",
-        "core",
         "ev",
         "hooks",
         "info",
@@ -123,7 +101,6 @@ class Node(_Base):
 
     _s: int
     run: Tick
-    core: Tick
     log: list[Any] | None
     ev: tuple[int, int, int, int]
     pairs: list[tuple[Tick, Node]]
@@ -383,15 +360,15 @@ class Node(_Base):
             self.ev = (base, base + 1, base + 2, base + 3)
         hooks = self.hooks
         if hooks is not None and (hooks.pre or hooks.monitor):
-            core = self._with_pre_hooks(core, hooks)
+            core = with_pre_hooks(self, core, hooks)
         if self.conditions is not None:
-            core = self._with_conditions(core, self.conditions)
+            core = with_conditions(self, core, self.conditions)
         if hooks is not None and hooks.post:
-            core = self._with_post_hooks(core, hooks)
+            core = with_post_hooks(self, core, hooks)
         self.bind_children(log)
         core = self.bound(core)
         if visited is not None:
-            core = self._with_visits(core, visited)
+            core = with_visits(self, core, visited)
         self.run = core
 
     def bind_children(self, log: list[Any] | None) -> None:
@@ -400,93 +377,6 @@ class Node(_Base):
     def bound(self, core: Tick) -> Tick:
         """Return ``core`` with whatever the node's kind needs around it."""
         return core
-
-    def _with_visits(self, core: Tick, visited: list[Node]) -> Tick:
-        def run() -> int:
-            status = core()
-            visited.append(self)
-            return status
-
-        return run
-
-    def _with_pre_hooks(self, core: Tick, hooks: Hooks) -> Tick:
-        def run() -> int:
-            if self._s <= RUNNING:
-                for before in hooks.pre:
-                    replaced = before(self)
-                    if replaced in (SUCCESS, FAILURE, SKIPPED):
-                        return int(replaced)
-            status = core()
-            for watch in hooks.monitor:
-                watch(self, status)
-            return status
-
-        return run
-
-    def _with_post_hooks(self, core: Tick, hooks: Hooks) -> Tick:
-        def run() -> int:
-            status = core()
-            for after in hooks.post:
-                replaced = after(self, status)
-                if replaced in (SUCCESS, FAILURE):
-                    status = int(replaced)
-            return status
-
-        return run
-
-    def _with_conditions(self, core: Tick, conditions: Conditions) -> Tick:
-        pre = conditions.pre
-        if len(pre) == 1 and pre[0][0] == "_skipIf" and not conditions.after:
-            skips = pre[0][1]
-
-            def run() -> int:
-                if self._s <= 0 and skips():
-                    return SKIPPED
-                return core()
-
-            return run
-        self.core = core
-        return self._run_with_conditions
-
-    def _run_with_conditions(self) -> int:
-        conditions = self.conditions
-        assert conditions is not None
-        status = -1
-        if conditions.pre:
-            code = self._s
-            if code <= 0:
-                for kind, holds in conditions.pre:
-                    if holds():
-                        if kind == "_skipIf":
-                            status = SKIPPED
-                        elif kind == "_failureIf":
-                            status = FAILURE
-                        elif kind == "_successIf":
-                            status = SUCCESS
-                        else:
-                            continue
-                        break
-                    if kind == "_while":
-                        status = SKIPPED
-                        break
-            elif code == RUNNING:
-                kind, holds = conditions.pre[-1]
-                if kind == "_while" and not holds():
-                    self.halt_node()
-                    status = SKIPPED
-        if status < 0:
-            status = self.core()
-        if status == SUCCESS:
-            if conditions.on_success is not None:
-                conditions.on_success()
-            if conditions.post is not None:
-                conditions.post()
-        elif status == FAILURE:
-            if conditions.on_failure is not None:
-                conditions.on_failure()
-            if conditions.post is not None:
-                conditions.post()
-        return status
 
     # ---- hooks
 
@@ -571,46 +461,3 @@ class Node(_Base):
         if decided and hasattr(decided[-1], "tip"):
             return decided[-1].tip() or self
         return self
-
-
-def describe_bad_status(status: object) -> str:
-    """Return what to tell the author of a node that returned something odd."""
-    if isinstance(status, int) and status == IDLE:
-        return "its tick returned IDLE; SUCCESS, FAILURE, RUNNING or SKIPPED are accepted"
-    if isinstance(status, PyTreesStatus):
-        return f"its tick returned py_trees' {status}; return bestman_bt.engine's {status.name} instead"
-    return f"its tick returned {status!r}; one of {', '.join(STATUS_NAMES[1:])} is accepted"
-
-
-def wrapped(error: Exception, node: Node) -> NodeError:
-    """Return a ``NodeError`` that says in which node ``error`` was raised."""
-    text = str(error) or type(error).__name__
-    if type(error).__module__.startswith("bestman_bt.engine"):
-        return node.error(text)
-    return node.error(f"{type(error).__name__}: {text}")
-
-
-def odd_status(status: object, child: Node) -> NodeError:
-    """Return the error for a status that no parent accepts."""
-    return child.error(describe_bad_status(status))
-
-
-def split_arguments(
-    cls: type[Node], args: tuple[Any, ...], name: str | None, attributes: dict[str, Any]
-) -> tuple[str | None, list[Any]]:
-    """Sort the positional arguments of a node made in Python into its name and its children."""
-    children: list[Any] = []
-    for argument in args:
-        if isinstance(argument, str) and name is None:
-            name = argument
-        elif isinstance(argument, Behaviour):
-            children.append(argument)
-        elif isinstance(argument, (list, tuple)) and all(isinstance(c, Behaviour) for c in argument):
-            children.extend(argument)
-        else:
-            raise TypeError(f"{cls.__name__} takes a name and children but got {argument!r}")
-    children.extend(attributes.pop("children", ()))
-    child = attributes.pop("child", None)
-    if child is not None:
-        children.append(child)
-    return name, children

@@ -15,7 +15,8 @@ from py_trees.visitors import VisitorBase
 from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock, WakeableClock, WallClock
 from bestman_bt.engine.errors import EngineError, NodeError
-from bestman_bt.engine.node import Node, wrapped
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.node_errors import wrapped
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 if TYPE_CHECKING:

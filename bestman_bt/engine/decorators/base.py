@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import py_trees
 
-from bestman_bt.engine.node import Node, Tick
+from bestman_bt.engine.around_tick import Tick
+from bestman_bt.engine.node import Node
 from bestman_bt.engine.status import SKIPPED
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.errors import NodeError
-from bestman_bt.engine.node import odd_status, wrapped
+from bestman_bt.engine.node_errors import odd_status, wrapped
 from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS
 
 

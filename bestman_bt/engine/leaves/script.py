@@ -7,8 +7,8 @@ from typing import Any
 
 from py_trees.ports import PortInformation
 
+from bestman_bt.engine.around_tick import Tick
 from bestman_bt.engine.leaves.base import Condition, SyncAction
-from bestman_bt.engine.node import Tick
 from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.status import FAILURE, SUCCESS
 

@@ -1,0 +1,31 @@
+"""What a node that is made in Python is called with: a name and children, in the forms of py_trees and of trees."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from py_trees.behaviour import Behaviour
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.node import Node
+
+
+def split_arguments(
+    cls: type[Node], args: tuple[Any, ...], name: str | None, attributes: dict[str, Any]
+) -> tuple[str | None, list[Any]]:
+    """Sort the positional arguments of a node made in Python into its name and its children."""
+    children: list[Any] = []
+    for argument in args:
+        if isinstance(argument, str) and name is None:
+            name = argument
+        elif isinstance(argument, Behaviour):
+            children.append(argument)
+        elif isinstance(argument, (list, tuple)) and all(isinstance(c, Behaviour) for c in argument):
+            children.extend(argument)
+        else:
+            raise TypeError(f"{cls.__name__} takes a name and children but got {argument!r}")
+    children.extend(attributes.pop("children", ()))
+    child = attributes.pop("child", None)
+    if child is not None:
+        children.append(child)
+    return name, children
