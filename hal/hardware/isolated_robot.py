@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import multiprocessing
 import os
-import socket
 import subprocess
 import sys
 import threading
@@ -143,7 +143,7 @@ class _Line:
 
     def start(self, setup: Setup) -> None:
         """Start the process; it is ready when this returns."""
-        pairs = [socket.socketpair() for _ in range(2)]
+        pairs = [multiprocessing.Pipe() for _ in range(2)]  # which block whatever a vendor's SDK makes of all sockets
         theirs = [their.fileno() for _, their in pairs]
         command = [sys.executable, "-c", PROGRAM, *map(str, theirs)]
         path = os.pathsep.join(filter(None, sys.path))
@@ -152,7 +152,7 @@ class _Line:
         )
         for _, their in pairs:
             their.close()
-        self._calls, self._stops = (_Wire(Connection(our.detach())) for our, _ in pairs)
+        self._calls, self._stops = (_Wire(our) for our, _ in pairs)
         self._calls.ask(setup)
 
     def close(self) -> None:

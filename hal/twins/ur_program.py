@@ -7,7 +7,7 @@ when ready and 2 when a command is done, which the client answers by clearing it
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -78,7 +78,7 @@ class URProgram:
         self._moves: list[Waypoint] = []
         self._motion: Motion | None = None
         self._asynchronous = False
-        self._drifting = False
+        self._drift: Callable[[], Array] | None = None  # joint speeds now
         self._drift_left = np.inf
         self.follower: ServoFollower | None = None
         self.watchdog_frequency: float | None = None
@@ -88,7 +88,7 @@ class URProgram:
     def halt(self) -> None:
         """Come to rest; nothing is followed any more."""
         self._arm.stop()
-        self.follower, self._motion, self._drifting = None, None, False
+        self.follower, self._motion, self._drift = None, None, None
         self._moves = []
 
     def advance(self, dt: float, inputs: Mapping[str, Any], fresh: bool) -> None:
@@ -120,11 +120,12 @@ class URProgram:
             if self._reachable(target):
                 self.follower.take(np.clip(target, self._lower, self._upper))
         elif command in (Command.SPEED_JOINTS, Command.SPEED_TOOL):
-            if command == Command.SPEED_TOOL:
-                target = self._kinematics.joint_speeds(self._arm.positions(), target)
             self.follower, self._motion = None, None
-            self._arm.command(velocities=np.clip(target, -self._speed, self._speed))
-            self._drifting, self._drift_left = True, numbers[7] if numbers[7] > 0.0 else np.inf
+            if command == Command.SPEED_TOOL:
+                self._drift = lambda: self._kinematics.joint_speeds(self._arm.positions(), target)
+            else:
+                self._drift = lambda: target
+            self._drift_left = numbers[7] if numbers[7] > 0.0 else np.inf
 
     def _begin(self, command: int, numbers: list[float], asynchronous: bool) -> None:
         self._asynchronous = asynchronous
@@ -166,8 +167,9 @@ class URProgram:
             self._arm.servo(self.follower.advance(dt))
         elif self._motion is not None and self._motion.done:
             self._next_move()
-        elif self._drifting:
+        elif self._drift is not None:
             self._drift_left -= dt
+            speeds = self._drift() if self._drift_left > 0.0 else np.zeros(len(self._speed))
+            self._arm.command(velocities=np.clip(speeds, -self._speed, self._speed))
             if self._drift_left <= 0.0:
-                self._drifting = False
-                self._arm.command(velocities=np.zeros(len(self._speed)))
+                self._drift = None

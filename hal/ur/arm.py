@@ -144,11 +144,12 @@ class URArm(StreamedArm):
 
     def cycle(self, elapsed: float) -> None:
         """One control period."""
-        own = self._own
-        if own is None:
-            super().cycle(elapsed)
-        else:
-            self._attend(own)
+        with self._line.lock:  # so that no motion of the controller's begins between the look and the cycle
+            own = self._own
+            if own is None:
+                super().cycle(elapsed)
+                return
+        self._attend(own)
 
     # Private
 
