@@ -26,7 +26,8 @@ demo: install
 	$(BIN)/bestman-bt demo
 
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(BIN)/python -m pytest -n $(JOBS) -m "not real_time"
+	$(BIN)/python -m pytest -m real_time
 
 eval: install
 	$(BIN)/bestman-bt eval manipulation --jobs $(JOBS)

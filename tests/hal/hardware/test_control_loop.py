@@ -9,6 +9,8 @@ import pytest
 
 from hal.hardware import ControlLoop
 
+pytestmark = pytest.mark.real_time
+
 
 def test_it_is_called_at_its_rate_with_the_time_that_has_passed() -> None:
     elapsed: list[float] = []

@@ -10,6 +10,8 @@ import pytest
 
 from hal.hardware import RealTimeClock
 
+pytestmark = pytest.mark.real_time
+
 
 def test_a_sleep_lasts_as_long_as_asked() -> None:
     clock = RealTimeClock()

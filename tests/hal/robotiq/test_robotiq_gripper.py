@@ -28,6 +28,8 @@ from hal.parts import PartMotion
 from hal.robotiq import RobotiqOptions
 from hal.twins.robotiq_server import RobotiqTwin
 
+pytestmark = pytest.mark.real_time
+
 HAND = "hand_controller"
 STEP = 0.005
 

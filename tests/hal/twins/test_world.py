@@ -15,6 +15,8 @@ from hal.api import Arm, Camera, JointGroup
 from hal.pybullet import PyBulletRobot
 from hal.twins.world import TwinWorld
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.fixture(scope="module")
 def model() -> RobotModel:
@@ -74,13 +76,13 @@ def test_a_picture_is_that_of_the_simulated_camera_and_physics_goes_on(
     arm = world.robot.part("arm", Arm)
     world.call(lambda: arm.move_to(model.posture("home", arm.joint_names)))
     time.sleep(3.0)
-    before = world.now()
-    image = world.photograph("head_camera")
-    deadline = time.monotonic() + 5.0
-    while world.now() <= before and time.monotonic() < deadline:
-        time.sleep(0.01)
-    assert world.now() > before
-    assert image.stamp == pytest.approx(before, abs=0.1)
+    went_on = []
+    for _ in range(5):
+        before = world.now()
+        image = world.photograph("head_camera")
+        went_on.append(world.now() > before)
+        assert image.stamp == pytest.approx(before, abs=0.1)
+    assert any(went_on)
     direct = world.call(lambda: world.robot.part("head_camera", Camera).capture())
     known = (image.depth > 0) & (direct.depth > 0)
     assert known.mean() > 0.5

@@ -7,6 +7,8 @@ import pytest
 from hal.conformance import CHECKS, Check, settle
 from hal.hardware import IsolatedRobot
 
+pytestmark = pytest.mark.real_time
+
 NO_BASE = {
     "base commands beyond limits are refused",
     "velocities of a base lapse",

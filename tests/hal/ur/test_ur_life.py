@@ -8,6 +8,8 @@ from bestman_bt.robot_model import RobotModel
 from hal.conformance import LIFE_CHECKS, Check
 from hal.hardware import IsolatedRobot
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.mark.parametrize("check", LIFE_CHECKS, ids=lambda check: check.name)
 def test_a_ur_keeps_its_promise_about_connections(check: Check, ur_model: RobotModel) -> None:

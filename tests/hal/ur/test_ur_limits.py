@@ -18,6 +18,8 @@ from hal.hardware import HardwareRobot, ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm
 
+pytestmark = pytest.mark.real_time
+
 ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
 

@@ -13,6 +13,8 @@ from hal.hardware import ConnectionFailedError, HardwareRobot, ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm, URConnection
 
+pytestmark = pytest.mark.real_time
+
 CONTROLLER = "arm_controller"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
 

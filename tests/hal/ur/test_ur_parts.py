@@ -10,6 +10,8 @@ from bestman_bt.configuration import ConfigurationError
 from bestman_bt.robot_model import load_robot_model
 from hal.hardware import ConnectionFailedError, HardwareRobot
 
+pytestmark = pytest.mark.real_time
+
 ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
 
 

@@ -15,6 +15,8 @@ from bestman_bt.robot_model import RobotModel
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import IsolatedRobot
 
+pytestmark = pytest.mark.real_time
+
 FIRST_JOINT = np.eye(6)[0]
 
 

@@ -8,6 +8,8 @@ from bestman_bt.robot_model import RobotModel
 from hal.conformance import CHECKS, LIFE_CHECKS, Check, settle
 from hal.hardware import IsolatedRobot
 
+pytestmark = pytest.mark.real_time
+
 NO_BASE = {
     "base commands beyond limits are refused",
     "velocities of a base lapse",

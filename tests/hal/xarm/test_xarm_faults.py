@@ -16,6 +16,8 @@ from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionErrorCode, 
 from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.twins import TwinProcess
 
+pytestmark = pytest.mark.real_time
+
 CONTROLLER = "arm_controller"
 SLACK = 0.15
 """Seconds that a test gives on top of what is promised, because the machine is shared."""

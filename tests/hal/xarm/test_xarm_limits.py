@@ -22,6 +22,8 @@ from hal.hardware import HardwareRobot, ToolLimits
 from hal.twins import TwinProcess
 from hal.xarm.sdk import discreet
 
+pytestmark = pytest.mark.real_time
+
 ROBOT = Path(__file__).parent / "xarm6_on_a_base.yaml"
 SIDEWAYS = np.array([0.4, 0, 0, 0, 0, 0])
 
