@@ -11,12 +11,12 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import move_free
 from behaviours.closing import BEFORE, Push, pushes
+from behaviours.following import CODES, followed
 from behaviours.leaf import Leaf, find_leaf, free_along, world_at_leaf
-from behaviours.open import CODES
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
-from bestman_bt.control.arm import FollowedMotion, FollowEnd, FollowGuide, GuardedOutcome
+from bestman_bt.control.arm import FollowEnd, FollowGuide, GuardedOutcome
 from bestman_bt.manipulation.kinematics import arc_path_through
 from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
@@ -149,15 +149,7 @@ class Close(Skill):
             axis=replace(axis, point=base_from_map.apply(axis.point[None])[0], direction=base @ axis.direction),
             learns=False,
         )
-        failure: SkillFailure | None = None
-        try:
-            yield following
-        except SkillFailure as error:
-            failure = error
-        motion: FollowedMotion | None = following.result
-        if motion is None:
-            assert failure is not None
-            raise failure
+        motion, failure = yield from followed(following)
         left = max(0.0, push.opening(self._tip(push, motion.tool).position))
         resisted = motion.end in (FollowEnd.JAMMED, FollowEnd.LOCKED)
         if resisted and left <= self._uncertainty(push):

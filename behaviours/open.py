@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
+from behaviours.following import CODES, followed
 from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
 from behaviours.leaf import world_at_leaf
@@ -18,21 +19,11 @@ from behaviours.opening import Opening, plan_opening
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
-from bestman_bt.control.arm import FollowedMotion, FollowEnd
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import Obstacle
 
 ROLLS = 0.006
 """Metres by which the fingers may move while a bar turns between them."""
-
-CODES = {
-    FollowEnd.LOCKED: "locked",
-    FollowEnd.JAMMED: "jammed",
-    FollowEnd.GRIP_LOST: "grip_lost",
-    FollowEnd.OBSTACLE: "obstacle",
-    FollowEnd.ARM_LIMIT: "out_of_reach",
-    FollowEnd.TIMEOUT: "timeout",
-}
 
 
 class Open(Skill):
@@ -127,20 +118,12 @@ class Open(Skill):
             guide=plan.guide,
             axis=opening.axis(skills.map_from_base.inverse()),
         )
-        failure: SkillFailure | None = None
-        try:
-            yield following
-        except SkillFailure as error:
-            failure = error
-        motion: FollowedMotion | None = following.result
-        if motion is None:
-            assert failure is not None
-            raise failure
+        motion, failure = yield from followed(following)
         held_after = self._held(plan, motion.tool)
         self._felt = felt_leaf(opening, held_before, held_after, motion.angle, skills.clock.now())
         opened = opening.start + (motion.angle if opening.angle is not None else motion.distance)
-        if motion.end is not FollowEnd.GRIP_LOST:
-            skills.world.believe_articulation(leaf.articulation, max(0.0, min(opened, leaf.leaf.upper)))
+        # Where the grip was lost, too: the leaf is left about there, and the base has to keep clear of it.
+        skills.world.believe_articulation(leaf.articulation, max(0.0, min(opened, leaf.leaf.upper)))
         if opened < opening.asked:
             why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
             raise SkillFailure(CODES.get(motion.end, "not_open"), f"{why}: {failure}" if failure else why)

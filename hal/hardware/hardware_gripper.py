@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +13,7 @@ from hal.hardware.fault import Fault
 from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.part_line import PartLine
 from hal.hardware.stop_latch import StopLatch
-from hal.parts import PartMotion
+from hal.parts import GripperCommandChecks, PartMotion
 
 
 @dataclass(frozen=True)
@@ -49,6 +48,7 @@ class HardwareGripper(HardwarePart, Gripper):
         super().__init__(name)
         self._model, self._channel = model, channel
         self._parameters = parameters or GripperParameters()
+        self._checks = GripperCommandChecks(name, model, self._parameters.usual_force, self._parameters.usual_speed)
         self._line = PartLine(name, latch)
         self._reading: GripperReading | None = None
         self._order: tuple[float, float, float] | None = None  # width, force, speed that are still to be sent
@@ -60,8 +60,7 @@ class HardwareGripper(HardwarePart, Gripper):
     @property
     def description(self) -> GripperDescription:
         """Ranges."""
-        model = self._model
-        return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
+        return self._checks.description
 
     def width(self) -> float:
         """Measured opening, metres."""
@@ -84,11 +83,7 @@ class HardwareGripper(HardwarePart, Gripper):
         model, parameters = self._model, self._parameters
         with self._line.lock:
             self._line.check_command("move")
-            force = min(parameters.usual_force, model.max_force) if force is None else force
-            speed = min(parameters.usual_speed, model.max_speed) if speed is None else speed
-            self._check("width", width, model.min_width - 1e-9, model.max_width + 1e-9, "m")
-            self._check("force", force, 1e-9, model.max_force, "N")
-            self._check("speed", speed, 1e-9, model.max_speed, "m/s")
+            width, force, speed = self._checks.move(width, force, speed)
             present = self.width()
             motion = PartMotion(self)
             self._line.begin(motion)
@@ -96,7 +91,7 @@ class HardwareGripper(HardwarePart, Gripper):
             self._target = float(np.clip(width, model.min_width, model.max_width))
             self._time = self._still_for = 0.0
             self._limit = abs(present - width) / speed + parameters.spare_time
-            self._order = (self._target, float(force), float(speed))
+            self._order = (self._target, force, speed)
             return motion
 
     def stop(self) -> None:
@@ -179,9 +174,3 @@ class HardwareGripper(HardwarePart, Gripper):
     def _give_up(self, reading: GripperReading, code: MotionErrorCode, what: str) -> None:
         text = f"{what}: the width is {reading.width:.4f} m, asked were {self._target:.4f} m"
         self._line.end_motion(MotionStatus.FAILED, code, text)
-
-    def _check(self, what: str, value: float, lower: float, upper: float, unit: str) -> None:
-        if not (math.isfinite(value) and lower <= value <= upper):
-            raise self._line.refuse(
-                "move", f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"
-            )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
-from hal.parts import PartMotion
+from hal.parts import GripperCommandChecks, PartMotion
 from hal.pybullet.contact_renewal import ContactRenewal
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
@@ -31,6 +30,7 @@ class SimulatedGripper(Gripper):
     ) -> None:
         super().__init__(name)
         self._model, self._parameters = model, parameters
+        self._checks = GripperCommandChecks(name, model, parameters.gripper_force, parameters.gripper_speed)
         self._connection = Connection(name, stopped)
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._indices: list[int] = []
@@ -43,8 +43,7 @@ class SimulatedGripper(Gripper):
     @property
     def description(self) -> GripperDescription:
         """Ranges."""
-        model = self._model
-        return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
+        return self._checks.description
 
     def width(self) -> float:
         """Measured opening, metres."""
@@ -61,23 +60,18 @@ class SimulatedGripper(Gripper):
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
         """Open or close to ``width`` at ``speed`` (rate of the width); without ``force``, 40 N or what the hand can."""
         self._connection.check_command("move")
-        model = self._model
-        force = min(self._parameters.gripper_force, model.max_force) if force is None else force
-        speed = min(self._parameters.gripper_speed, model.max_speed) if speed is None else speed
-        self._check("width", width, model.min_width - 1e-9, model.max_width + 1e-9, "m")
-        self._check("force", force, 1e-9, model.max_force, "N")
-        self._check("speed", speed, 1e-9, model.max_speed, "m/s")
+        width, force, speed = self._checks.move(width, force, speed)
         motion = PartMotion(self)
         self._connection.begin(motion)
         present = self.width()
         if self._blocked and self._contacts is not None:
             self._contacts.renew_all()
         self._closing = width < present
-        self._target = float(width)
+        self._target = width
         self._blocked = False
         self._still_for = 0.0
         self._left = abs(present - width) / speed + 1.0
-        self._send(float(force), float(speed))
+        self._send(force, speed)
         return motion
 
     def stop(self) -> None:
@@ -144,10 +138,4 @@ class SimulatedGripper(Gripper):
                 targetPosition=targets[joint],
                 force=force / (per_metre * len(self._indices)),
                 maxVelocity=speed * per_metre,
-            )
-
-    def _check(self, what: str, value: float, lower: float, upper: float, unit: str) -> None:
-        if not (math.isfinite(value) and lower <= value <= upper):
-            raise self._connection.refuse(
-                "move", f"{what} = {value} {unit} is not within [{max(lower, 0.0):.4g}, {upper:.4g}] {unit}"
             )

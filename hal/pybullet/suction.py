@@ -9,7 +9,7 @@ import pybullet
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
-from hal.parts import PartMotion
+from hal.parts import GripperCommandChecks, PartMotion
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
@@ -34,6 +34,7 @@ class SimulatedSuction(Gripper):
     ) -> None:
         super().__init__(name)
         self._model, self._parameters = model, parameters
+        self._checks = GripperCommandChecks(name, model, least_width=0.0)
         self._connection = Connection(name, stopped)
         self._reader: Reader | None = None
         self._cup = -1
@@ -45,8 +46,7 @@ class SimulatedSuction(Gripper):
     @property
     def description(self) -> GripperDescription:
         """Nominal widths; the force is the vacuum's."""
-        model = self._model
-        return GripperDescription(model.min_width, model.max_width, model.max_speed, model.max_force)
+        return self._checks.description
 
     def width(self) -> float:
         """Nominal: 0 sucking air, half of the full width sucking at something, what was asked for at rest."""
@@ -64,20 +64,11 @@ class SimulatedSuction(Gripper):
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
         """Switch the pump on (``width`` 0) or off; ``speed`` means nothing here."""
         self._connection.check_command("move")
-        model = self._model
-        force = model.max_force if force is None else force
-        for what, value, lower, upper, unit in (
-            ("width", width, 0.0, model.max_width + 1e-9, "m"),
-            ("force", force, 1e-9, model.max_force, "N"),
-            ("speed", model.max_speed if speed is None else speed, 1e-9, model.max_speed, "m/s"),
-        ):
-            if not (math.isfinite(value) and lower <= value <= upper):
-                why = f"{what} = {value} {unit} is not within [{lower:.4g}, {upper:.4g}] {unit}"
-                raise self._connection.refuse("move", why)
+        width, force, _ = self._checks.move(width, force, speed)
         motion = PartMotion(self)
         self._connection.begin(motion)
-        self._force = float(force) if width <= 1e-6 else 0.0
-        self._asked = float(width)
+        self._force = force if width <= 1e-6 else 0.0
+        self._asked = width
         self._left = 2.0 * BUILD_UP
         return motion
 

@@ -1,0 +1,30 @@
+"""Going along with a door or drawer, for skills that want to know how far it came also where it failed."""
+
+from __future__ import annotations
+
+from behaviours.skill import SkillFailure, StepsTo
+from bestman_bt.control import ControlHandle
+from bestman_bt.control.arm import FollowedMotion, FollowEnd
+
+CODES = {
+    FollowEnd.LOCKED: "locked",
+    FollowEnd.JAMMED: "jammed",
+    FollowEnd.GRIP_LOST: "grip_lost",
+    FollowEnd.OBSTACLE: "obstacle",
+    FollowEnd.ARM_LIMIT: "out_of_reach",
+    FollowEnd.TIMEOUT: "timeout",
+}
+"""What skills report where a following failed."""
+
+
+def followed(following: ControlHandle[FollowedMotion]) -> StepsTo[tuple[FollowedMotion, SkillFailure | None]]:
+    """The motion, and what ended it early; SkillFailure where there was none."""
+    failure: SkillFailure | None = None
+    try:
+        yield following
+    except SkillFailure as error:
+        if following.result is None:
+            raise
+        failure = error
+    assert following.result is not None
+    return following.result, failure
