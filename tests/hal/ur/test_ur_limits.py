@@ -31,7 +31,7 @@ def connected(twin: TwinProcess, **settings: Any) -> Iterator[tuple[HardwareRobo
         yield robot, robot.part("arm", URArm)
 
 
-def finish(robot: HardwareRobot, motion: Motion, limit: float = 8.0) -> Motion:
+def finish(robot: HardwareRobot, motion: Motion, limit: float = 20.0) -> Motion:
     deadline = time.monotonic() + limit
     while not motion.done:
         assert time.monotonic() < deadline, "the motion does not end"
@@ -41,6 +41,7 @@ def finish(robot: HardwareRobot, motion: Motion, limit: float = 8.0) -> Motion:
 
 def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinProcess) -> None:
     with connected(twin) as (robot, arm):
+        finish(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
         place = ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())
     box = {"lower": (place - 0.1).tolist(), "upper": (place + 0.1).tolist()}
     with connected(twin, safety__workspace=box, safety__tool_speed=0.1) as (robot, arm):
@@ -50,7 +51,7 @@ def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinPro
             arm.speed_tool([0.2, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0)
         with pytest.raises(CommandRefusedError, match="faster than its limit"):
             arm.speed_joints(3 * STEP, 1.0)
-        motion = finish(robot, arm.speed_tool([0.0, 0.0, 0.08, 0.0, 0.0, 0.0], 3.0))
+        motion = finish(robot, arm.speed_tool([0.0, 0.0, 0.08, 0.0, 0.0, 0.0], 10.0))
         assert motion.error is not None
         assert motion.error.code is MotionErrorCode.FAULT
         assert "workspace" in motion.error.text

@@ -19,7 +19,7 @@ CONTROLLER = "arm_controller"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
 
 
-def finish(robot: HardwareRobot, motion: Motion, limit: float = 8.0) -> Motion:
+def finish(robot: HardwareRobot, motion: Motion, limit: float = 20.0) -> Motion:
     deadline = time.monotonic() + limit
     while not motion.done:
         assert time.monotonic() < deadline, "the motion does not end"
@@ -79,6 +79,7 @@ def test_no_motion_is_over_before_it_began(robot: HardwareRobot) -> None:
 def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     tool = ToolLimits(robot.model, "arm", robot.model.safety)
+    finish(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
     motion = arm.speed_tool([0.05, 0.0, 0.03, 0.0, 0.0, 0.0], 2.0)
     times, places = [], []
     while not motion.done:
