@@ -69,7 +69,12 @@ DRIVERS = Registry(
 CONNECTIONS = Registry(
     "bestman_bt.connections",
     "connection driver",
-    {"xarm": "hal.xarm:XArmConnection", "ur": "hal.ur:URConnection", "robotiq": "hal.robotiq:RobotiqConnection"},
+    {
+        "robotiq": "hal.robotiq:RobotiqConnection",
+        "rosbridge": "hal.rosbridge:RosbridgeConnection",
+        "ur": "hal.ur:URConnection",
+        "xarm": "hal.xarm:XArmConnection",
+    },
 )
 """Classes that speak to one vendor's controller, by the ``driver`` of a connection in a robot's YAML."""
 

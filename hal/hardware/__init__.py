@@ -14,9 +14,11 @@ from hal.hardware.control_loop import ControlLoop, Lateness
 from hal.hardware.driven_base import DrivenBase, DrivingParameters
 from hal.hardware.fault import ConnectionFailedError, Fault
 from hal.hardware.hardware_gripper import GripperParameters, HardwareGripper
-from hal.hardware.hardware_part import HardwarePart, HardwareSensor
+from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.isolated_robot import IsolatedRobot
+from hal.hardware.remote_time import RemoteTime
 from hal.hardware.robot import HardwareRobot
+from hal.hardware.sensors import HardwareCamera, HardwareForceTorque, HardwareLidar, HardwareSensor
 from hal.hardware.stop_latch import StopLatch
 from hal.hardware.streamed_arm import StreamedArm
 from hal.hardware.streamed_joints import StreamedJointGroup
@@ -35,7 +37,10 @@ __all__ = [
     "GripperChannel",
     "GripperParameters",
     "GripperReading",
+    "HardwareCamera",
+    "HardwareForceTorque",
     "HardwareGripper",
+    "HardwareLidar",
     "HardwarePart",
     "HardwareRobot",
     "HardwareSensor",
@@ -44,6 +49,7 @@ __all__ = [
     "JointReading",
     "Lateness",
     "RealTimeClock",
+    "RemoteTime",
     "StopLatch",
     "StreamedArm",
     "StreamedJointGroup",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from bestman_bt.messages import Pose2D, Twist2D
@@ -14,7 +13,7 @@ from hal.hardware.fault import Fault
 from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.part_line import PartLine
 from hal.hardware.stop_latch import StopLatch
-from hal.parts import PartMotion
+from hal.parts import BaseCommandChecks, PartMotion
 
 
 @dataclass(frozen=True)
@@ -43,6 +42,7 @@ class DrivenBase(HardwarePart, MobileBase):
         super().__init__(name)
         self._model, self._channel = model, channel
         self._parameters = parameters or DrivingParameters()
+        self._checks = BaseCommandChecks(name, model)
         self._line = PartLine(name, latch)
         self._wanted = self._sent = Twist2D(0.0, 0.0, 0.0)
         self._braking = False
@@ -53,16 +53,7 @@ class DrivenBase(HardwarePart, MobileBase):
     @property
     def description(self) -> BaseDescription:
         """Limits and footprint."""
-        model = self._model
-        return BaseDescription(
-            max_vx=model.max_vx,
-            max_vy=model.max_vy,
-            max_wz=model.max_wz,
-            max_acceleration=model.max_acceleration,
-            max_angular_acceleration=model.max_angular_acceleration,
-            command_timeout=self._parameters.command_timeout,
-            footprint=model.footprint,
-        )
+        return self._checks.description(self._parameters.command_timeout)
 
     # Measurements
 
@@ -80,19 +71,12 @@ class DrivenBase(HardwarePart, MobileBase):
 
     def set_velocity(self, vx: float, vy: float, wz: float) -> None:
         """Drive at a velocity, approached within the acceleration limits; lapses after ``command_timeout``."""
-        model = self._model
         with self._line.lock:
             self._line.check_command("set_velocity")
-            for what, value, limit, unit in (
-                ("vx", vx, model.max_vx, "m/s"),
-                ("vy", vy, model.max_vy, "m/s"),
-                ("wz", wz, model.max_wz, "rad/s"),
-            ):
-                if not (math.isfinite(value) and abs(value) <= limit + 1e-9):
-                    raise self._line.refuse("set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")
+            velocity = self._checks.velocity(vx, vy, wz)
             self._line.begin(None)
             self._course, self._braking = None, False
-            self._wanted = Twist2D(float(vx), float(vy), float(wz))
+            self._wanted = velocity
             self._lapses_in = self._parameters.command_timeout
 
     def move_forward(self, distance: float) -> Motion:
@@ -107,9 +91,8 @@ class DrivenBase(HardwarePart, MobileBase):
         """Turn on the spot by odometry; more than a full turn is turned in full."""
         with self._line.lock:
             self._line.check_command("rotate")
-            if not math.isfinite(angle):
-                raise self._line.refuse("rotate", f"angle = {angle} rad should be finite")
-            return self._start(Course(self._model, self._channel.read().odometry, turn=float(angle)))
+            angle = self._checks.angle("rotate", angle)
+            return self._start(Course(self._model, self._channel.read().odometry, turn=angle))
 
     def stop(self) -> None:
         """Brake to rest within half a second, ending the motion under way."""
@@ -168,10 +151,8 @@ class DrivenBase(HardwarePart, MobileBase):
     def _go(self, command: str, distance: float, direction: float) -> Motion:
         with self._line.lock:
             self._line.check_command(command)
-            if not (math.isfinite(distance) and distance > 0.0):
-                raise self._line.refuse(command, f"distance = {distance} m should be finite and above 0")
-            odometry = self._channel.read().odometry
-            return self._start(Course(self._model, odometry, distance=direction * float(distance)))
+            distance = self._checks.distance(command, distance)
+            return self._start(Course(self._model, self._channel.read().odometry, distance=direction * distance))
 
     def _start(self, course: Course) -> Motion:
         motion = PartMotion(self)

@@ -27,18 +27,3 @@ class HardwarePart(Part):
     @abstractmethod
     def fail(self, fault: Fault) -> None:
         """The controller has a fault: the motion under way has failed, the part comes to rest."""
-
-
-class HardwareSensor(HardwarePart):
-    """A sensor behind a controller; nothing of it moves."""
-
-    @property
-    def resting(self) -> bool:
-        """Always."""
-        return True
-
-    def fail(self, fault: Fault) -> None:
-        """There is no motion to fail."""
-
-    def stop(self) -> None:
-        """A sensor has nothing to stop."""

@@ -10,7 +10,7 @@ import numpy as np
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.robot_model import BaseModel
 from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.parts import PartMotion
+from hal.parts import BaseCommandChecks, PartMotion
 from hal.pybullet.drive import Odometry, Velocity, make_drives
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
@@ -38,6 +38,7 @@ class SimulatedBase(MobileBase):
     ) -> None:
         super().__init__(name)
         self._model, self._parameters = model, parameters
+        self._checks = BaseCommandChecks(name, model)
         self._connection = Connection(name, stopped)
         self._drive, self._believed = make_drives(model, parameters.odometry_calibration, rng)
         self._odometry = Odometry(self._believed, np.zeros(len(model.wheel_joints)))
@@ -53,16 +54,7 @@ class SimulatedBase(MobileBase):
     @property
     def description(self) -> BaseDescription:
         """Limits and footprint."""
-        model = self._model
-        return BaseDescription(
-            max_vx=model.max_vx,
-            max_vy=model.max_vy,
-            max_wz=model.max_wz,
-            max_acceleration=model.max_acceleration,
-            max_angular_acceleration=model.max_angular_acceleration,
-            command_timeout=self._parameters.command_timeout,
-            footprint=model.footprint,
-        )
+        return self._checks.description(self._parameters.command_timeout)
 
     # Measurements
 
@@ -80,17 +72,10 @@ class SimulatedBase(MobileBase):
     def set_velocity(self, vx: float, vy: float, wz: float) -> None:
         """Drive at a velocity, approached within the acceleration limits; lapses after ``command_timeout``."""
         self._connection.check_command("set_velocity")
-        model = self._model
-        for what, value, limit, unit in (
-            ("vx", vx, model.max_vx, "m/s"),
-            ("vy", vy, model.max_vy, "m/s"),
-            ("wz", wz, model.max_wz, "rad/s"),
-        ):
-            if not (math.isfinite(value) and abs(value) <= limit + 1e-9):
-                raise self._connection.refuse("set_velocity", f"{what} = {value} {unit}, its limit is {limit} {unit}")
+        velocity = self._checks.velocity(vx, vy, wz)
         self._connection.begin(None)
         self._course = None
-        self._wanted = (float(vx), float(vy), float(wz))
+        self._wanted = (velocity.vx, velocity.vy, velocity.wz)
         self._lapses_in = self._parameters.command_timeout
 
     def move_forward(self, distance: float) -> Motion:
@@ -104,8 +89,7 @@ class SimulatedBase(MobileBase):
     def rotate(self, angle: float) -> Motion:
         """Turn on the spot by odometry; more than a full turn is turned in full."""
         self._connection.check_command("rotate")
-        if not math.isfinite(angle):
-            raise self._connection.refuse("rotate", f"angle = {angle} rad should be finite")
+        angle = self._checks.angle("rotate", angle)
         self._update_odometry()
         model = self._model
         time = abs(angle) / model.max_wz + model.max_wz / model.max_angular_acceleration
@@ -196,8 +180,7 @@ class SimulatedBase(MobileBase):
 
     def _go(self, command: str, distance: float, direction: float) -> Motion:
         self._connection.check_command(command)
-        if not (math.isfinite(distance) and distance > 0.0):
-            raise self._connection.refuse(command, f"distance = {distance} m should be finite and above 0")
+        distance = self._checks.distance(command, distance)
         self._update_odometry()
         model = self._model
         time = distance / model.max_vx + model.max_vx / model.max_acceleration

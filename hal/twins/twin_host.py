@@ -27,6 +27,7 @@ TWINS = Registry(
         "xarm": "hal.twins.xarm_server:XArmTwin",
         "ur": "hal.twins.ur_server:URTwin",
         "robotiq": "hal.twins.robotiq_server:RobotiqTwin",
+        "rosbridge": "hal.twins.rosbridge_server:RosbridgeTwin",
     },
 )
 """Driver of a connection → the class that speaks the controller's side of its protocol."""

@@ -13,12 +13,10 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hal.api import Clock
-from hal.hardware import ConnectionFailedError
+from hal.hardware import ConnectionFailedError, RemoteTime
 from hal.ur import sdk_process
 from hal.ur.sdk_process import Report
 
-CLOCK_DRIFT = 1e-4
-"""Seconds per second by which the controller's clock may run slower than ours."""
 LEAVE_TIME = 1.0
 
 
@@ -34,7 +32,7 @@ class URLink:
         self._arrived = select.poll()
         self._calling, self._reading = threading.Lock(), threading.Lock()
         self._report: Report | None = None
-        self._offset = 0.0  # of the controller's clock
+        self._controller_time = RemoteTime()
         self._lag = 0.0
         self._late_since: float | None = None
 
@@ -56,6 +54,7 @@ class URLink:
         self._arrived = select.poll()
         self._arrived.register(stream, select.POLLIN)
         self._report, self._late_since = None, None
+        self._controller_time.forget()
         self.call("open", address, settings, timeout=timeout)
         deadline = time.monotonic() + 1.0
         while self.pump() is None:
@@ -150,11 +149,5 @@ class URLink:
         self._calls = self._stream = None
 
     def _note(self, report: Report) -> None:
-        offset = report.time - report.stamp
-        if self._report is None:
-            self._offset = offset
-        else:
-            drifted = self._offset + CLOCK_DRIFT * (report.time - self._report.time)
-            self._offset = min(offset, drifted)
-        self._lag = offset - self._offset
+        self._lag = report.time - self._controller_time.here(report.stamp, report.time)
         self._report = report

@@ -1,0 +1,100 @@
+"""Sensors behind a controller: the robot model describes them, a connection brings what they read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
+from bestman_bt.robot_model import CameraModel, ForceTorqueModel, LidarModel
+from hal.api import Camera, ForceTorque, Lidar
+from hal.hardware.fault import Fault
+from hal.hardware.hardware_part import HardwarePart
+from hal.hardware.part_line import PartLine
+from hal.hardware.stop_latch import StopLatch
+
+
+class HardwareSensor(HardwarePart):
+    """A sensor behind a controller; nothing of it moves, and nothing is read of a controller that was lost."""
+
+    def __init__(self, name: str, latch: StopLatch) -> None:
+        super().__init__(name)
+        self._line = PartLine(name, latch)
+
+    def attach(self) -> None:
+        """The controller has connected."""
+        self._line.open()
+
+    def detach(self) -> None:
+        """The controller disconnects."""
+        self._line.close()
+
+    @property
+    def resting(self) -> bool:
+        """Always."""
+        return True
+
+    def fail(self, fault: Fault) -> None:
+        """There is no motion to fail; readings do."""
+        self._line.fail_motion(fault)
+
+    def stop(self) -> None:
+        """A sensor has nothing to stop."""
+
+
+class HardwareCamera(HardwareSensor, Camera):
+    """``take``: brings an image that was taken after it was asked for; it may wait, and raises NoDataError."""
+
+    def __init__(self, name: str, model: CameraModel, latch: StopLatch, take: Callable[[], RGBDImage]) -> None:
+        super().__init__(name, latch)
+        self._model, self._take = model, take
+
+    @property
+    def intrinsics(self) -> CameraIntrinsics:
+        """Those of the robot model."""
+        return self._model.intrinsics
+
+    @property
+    def optical_frame(self) -> str:
+        """The frame of the images."""
+        return self._model.optical_frame
+
+    def capture(self) -> RGBDImage:
+        """Take one image now."""
+        self._line.check_reading()
+        return self._take()
+
+
+class HardwareLidar(HardwareSensor, Lidar):
+    """``read``: the latest scan; NoDataError where there is none."""
+
+    def __init__(self, name: str, model: LidarModel, latch: StopLatch, read: Callable[[], LaserScan]) -> None:
+        super().__init__(name, latch)
+        self._model, self._read = model, read
+
+    @property
+    def frame(self) -> str:
+        """The frame of the scans."""
+        return self._model.frame
+
+    def scan(self) -> LaserScan:
+        """The latest scan."""
+        self._line.check_reading()
+        return self._read()
+
+
+class HardwareForceTorque(HardwareSensor, ForceTorque):
+    """``read``: the latest wrench; NoDataError where there is none."""
+
+    def __init__(self, name: str, model: ForceTorqueModel, latch: StopLatch, read: Callable[[], Wrench]) -> None:
+        super().__init__(name, latch)
+        self._model, self._read = model, read
+
+    @property
+    def frame(self) -> str:
+        """The frame of the wrenches."""
+        return self._model.frame
+
+    def wrench(self) -> Wrench:
+        """The latest wrench."""
+        self._line.check_reading()
+        return self._read()

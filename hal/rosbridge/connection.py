@@ -1,0 +1,211 @@
+"""Robots behind rosbridge, of either version of ROS, through roslibpy."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from bestman_bt.messages import LaserScan, Wrench
+from hal.api import MotionErrorCode, Part
+from hal.hardware import (
+    Connection,
+    ConnectionFailedError,
+    DrivenBase,
+    Fault,
+    HardwareCamera,
+    HardwareForceTorque,
+    HardwareLidar,
+    JointReading,
+    RemoteTime,
+    StreamedJointGroup,
+)
+from hal.rosbridge import decoding
+from hal.rosbridge.base import RosBase, TransformOdometry
+from hal.rosbridge.camera import RosCamera
+from hal.rosbridge.joints import JointStates, RosJoints
+from hal.rosbridge.link import RosLink
+from hal.rosbridge.options import TOPICS, RosbridgeOptions
+from hal.rosbridge.stream import Stream
+
+PORT = 9090
+INFO_PERIOD = 0.1
+"""Seconds between descriptions of a camera: how often it shows that it is alive."""
+SENSOR_PERIODS = 4.0
+"""Periods of a sensor after which its last reading counts as none."""
+
+
+class RosbridgeConnection(Connection):
+    """A mobile base, joints, cameras, lidars and force-torque sensors behind one rosbridge server.
+
+    Odometry and joint states are watched: where they come late, or stay away while other messages come, nothing may
+    move. What other sensors told is refused once it is too old. Images are asked for one at a time.
+    """
+
+    driver: ClassVar[str] = "rosbridge"
+    extra: ClassVar[str] = "rosbridge"
+    options_type: ClassVar[type] = RosbridgeOptions
+    declared_missing: Mapping[str, str] = {
+        "command(efforts=…)": "joints are commanded by set-points of a trajectory controller",
+    }
+
+    def make_parts(self) -> dict[str, Part]:
+        """The parts of ``settings.parts``; ConnectionFailedError for kinds and streams that it does not know."""
+        options: RosbridgeOptions = self.options
+        self._link, self._ros_time = RosLink(self.name, self.clock), RemoteTime()
+        self._streams: list[tuple[Stream[Any], str, float]] = []  # with message types and periods
+        self._watched: list[Stream[Any]] = []
+        self._cameras: list[RosCamera] = []
+        self._outputs: dict[str, str] = {}
+        self._driven: list[DrivenBase | StreamedJointGroup] = []
+        makers: dict[str, tuple[Mapping[str, Any], Callable[[str], Part]]] = {
+            "base": (self.model.bases, self._make_base),
+            "lidar": (self.model.lidars, self._make_lidar),
+            "camera": (self.model.cameras, self._make_camera),
+            "joint_group": (self.model.joint_groups, self._make_joints),
+            "force_torque": (self.model.force_torques, self._make_force_torque),
+        }
+        kinds = {name: kind for kind, (there, _) in makers.items() for name in self.settings.parts if name in there}
+        if strange := [name for name in self.settings.parts if name not in kinds]:
+            text = f"{self.name}: {', '.join(strange)} cannot be behind rosbridge; these kinds can: {', '.join(makers)}"
+            raise ConnectionFailedError(text)
+        for part, topics in options.topics.items():
+            known = TOPICS.get(kinds.get(part, ""), {})
+            if unknown := [stream for stream in topics if stream not in known]:
+                streams = ", ".join(known) or "none"
+                raise ConnectionFailedError(
+                    f"{self.name}: options.topics.{part} has {', '.join(unknown)}; the streams of {part} are: {streams}"
+                )
+        return {name: makers[kinds[name]][1](name) for name in self.settings.parts}
+
+    def open(self) -> None:
+        """Connect, and wait until every topic has told something."""
+        options: RosbridgeOptions = self.options
+        settings, deadline = self.settings, time.monotonic() + options.connect_timeout
+        for stream, _, _ in self._streams:
+            stream.forget()
+        self._ros_time.forget()
+        port = settings.port or PORT
+        self._link.open(self.sdk, settings.address, port, options.secure, settings.token, options.connect_timeout)
+        for topic, message_type in self._outputs.items():
+            self._link.advertise(topic, message_type)
+        for stream, message_type, period in self._streams:
+            self._link.subscribe(stream.topic, message_type, stream.take, period)
+        self._await(deadline)
+        for camera in self._cameras:
+            if mismatch := camera.mismatch():
+                raise ConnectionFailedError(f"{self.name}: {mismatch}")
+        if self._driven:
+            self.add_loop("velocities and set-points", options.rate, self._cycle)
+
+    def close(self) -> None:
+        """Close the websocket."""
+        self._link.close()
+
+    def heard(self) -> float:
+        """When the last message came."""
+        return self._link.heard
+
+    def reported_fault(self) -> Fault | None:
+        """The websocket was closed, a message is malformed, or what the base and joints tell is late or old."""
+        if not self._link.connected:
+            return Fault(MotionErrorCode.DISCONNECTED, f"the rosbridge of {self.name} has closed the connection")
+        if self._link.complaint:
+            return Fault(MotionErrorCode.FAULT, self._link.complaint)
+        if self.clock.now() - self.heard() > self.limits.watchdog:
+            return None  # silence is the watchdog's
+        for stream in self._watched:
+            if (age := stream.age) > stream.longest_age:
+                text = f"{self.name}: what came last on {stream.topic} is {age:.2f} s old"
+                return Fault(MotionErrorCode.TIMEOUT, text)
+            if (late := stream.late(self.options.longest_delay)) is not None:
+                return Fault(MotionErrorCode.TIMEOUT, f"{self.name}: {stream.topic} comes {late:.2f} s late")
+        return None
+
+    def recover(self) -> None:
+        """Go on if what was wrong is over; ConnectionFailedError if it is not."""
+        self._link.complaint = ""
+        deadline = time.monotonic() + self.options.connect_timeout
+        while (fault := self.reported_fault()) is not None:
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(str(fault))
+            time.sleep(0.02)
+
+    def fail(self, fault: Fault) -> None:
+        """A wire that was lost may still hold velocities, which are not to act when it is back."""
+        super().fail(fault)
+        if fault.code is MotionErrorCode.DISCONNECTED:
+            self._link.abandon()
+
+    # Private
+
+    def _make_base(self, name: str) -> DrivenBase:
+        options: RosbridgeOptions = self.options
+        if options.odometry == "tf":
+            source, package, kind = TransformOdometry(options.odom_frame, options.base_frame), "tf2_msgs", "TFMessage"
+            topic = options.topic("base", name, "transforms")
+            odometry = self._stream(name, topic, source.decode, self.limits.watchdog, source.header)
+        else:
+            package, kind, topic = "nav_msgs", "Odometry", options.topic("base", name, "odometry")
+            odometry = self._stream(name, topic, lambda message, at: decoding.odometry(message), self.limits.watchdog)
+        self._listen(odometry, package, kind, watched=True)
+        channel = RosBase(self._link, options.topic("base", name, "velocity"), options, odometry)
+        self._outputs[options.topic("base", name, "velocity")] = channel.message_type
+        base = DrivenBase(name, self.model.bases[name], channel, self.latch)
+        self._driven.append(base)
+        return base
+
+    def _make_joints(self, name: str) -> StreamedJointGroup:
+        options: RosbridgeOptions = self.options
+        model = self.model.joint_groups[name]
+        ros_names = tuple(options.joints.get(joint, joint) for joint in model.joint_names)
+        topic = options.topic("joint_group", name, "states")
+        states: Stream[JointReading] = self._stream(name, topic, JointStates(ros_names).decode, self.limits.watchdog)
+        self._listen(states, "sensor_msgs", "JointState", watched=True)
+        output = options.topic("joint_group", name, "commands")
+        channel = RosJoints(self._link, output, ros_names, options, states)
+        self._outputs[output] = channel.message_type
+        group = StreamedJointGroup(name, model, channel, self.latch, 1.0 / options.rate)
+        self._driven.append(group)
+        return group
+
+    def _make_lidar(self, name: str) -> HardwareLidar:
+        model, topic = self.model.lidars[name], self.options.topic("lidar", name, "scan")
+        scans: Stream[LaserScan] = self._stream(name, topic, decoding.laser_scan, SENSOR_PERIODS / model.rate)
+        self._listen(scans, "sensor_msgs", "LaserScan")
+        return HardwareLidar(name, model, self.latch, scans.read)
+
+    def _make_camera(self, name: str) -> HardwareCamera:
+        model = self.model.cameras[name]
+        camera = RosCamera(name, model, self._link, self.clock, self._ros_time, self.options)
+        self._cameras.append(camera)
+        self._listen(camera.info, "sensor_msgs", "CameraInfo", period=INFO_PERIOD)
+        return HardwareCamera(name, model, self.latch, camera.take)
+
+    def _make_force_torque(self, name: str) -> HardwareForceTorque:
+        model, topic = self.model.force_torques[name], self.options.topic("force_torque", name, "wrench")
+        wrenches: Stream[Wrench] = self._stream(name, topic, decoding.wrench, self.limits.watchdog)
+        self._listen(wrenches, "geometry_msgs", "WrenchStamped")
+        return HardwareForceTorque(name, model, self.latch, wrenches.read)
+
+    def _stream(self, part: str, topic: str, decode: Any, longest_age: float, header: Any = None) -> Stream[Any]:
+        keywords = {} if header is None else {"header": header}
+        return Stream(part, topic, decode, self.clock, self._ros_time, longest_age, **keywords)
+
+    def _listen(self, stream: Stream[Any], package: str, kind: str, watched: bool = False, period: float = 0.0) -> None:
+        self._streams.append((stream, self.options.message_type(package, kind), period))
+        if watched:
+            self._watched.append(stream)
+
+    def _await(self, deadline: float) -> None:
+        while silent := [stream.topic for stream, _, _ in self._streams if stream.age == float("inf")]:
+            if self._link.complaint:
+                raise ConnectionFailedError(self._link.complaint)
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{self.name}: nothing comes on {', '.join(silent)}")
+            time.sleep(0.01)
+
+    def _cycle(self, elapsed: float) -> None:
+        if self.clock.now() - self.heard() < self.limits.watchdog:
+            for part in self._driven:
+                part.cycle(elapsed)

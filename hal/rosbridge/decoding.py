@@ -1,0 +1,122 @@
+"""ROS messages, as rosbridge writes them in JSON, to ours; malformed ones raise KeyError, TypeError or ValueError."""
+
+from __future__ import annotations
+
+import base64
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import CameraIntrinsics, LaserScan, Pose2D, Twist2D, Wrench
+from hal.hardware import BaseReading
+
+Message = Mapping[str, Any]
+DEPTH_HEADER = struct.Struct("<iff")
+"""Before the PNG of compressed_depth_image_transport: a format and two parameters of the quantisation."""
+MILLIMETRES, METRES = "16UC1", "32FC1"
+
+
+def stamp(header: Message) -> float:
+    """Seconds of ROS time, of either version; 0 where nobody has stamped."""
+    at = header["stamp"]
+    if "sec" in at:
+        return float(at["sec"]) + 1e-9 * float(at["nanosec"])
+    return float(at["secs"]) + 1e-9 * float(at["nsecs"])
+
+
+def pose(position: Message, orientation: Message) -> Pose2D:
+    """Seen from above."""
+    x, y, z, w = (float(orientation[axis]) for axis in "xyzw")
+    heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return Pose2D(float(position["x"]), float(position["y"]), heading)
+
+
+def odometry(message: Message) -> BaseReading:
+    """``nav_msgs/Odometry``; its twist is in the frame of the base."""
+    at, twist = message["pose"]["pose"], message["twist"]["twist"]
+    velocity = Twist2D(float(twist["linear"]["x"]), float(twist["linear"]["y"]), float(twist["angular"]["z"]))
+    return BaseReading(pose(at["position"], at["orientation"]), velocity)
+
+
+def transform(message: Message, parent: str, child: str) -> tuple[float, Pose2D] | None:
+    """Stamp and pose of ``child`` in ``parent`` in a ``tf2_msgs/TFMessage``; None where that is not in it."""
+    for entry in message["transforms"]:
+        names = (entry["header"]["frame_id"].lstrip("/"), entry["child_frame_id"].lstrip("/"))
+        if names == (parent, child):
+            moved = entry["transform"]
+            return stamp(entry["header"]), pose(moved["translation"], moved["rotation"])
+    return None
+
+
+def laser_scan(message: Message, at: float) -> LaserScan:
+    """``sensor_msgs/LaserScan``; what is not finite arrives as null, what is out of range is no hit."""
+    ranges = np.array([math.inf if value is None else value for value in message["ranges"]], dtype=float)
+    lower, upper = float(message["range_min"]), float(message["range_max"])
+    ranges[~((ranges >= lower) & (ranges <= upper))] = np.inf
+    return LaserScan(ranges, float(message["angle_min"]), float(message["angle_increment"]), lower, upper, at)
+
+
+def wrench(message: Message, at: float) -> Wrench:
+    """``geometry_msgs/WrenchStamped``."""
+    force, torque = ([float(message["wrench"][what][axis]) for axis in "xyz"] for what in ("force", "torque"))
+    return Wrench(np.array(force), np.array(torque), at)
+
+
+def joints(message: Message, names: Sequence[str]) -> tuple[list[float], list[float], list[float]] | None:
+    """Positions, velocities, efforts of ``names`` in a ``sensor_msgs/JointState``; None where one is not in it.
+
+    What a message does not tell counts as 0.
+    """
+    order = {name: index for index, name in enumerate(message["name"])}
+    if any(name not in order for name in names):
+        return None
+    columns = []
+    for what in ("position", "velocity", "effort"):
+        values = message[what]
+        columns.append([float(values[order[name]] or 0.0) if values else 0.0 for name in names])
+    return columns[0], columns[1], columns[2]
+
+
+def intrinsics(message: Message) -> CameraIntrinsics:
+    """``sensor_msgs/CameraInfo``; ROS 1 writes its matrices with capitals."""
+    k = message["k"] if "k" in message else message["K"]
+    return CameraIntrinsics(
+        int(message["width"]), int(message["height"]), float(k[0]), float(k[4]), float(k[2]), float(k[5])
+    )
+
+
+def color_image(message: Message) -> NDArray[np.uint8]:
+    """``sensor_msgs/CompressedImage`` (JPEG or PNG): (H, W, 3) uint8, red first."""
+    image = _unpacked(base64.b64decode(message["data"]), cv2.IMREAD_COLOR, message["format"])
+    return np.ascontiguousarray(image[:, :, ::-1])
+
+
+def depth_image(message: Message) -> NDArray[np.float32]:
+    """``sensor_msgs/CompressedImage`` of compressed_depth_image_transport: (H, W) float32 metres, 0 where unknown.
+
+    16UC1 holds millimetres; 32FC1 holds ``a / depth + b``, with a and b in the header.
+    """
+    form, data = str(message["format"]), base64.b64decode(message["data"])
+    kind = form.partition(";")[0].strip()
+    if kind not in (MILLIMETRES, METRES) or "rvl" in form.lower():
+        raise ValueError(f"depth should be {MILLIMETRES} or {METRES} as PNG, but is {form!r}")
+    _, a, b = DEPTH_HEADER.unpack_from(data)
+    raw = _unpacked(data[DEPTH_HEADER.size :], cv2.IMREAD_UNCHANGED, form)
+    if kind == MILLIMETRES:
+        return (raw * np.float32(0.001)).astype(np.float32)
+    known = raw > 0
+    depth = np.zeros(raw.shape, np.float32)
+    depth[known] = a / (raw[known].astype(np.float32) - b)
+    return depth
+
+
+def _unpacked(data: bytes, flags: int, form: object) -> NDArray[Any]:
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    if image is None:
+        raise ValueError(f"an image of the format {form!r} cannot be unpacked")
+    return image

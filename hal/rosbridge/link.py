@@ -1,0 +1,103 @@
+"""One websocket to a rosbridge server, by roslibpy: it is never opened anew of its own accord, so nothing acts late."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from types import ModuleType
+from typing import Any
+
+from hal.api import Clock
+from hal.hardware import ConnectionFailedError
+
+TRANSPORT = "asyncio"
+Handler = Callable[[Mapping[str, Any], float], None]
+"""Takes a message and when it came; KeyError, TypeError, ValueError: it is malformed."""
+
+
+class RosLink:
+    """At most one connection at a time; messages arrive in roslibpy's thread, which all links of a process share."""
+
+    def __init__(self, name: str, clock: Clock) -> None:
+        self._name, self._clock = name, clock
+        self._sdk: ModuleType | None = None
+        self._ros: Any = None
+        self._publishers: dict[str, Any] = {}
+        self.heard = -1e9
+        self.complaint = ""
+
+    def open(
+        self, load: Callable[[str], ModuleType], address: str, port: int, secure: bool, token: str, timeout: float
+    ) -> None:
+        """Connect; ConnectionFailedError. ``load`` imports the SDK; ``token``: for a proxy's Authorization header."""
+        self._sdk = load("roslibpy")
+        for library in ("roslibpy", "autobahn"):  # they log addresses
+            logging.getLogger(library).setLevel(logging.CRITICAL)
+        # What was published while the wire was down is kept by roslibpy and would act when it is back.
+        load("roslibpy.comm").select_factory(TRANSPORT).set_max_retries(0)
+        headers = {"Authorization": f"Bearer {token}"} if token else None
+        self.complaint = ""
+        self._ros = self._sdk.Ros(address, port, is_secure=secure, headers=headers, transport=TRANSPORT)
+        ready = threading.Event()
+        self._ros.factory.on_ready(lambda protocol: ready.set())
+        if not ready.wait(timeout):
+            raise ConnectionFailedError(f"{self._name}: no rosbridge answers within {timeout:g} s")
+        self.heard = self._clock.now()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the websocket is open, as far as is known."""
+        return self._ros is not None and bool(self._ros.is_connected)
+
+    def subscribe(self, topic: str, message_type: str, handler: Handler, period: float = 0.0) -> Callable[[], None]:
+        """Have ``handler`` called with each message, or one every ``period`` seconds; gives back what ends that."""
+        assert self._sdk is not None
+
+        def take(message: Mapping[str, Any]) -> None:
+            self.heard = now = self._clock.now()
+            try:
+                handler(message, now)
+            except (KeyError, TypeError, ValueError, IndexError) as error:
+                self.complaint = f"{self._name}: a message on {topic} is malformed: {type(error).__name__}: {error}"
+
+        subscription = self._sdk.Topic(
+            self._ros, topic, message_type, throttle_rate=int(1000 * period), queue_length=1, reconnect_on_close=False
+        )
+        subscription.subscribe(take)
+        end: Callable[[], None] = subscription.unsubscribe
+        return end
+
+    def advertise(self, topic: str, message_type: str) -> None:
+        """Tell that messages will be published."""
+        assert self._sdk is not None
+        publisher = self._sdk.Topic(self._ros, topic, message_type, queue_size=1, reconnect_on_close=False)
+        publisher.advertise()
+        self._publishers[topic] = publisher
+
+    def publish(self, topic: str, message: Mapping[str, Any]) -> None:
+        """Send; where the wire is gone, nothing is sent, and the watchdog notices."""
+        publisher = self._publishers.get(topic)
+        if publisher is not None and self.connected:
+            publisher.publish(message)
+
+    def close(self) -> None:
+        """Close the websocket; idempotent."""
+        ros, self._ros = self._ros, None
+        self._publishers = {}
+        if ros is None:
+            return
+        if ros.is_connected:
+            with contextlib.suppress(TimeoutError):
+                ros.close(timeout=1.0)
+        else:  # it may still be connecting
+            ros.factory.on_ready(lambda protocol: protocol.send_close())
+
+    def abandon(self) -> None:
+        """Drop the wire at once: what it still holds is not to arrive."""
+        ros = self._ros
+        if ros is not None and ros.is_connected:
+            ros.factory.on_ready(
+                lambda protocol: ros.factory.manager.loop.call_soon_threadsafe(protocol.dropConnection, True)
+            )

@@ -1,0 +1,63 @@
+"""What a robot's YAML may say about a robot behind rosbridge."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from bestman_bt.configuration.quantity import Frequency, PositiveTime
+
+TOPICS: Mapping[str, Mapping[str, str]] = {
+    "base": {"velocity": "/cmd_vel", "odometry": "/odom", "transforms": "/tf"},
+    "lidar": {"scan": "/scan"},
+    "camera": {
+        "color": "/{part}/color/image_raw/compressed",
+        "depth": "/{part}/aligned_depth_to_color/image_raw/compressedDepth",
+        "info": "/{part}/color/camera_info",
+    },
+    "joint_group": {"states": "/joint_states", "commands": "/{part}_controller/joint_trajectory"},
+    "force_torque": {"wrench": "/{part}/wrench"},
+}
+"""Kind of part → its streams → where they are if nothing is said."""
+
+Rate = Annotated[Frequency, Field(le=200.0)]
+
+
+@dataclass(frozen=True)
+class RosbridgeOptions:
+    """Options of ``driver: rosbridge``.
+
+    ``topics``: part → stream → topic, where it is not the usual one (``TOPICS``). ``joints``: joint of the robot model
+    → its name in ROS, where that differs. ``ros``: version of ROS; it decides how message types are called.
+    ``odometry``: whether poses come as ``nav_msgs/Odometry`` or as the transform from ``odom_frame`` to ``base_frame``,
+    ROS's names of frames. ``stamped_velocity``: the base takes ``TwistStamped``. ``rate``: hertz of velocities and of
+    set-points. ``longest_delay``: seconds that readings may come late for a while. ``image_time``: seconds to wait for
+    an image. ``pairing``: seconds between the stamps of a colour and of a depth image that belong together.
+    ``secure``: TLS. ``connect_timeout``: seconds.
+    """
+
+    topics: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    joints: Mapping[str, str] = field(default_factory=dict)
+    ros: Literal[1, 2] = 2
+    odometry: Literal["odom", "tf"] = "odom"
+    odom_frame: str = "odom"
+    base_frame: str = "base_link"
+    stamped_velocity: bool = False
+    rate: Rate = 50.0
+    longest_delay: PositiveTime = 0.15
+    image_time: PositiveTime = 3.0
+    pairing: PositiveTime = 0.02
+    secure: bool = False
+    connect_timeout: PositiveTime = 5.0
+
+    def topic(self, kind: str, part: str, stream: str) -> str:
+        """Where a stream of a part is."""
+        given = self.topics.get(part, {})
+        return given[stream] if stream in given else TOPICS[kind][stream].format(part=part)
+
+    def message_type(self, package: str, name: str) -> str:
+        """How this version of ROS calls a message type."""
+        return f"{package}/{name}" if self.ros == 1 else f"{package}/msg/{name}"

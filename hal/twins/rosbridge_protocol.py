@@ -1,0 +1,194 @@
+"""The rosbridge protocol, version 2.0, of a server: https://github.com/RobotWebTools/rosbridge_suite/blob/ros2/ROSBRIDGE_PROTOCOL.md."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from hal.twins.faults import Faults
+from hal.twins.ros_messages import Message
+from hal.twins.tcp_server import TcpServer
+from hal.twins.websocket_wire import WebSocketWire
+
+LONGEST_OUTBOX = 200
+POLL = 0.02
+Taker = Callable[[Mapping[str, Any]], None]
+"""Takes a message that a client publishes; KeyError, TypeError or ValueError where it is malformed."""
+
+
+@dataclass
+class Subscription:
+    """Of one client to one topic: seconds between messages at least, and when the last one went out."""
+
+    topic: str
+    period: float
+    last: float = -1e9
+
+
+class Client:
+    """One connection: what it wants, and what waits to be sent to it."""
+
+    def __init__(self, wire: WebSocketWire, faults: Faults) -> None:
+        self._wire, self._faults = wire, faults
+        self.subscriptions: dict[str, Subscription] = {}  # by id
+        self._outbox: deque[tuple[float, bytes]] = deque(maxlen=LONGEST_OUTBOX)
+        self._filled = threading.Condition()
+        self._gone = False
+
+    def wants(self, topic: str) -> bool:
+        """Whether a message of the topic is due to it."""
+        now, due = time.monotonic(), False
+        for subscription in tuple(self.subscriptions.values()):
+            if subscription.topic == topic and now - subscription.last >= subscription.period:
+                subscription.last, due = now, True
+        return due
+
+    def put(self, document: bytes) -> None:
+        """Send later, after the wire's delay; what finds the wire silent is lost."""
+        wire = self._faults.wire
+        if not wire.silent:
+            with self._filled:
+                self._outbox.append((time.monotonic() + wire.delay, document))
+                self._filled.notify()
+
+    def send_all(self) -> None:
+        """Send what is put, until ``leave``."""
+        with contextlib.suppress(OSError):
+            while True:
+                with self._filled:
+                    while not self._outbox and not self._gone:
+                        self._filled.wait()
+                    if self._gone:
+                        return
+                    due, document = self._outbox.popleft()
+                time.sleep(max(0.0, due - time.monotonic()))
+                self._wire.send(document)
+
+    def leave(self) -> None:
+        """End ``send_all``."""
+        with self._filled:
+            self._gone = True
+            self._filled.notify()
+
+
+class RosbridgeServer:
+    """Topics between one robot and any number of clients. OSError where the port cannot be had.
+
+    ``types``: topic → message type, of all that there are. ``takers``: topic → what takes its messages.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        port: int,
+        types: Mapping[str, str],
+        takers: Mapping[str, Taker],
+        now: Callable[[], Message],
+        faults: Faults,
+    ) -> None:
+        self._types, self._takers, self._now, self._faults = types, takers, now, faults
+        self._clients: set[Client] = set()
+        self._server = TcpServer(address, port, self._attend)
+        self.subscribed = threading.Event()
+        self._services: dict[str, Callable[[Mapping[str, Any]], Message]] = {
+            "/rosapi/topics": lambda asked: {"topics": list(types), "types": list(types.values())},
+            "/rosapi/topic_type": lambda asked: {"type": types.get(str(asked["topic"]), "")},
+            "/rosapi/get_time": lambda asked: {"time": now()},
+        }
+
+    def start(self) -> None:
+        """Accept clients."""
+        self._server.start()
+
+    def close(self) -> None:
+        """Close the port and all clients."""
+        self._server.close()
+
+    def close_clients(self) -> None:
+        """As when the server is started anew."""
+        self._server.close_clients()
+
+    def has_subscriber(self, topic: str) -> bool:
+        """Whether anybody wants a topic."""
+        return any(s.topic == topic for client in tuple(self._clients) for s in tuple(client.subscriptions.values()))
+
+    def publish(self, topic: str, message: Callable[[], Message]) -> None:
+        """Send to whom it is due; made only if there is somebody."""
+        if takers := [client for client in tuple(self._clients) if client.wants(topic)]:
+            document = json.dumps({"op": "publish", "topic": topic, "msg": message()}).encode()
+            for client in takers:
+                client.put(document)
+
+    def _attend(self, client_socket: socket.socket) -> None:
+        wire = WebSocketWire(client_socket, self._wait_for_wire)
+        client = Client(wire, self._faults)
+        sender = threading.Thread(target=client.send_all, name="rosbridge sender", daemon=True)
+        sender.start()
+        self._clients.add(client)
+        try:
+            for text in wire.messages():
+                if not self._faults.wire.silent:
+                    time.sleep(self._faults.wire.delay)
+                    self._answer(client, text)
+        finally:
+            self._clients.discard(client)
+            client.leave()
+
+    def _wait_for_wire(self) -> None:
+        while self._faults.wire.silent:
+            time.sleep(POLL)
+
+    def _answer(self, client: Client, text: str) -> None:
+        try:
+            asked = json.loads(text)
+            operation = asked["op"]
+            match operation:
+                case "advertise" | "subscribe":
+                    self._check_type(asked)
+                    if operation == "subscribe":
+                        self._subscribe(client, asked)
+                case "unsubscribe":
+                    for number, held in tuple(client.subscriptions.items()):
+                        if held.topic == asked["topic"] and asked.get("id") in (None, number):
+                            del client.subscriptions[number]
+                case "publish":
+                    if asked["topic"] in self._takers:
+                        self._takers[asked["topic"]](asked["msg"])
+                case "call_service":
+                    self._call(client, asked)
+                case "unadvertise" | "set_level":
+                    pass
+                case _:
+                    raise ValueError(f"unknown operation {operation}")
+        except (KeyError, TypeError, ValueError) as error:
+            status = {"op": "status", "level": "error", "msg": f"{type(error).__name__}: {error}"}
+            client.put(json.dumps(status).encode())
+
+    def _check_type(self, asked: Mapping[str, Any]) -> None:
+        """One type for each topic; both versions of ROS understand types without ``msg``."""
+        told, known = asked.get("type"), self._types.get(asked["topic"])
+        if told and known and told.replace("/msg/", "/") != known.replace("/msg/", "/"):
+            raise ValueError(f"{asked['topic']} is of type {known}, not {told}")
+
+    def _subscribe(self, client: Client, asked: Mapping[str, Any]) -> None:
+        if asked.get("compression", "none") != "none":
+            raise ValueError(f"compression {asked['compression']} is not offered")
+        number = str(asked.get("id", asked["topic"]))
+        client.subscriptions[number] = Subscription(asked["topic"], 0.001 * float(asked.get("throttle_rate", 0)))
+        self.subscribed.set()
+
+    def _call(self, client: Client, asked: Mapping[str, Any]) -> None:
+        service = self._services.get(asked["service"])
+        answer: Message = {"op": "service_response", "id": asked.get("id"), "service": asked["service"]}
+        if service is None:
+            answer |= {"result": False, "values": f"service {asked['service']} does not exist"}
+        else:
+            answer |= {"result": True, "values": service(asked.get("args") or {})}
+        client.put(json.dumps(answer).encode())

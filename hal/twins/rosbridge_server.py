@@ -1,0 +1,230 @@
+"""The twin of a ROS robot behind rosbridge: odometry, transforms, joint states, scans, wrenches, compressed images."""
+
+from __future__ import annotations
+
+import functools
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.api import ForceTorque, JointGroup, Lidar, MobileBase
+from hal.twins import ros_messages
+from hal.twins.errors import TwinError
+from hal.twins.faults import Faults
+from hal.twins.ros_messages import Message, RosVersion
+from hal.twins.rosbridge_parts import TwinBase, TwinJoints
+from hal.twins.rosbridge_protocol import RosbridgeServer, Taker
+from hal.twins.world import TwinWorld
+
+PORT = 9090
+STATE_RATE, INFO_RATE = 50.0, 30.0
+IDLE = 0.5
+
+
+@dataclass
+class Output:
+    """What is published ``rate`` times a second: topic → how its message is made, in the world's thread."""
+
+    rate: float
+    messages: dict[str, Callable[[], Message]]
+    due: float = 0.0
+
+
+class RosbridgeTwin:
+    """Serves bases, joint groups, lidars, force-torque sensors and cameras on ``address``.
+
+    Its clock is the machine's wall clock, which is not the client's. A camera takes pictures while somebody subscribes
+    to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry again and again),
+    ``silent_odometry`` (none), ``fresh_odometry``; ``stuck`` (the base does not move), ``free``; ``blind`` (no
+    pictures), ``sighted``; ``restart`` (all clients are cut off).
+    """
+
+    def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
+        self._options, self._model, self._world = connection.options, model, world
+        self._version = RosVersion(self._options.ros)
+        self._offset = time.time()  # of ROS time from the simulation's
+        self._outputs: list[Output] = []
+        self._types: dict[str, str] = {}
+        self._takers: dict[str, Taker] = {}
+        self._bases: list[TwinBase] = []
+        self._joints: list[TwinJoints] = []
+        self._cameras = [name for name in connection.parts if name in model.cameras]
+        self._odometry_fault = ""
+        self._blind = False
+        self._closing = threading.Event()
+        self.faults = Faults()
+        makers: tuple[tuple[Any, Callable[[str], None]], ...] = (
+            (model.bases, self._add_base),
+            (model.lidars, self._add_lidar),
+            (model.cameras, self._add_camera),
+            (model.joint_groups, self._add_joints),
+            (model.force_torques, self._add_force_torque),
+        )
+        for name in connection.parts:
+            for there, add in makers:
+                if name in there:
+                    add(name)
+        self._server = RosbridgeServer(
+            address,
+            connection.port or PORT,
+            self._types,
+            self._takers,
+            lambda: self._version.time(time.time()),
+            self.faults,
+        )
+        self.faults.offer(
+            {
+                "stale_odometry": functools.partial(self._set_odometry, "stale"),
+                "silent_odometry": functools.partial(self._set_odometry, "silent"),
+                "fresh_odometry": functools.partial(self._set_odometry, ""),
+                "stuck": functools.partial(self._set_stuck, True),
+                "free": functools.partial(self._set_stuck, False),
+                "blind": functools.partial(self._set_blind, True),
+                "sighted": functools.partial(self._set_blind, False),
+                "restart": self._server.close_clients,
+            }
+        )
+        world.ticks.append(self._tick)
+
+    def start(self) -> None:
+        """Accept clients, take pictures."""
+        self._server.start()
+        if self._cameras:
+            threading.Thread(target=self._photograph, name="rosbridge cameras", daemon=True).start()
+
+    def close(self) -> None:
+        """Close the port."""
+        self._closing.set()
+        self._server.close()
+
+    # Parts
+
+    def _add_base(self, name: str) -> None:
+        options = self._options
+        base = TwinBase(self._world, self._world.robot.part(name, MobileBase))
+        self._bases.append(base)
+        kept: dict[str, Message] = {}
+
+        def fresh(what: str, make: Callable[[Message], Message]) -> Message:
+            """The message of now, or the one that a stale driver repeats."""
+            if self._odometry_fault != "stale" or what not in kept:
+                kept[what] = make(self._header(options.odom_frame))
+            return kept[what]
+
+        def odometry(header: Message) -> Message:
+            return ros_messages.odometry(header, options.base_frame, base.base.odometry(), base.base.velocity())
+
+        def transform(header: Message) -> Message:
+            return ros_messages.transform(header, options.base_frame, base.base.odometry())
+
+        outputs = {
+            self._declare("base", name, "odometry", "nav_msgs", "Odometry"): lambda: fresh("odometry", odometry),
+            self._declare("base", name, "transforms", "tf2_msgs", "TFMessage"): lambda: fresh("transform", transform),
+        }
+        self._outputs.append(Output(STATE_RATE, outputs))
+        self._odometry_topics = set(outputs)
+        stamped = "TwistStamped" if options.stamped_velocity else "Twist"
+        self._takers[self._declare("base", name, "velocity", "geometry_msgs", stamped)] = base.drive
+
+    def _add_joints(self, name: str) -> None:
+        group = self._world.robot.part(name, JointGroup)
+        joints = TwinJoints(
+            self._world, group, tuple(self._options.joints.get(joint, joint) for joint in group.joint_names)
+        )
+        self._joints.append(joints)
+        topic = self._declare("joint_group", name, "states", "sensor_msgs", "JointState")
+
+        def states() -> Message:
+            columns = [group.positions().tolist(), group.velocities().tolist(), group.efforts().tolist()]
+            return ros_messages.joint_states(self._header(""), joints.ros_names, columns)
+
+        self._outputs.append(Output(STATE_RATE, {topic: states}))
+        commands = self._declare("joint_group", name, "commands", "trajectory_msgs", "JointTrajectory")
+        self._takers[commands] = joints.follow
+
+    def _add_lidar(self, name: str) -> None:
+        lidar, rate = self._world.robot.part(name, Lidar), self._model.lidars[name].rate
+        topic = self._declare("lidar", name, "scan", "sensor_msgs", "LaserScan")
+        self._outputs.append(
+            Output(rate, {topic: lambda: ros_messages.laser_scan(self._header(lidar.frame), lidar.scan(), rate)})
+        )
+
+    def _add_force_torque(self, name: str) -> None:
+        sensor = self._world.robot.part(name, ForceTorque)
+        topic = self._declare("force_torque", name, "wrench", "geometry_msgs", "WrenchStamped")
+        make = {topic: lambda: ros_messages.wrench(self._header(sensor.frame), sensor.wrench())}
+        self._outputs.append(Output(min(self._model.force_torques[name].rate, STATE_RATE), make))
+
+    def _add_camera(self, name: str) -> None:
+        model = self._model.cameras[name]
+        for stream in ("color", "depth"):
+            self._declare("camera", name, stream, "sensor_msgs", "CompressedImage")
+        topic = self._declare("camera", name, "info", "sensor_msgs", "CameraInfo")
+
+        def info() -> Message:
+            return ros_messages.camera_info(self._header(model.optical_frame), model.intrinsics, self._version)
+
+        self._outputs.append(Output(INFO_RATE, {topic: info}))
+
+    def _declare(self, kind: str, part: str, stream: str, package: str, message: str) -> str:
+        topic: str = self._options.topic(kind, part, stream)
+        self._types[topic] = self._options.message_type(package, message)
+        return topic
+
+    def _header(self, frame: str) -> Message:
+        return self._version.header(frame, self._world.now() + self._offset)
+
+    # Time
+
+    def _tick(self, dt: float) -> None:
+        """One physics step of the world is about to come."""
+        now = self._world.now()
+        self._offset = time.time() - now
+        for joints in self._joints:
+            joints.tick(dt)
+        for output in self._outputs:
+            if now >= output.due:
+                output.due = max(output.due + 1.0 / output.rate, now - 1.0 / output.rate)
+                for topic, make in output.messages.items():
+                    if not (self._odometry_fault == "silent" and topic in self._odometry_topics):
+                        self._server.publish(topic, make)
+
+    def _photograph(self) -> None:
+        while not self._closing.is_set():
+            wanted = [] if self._blind else [name for name in self._cameras if self._is_watched(name)]
+            if not wanted:
+                self._server.subscribed.clear()
+                if not any(self._is_watched(name) for name in self._cameras):
+                    self._server.subscribed.wait(IDLE)
+                else:
+                    self._closing.wait(0.02)
+            for name in wanted:
+                try:
+                    image = self._world.photograph(name)
+                except (TwinError, TimeoutError):
+                    return  # the world ends
+                header = self._version.header(self._model.cameras[name].optical_frame, image.stamp + self._offset)
+                topics = [self._options.topic("camera", name, stream) for stream in ("color", "depth")]
+                for topic, make in zip(topics, (ros_messages.color_image, ros_messages.depth_image), strict=True):
+                    self._server.publish(topic, functools.partial(make, header, image))
+
+    def _is_watched(self, camera: str) -> bool:
+        return any(
+            self._server.has_subscriber(self._options.topic("camera", camera, stream)) for stream in ("color", "depth")
+        )
+
+    # Faults
+
+    def _set_odometry(self, fault: str) -> None:
+        self._odometry_fault = fault
+
+    def _set_stuck(self, stuck: bool) -> None:
+        for base in self._bases:
+            base.stuck = stuck
+
+    def _set_blind(self, blind: bool) -> None:
+        self._blind = blind
