@@ -12,69 +12,29 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))  # the controls' policies are those of the suite
 
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    ActionSpace,
-    ExpertPolicy,
-    Observation,
-    Policy,
-    PolicySpecification,
-)
+from bestman_bt.manipulation.policy import ActionChunk, ExpertPolicy, Observation, Policy
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.policy_experts import picking_expert
+from configs.evaluations.controls.altered_policy import Altered, Null, WrongGoal
 
 TASK, OBJECT = "policy_pick", "cup"
-ASIDE = 0.10
 SLIPPERY = "scene.finger_friction=0.001"
-
-
-class Altered(Policy):
-    """Another policy, of which what it sees and what it says can be changed."""
-
-    def __init__(self, policy: Policy) -> None:
-        self.policy = policy
-
-    @property
-    def specification(self) -> PolicySpecification:
-        return self.policy.specification
-
-    def reset(self) -> None:
-        self.policy.reset()
-
-    def act(self, observation: Observation) -> ActionChunk:
-        return self.policy.act(observation)
-
-    def close(self) -> None:
-        self.policy.close()
-
-
-class Null(Altered):
-    """Does nothing."""
-
-    def act(self, observation: Observation) -> ActionChunk:
-        spec = self.specification
-        return ActionChunk(np.zeros((spec.horizon, len(spec.joint_names))), spec.dt, ActionSpace(spec.space))
-
-
-class WrongGoal(Altered):
-    """Told another place, towards the middle of its box."""
-
-    def act(self, observation: Observation) -> ActionChunk:
-        shift = np.zeros(7)
-        shift[1] = -ASIDE if observation.goal[1] > 0.0 else ASIDE
-        return super().act(replace(observation, goal=observation.goal + shift))
 
 
 class NoGripper(Altered):
