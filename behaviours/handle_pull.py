@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.grasp import handle_grasp_candidates
-from behaviours.leaf import world_at_leaf
+from behaviours.leaf import LeafWorlds, world_at_leaf
 from behaviours.leaf_stand import LeafWay, stands_along_leaf
 from behaviours.opening import FINGER_ROOM, Opening, before, guide, stations
 from bestman_bt.control.arm import FollowGuide
@@ -54,12 +54,13 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")
     contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
     plans: list[HandlePull] = []
+    worlds: LeafWorlds = {}
     for candidate in pull_grasps(skills, opening, belief):
         grasp, pre_grasp = skills.map_from_base @ candidate.grasp, skills.map_from_base @ candidate.pre_grasp
         tilts = opening.tilts(grasp)
         way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
         along_leaf = LeafWay(here, way, opening.positions(), opening.touching, skip=1)
-        for stand in stands_along_leaf(skills, opening.leaf, along_leaf, parameters=HERE):
+        for stand in stands_along_leaf(skills, opening.leaf, along_leaf, worlds, parameters=HERE):
             arc = replace(stand.arc, path=stand.arc.path[1:], options=stand.arc.options[1:])
             if len(arc.path) < 2 or not free.is_free(stand.arc.path[0]):
                 continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ Touching = Literal["free", "nothing", "fingers", "hand"]
 ``nothing``: where the piece is known well; else, and for the fingers too, its boards are as thick as the map's error,
 and the hand may be within them. ``free``: nothing may.
 """
+
+LeafWorlds: TypeAlias = dict[tuple[Pose2D | None, float, Touching], CollisionWorld]
+"""What the arm has around it at a leaf, by stand, the leaf's position and what may touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,17 +137,20 @@ def free_along(
     touching: Touching,
     stand: Pose2D | None = None,
     skip: int = 0,
+    worlds: LeafWorlds | None = None,
 ) -> IsFreeAt:
     """Whether the arm is free at each station of a way on which the leaf is at ``positions``.
 
-    ``skip``: stations at the start that belong to the first position, such as the one before a grasp.
+    ``skip``: stations at the start that belong to the first position, such as the one before a grasp. ``worlds``: made
+    for other ways of this leaf, while all else stood as it stands now; those that are made are added.
     """
-    worlds: dict[int, CollisionWorld] = {}
+    known: LeafWorlds = {} if worlds is None else worlds
 
     def is_free(joints: NDArray[np.float64], station: int) -> bool:
-        index = max(0, station - skip)
-        if index not in worlds:
-            worlds[index] = world_at_leaf(skills, leaf, positions[index], touching, stand)
-        return worlds[index].is_free(joints)
+        position = positions[max(0, station - skip)]
+        around = known.get((stand, position, touching))
+        if around is None:
+            around = known[stand, position, touching] = world_at_leaf(skills, leaf, position, touching, stand)
+        return around.is_free(joints)
 
     return is_free

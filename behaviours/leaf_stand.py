@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
-from behaviours.leaf import Leaf, Touching, free_along
+from behaviours.leaf import Leaf, LeafWorlds, Touching, free_along
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
     ReachabilityMap,
@@ -91,6 +91,7 @@ def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> li
     reachability = _reachability(skills)
     found: list[StandAlong] = []
     promising: list[LeafWay] = []
+    worlds: LeafWorlds = {}
     for batch in BATCHES:
         for way in promising or ways:
             if batch is BATCHES[0]:
@@ -99,7 +100,7 @@ def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> li
                     stands = promising_stands(stands, way.stations, kinematics, reachability, current)
                 way = replace(way, stands=stands)
                 promising.append(way)
-            found += stands_along_leaf(skills, leaf, replace(way, stands=way.stands[batch]), reachability)
+            found += stands_along_leaf(skills, leaf, replace(way, stands=way.stands[batch]), worlds, reachability)
             if any(stand.arc.margin >= ROOM for stand in found):
                 return sorted(found, key=lambda stand: -stand.score)
     return sorted(found, key=lambda stand: -stand.score)
@@ -109,10 +110,14 @@ def stands_along_leaf(
     skills: SkillContext,
     leaf: Leaf,
     way: LeafWay,
+    worlds: LeafWorlds,
     reachability: ReachabilityMap | None = None,
     parameters: StandAlongParameters = STANDS,
 ) -> tuple[StandAlong, ...]:
-    """Of the stands of ``way`` those, best first, from which the arm follows it while the leaf moves."""
+    """Of the stands of ``way`` those, best first, from which the arm follows it while the leaf moves.
+
+    ``worlds``: as in ``free_along``.
+    """
     return rank_stand_poses_along(
         way.stands,
         way.stations,
@@ -121,7 +126,7 @@ def stands_along_leaf(
         skills.arm_positions(),
         skills.rng,
         reachability,
-        is_free_at=lambda stand: free_along(skills, leaf, way.positions, way.touching, stand, way.skip),
+        is_free_at=lambda stand: free_along(skills, leaf, way.positions, way.touching, stand, way.skip, worlds),
         current=skills.world.base.pose,
         parameters=parameters,
     )

@@ -108,12 +108,10 @@ class CoalCollisionWorld(CollisionWorld):
         self._order = arm_order(model, arm)
         self._geometry = geometry
         self._owners: list[str] = [model.frames[body.parentFrame].name for body in geometry.geometryObjects]
-        self._margins: list[float] = []
+        self._pairs: dict[tuple[int, int], float] = {}
         self._pair_up_links(robot, scene)
         self._add_obstacles(robot, scene, range(len(self._owners)))
-        self._geometry_data = pinocchio.GeometryData(geometry)
-        for request, margin in zip(self._geometry_data.collisionRequests, self._margins, strict=True):
-            request.security_margin = max(margin, _SMALLEST_MARGIN)
+        self._geometry_data = self._check_pairs()
         self._broad_phase = _broad_phase(model, geometry, self._geometry_data)
 
     @property
@@ -153,8 +151,9 @@ class CoalCollisionWorld(CollisionWorld):
         q = self._configuration(positions)
         fresh = pinocchio.GeometryData(self._geometry)  # else the last digits depend on what was asked before
         pinocchio.computeDistances(self._model, self._data, self._geometry, fresh, q)
-        pairs = zip(fresh.distanceResults, self._margins, strict=True)
-        return min((result.min_distance - max(margin, _SMALLEST_MARGIN) for result, margin in pairs), default=math.inf)
+        margins = (self._pairs[pair.first, pair.second] for pair in self._geometry.collisionPairs)
+        pairs = zip(fresh.distanceResults, margins, strict=True)
+        return min((result.min_distance - margin for result, margin in pairs), default=math.inf)
 
     def _configuration(self, positions: ArrayLike) -> NDArray[np.float64]:
         q = np.asarray(positions, dtype=float)
@@ -224,8 +223,18 @@ class CoalCollisionWorld(CollisionWorld):
         return indices
 
     def _pair(self, i: int, j: int, margin: float) -> None:
-        self._geometry.addCollisionPair(pinocchio.CollisionPair(min(i, j), max(i, j)))
-        self._margins.append(margin)
+        self._pairs[min(i, j), max(i, j)] = max(margin, _SMALLEST_MARGIN)
+
+    def _check_pairs(self) -> pinocchio.GeometryData:
+        """Tell the geometry of the pairs, all at once: one by one, that would be half of the cost of a world."""
+        count = len(self._owners)
+        margins = np.zeros((count, count))
+        if self._pairs:
+            margins[tuple(np.array(list(self._pairs)).T)] = list(self._pairs.values())
+        self._geometry.setCollisionPairs(margins > 0.0)
+        data = pinocchio.GeometryData(self._geometry)
+        data.setSecurityMargins(self._geometry, margins, True, False)
+        return data
 
 
 def _broad_phase(

@@ -7,6 +7,7 @@ that poses near a singularity converge; the error is the logarithm of the pose e
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ from functools import cached_property
 import numpy as np
 import pinocchio
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dposv
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import joint_vector
@@ -38,8 +40,9 @@ class DampedLeastSquaresParameters:
 
     ``limit_margin``: rad kept from the joint limits. ``attempts``: start positions: the reference, then
     ``near_attempts`` within ``near_std`` rad of it, then anywhere. ``distinct``: rad by which two solutions differ in
-    at least one joint. ``track_step``: rad that a joint may move in one ``track``. ``patience``: iterations without
-    a new smallest error after which an attempt ends; ``track_patience``: the same where the solution is near.
+    at least one joint. ``track_step``: rad that a joint may move in one ``track``; a descent that is ever farther off
+    than ``track_leash`` is given up. ``patience``: iterations without a new smallest error after which an attempt
+    ends; ``track_patience``: the same where the solution is near.
     """
 
     tolerance: float = 2e-5
@@ -54,6 +57,7 @@ class DampedLeastSquaresParameters:
     near_std: float = 0.6
     distinct: float = 0.2
     track_step: float = 0.3
+    track_leash: float = 0.45
     track_patience: int = 6
 
     def __post_init__(self) -> None:
@@ -196,6 +200,7 @@ class DampedLeastSquares(InverseKinematics):
             np.minimum(lower, origin),
             np.maximum(upper, origin),
             self.parameters.track_patience,
+            self.parameters.track_leash,
         )
         return q if reached and np.abs(q - origin).max() <= self.parameters.track_step else None
 
@@ -206,15 +211,19 @@ class DampedLeastSquares(InverseKinematics):
         lower: NDArray[np.float64],
         upper: NDArray[np.float64],
         patience: int | None = None,
+        leash: float = math.inf,
     ) -> tuple[NDArray[np.float64], bool]:
+        """Most of the time of planning goes here, hence LAPACK and lists: numpy's own calls cost several times that."""
         model, data, tool, parameters = self._model, self._data, self._tool, self.parameters
-        identity, patience = np.eye(6), parameters.patience if patience is None else patience
-        q, best, since_best = start, np.inf, 0
+        patience = parameters.patience if patience is None else patience
+        to_arm = None if self._order is None else np.argsort(self._order)
+        q, best, since_best = start, math.inf, 0
         for _ in range(parameters.max_iterations):
-            pinocchio.forwardKinematics(model, data, self._to_model(q))
+            in_model = self._to_model(q)
+            pinocchio.forwardKinematics(model, data, in_model)
             tool_from_target = pinocchio.updateFramePlacement(model, data, tool).actInv(target)
             error = pinocchio.log6(tool_from_target).vector
-            size = float(np.abs(error).max())
+            size = _largest(error)
             if size < parameters.tolerance:
                 return q, True
             if size < best:
@@ -223,14 +232,17 @@ class DampedLeastSquares(InverseKinematics):
                 since_best += 1
                 if since_best > patience:
                     break
-            jacobian = pinocchio.computeFrameJacobian(model, data, self._to_model(q), tool, pinocchio.LOCAL)
+            jacobian = pinocchio.computeFrameJacobian(model, data, in_model, tool, pinocchio.LOCAL)
             jacobian = pinocchio.Jlog6(tool_from_target.inverse()) @ jacobian
-            damping = parameters.damping * min(1.0, size / parameters.fade)
-            step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + damping * identity, error)
-            if self._order is not None:
-                step = step[np.argsort(self._order)]
-            largest = float(np.abs(step).max())
-            q = np.clip(q + step * min(1.0, parameters.max_step / max(largest, 1e-12)), lower, upper)
+            damped = jacobian @ jacobian.T
+            damped.ravel()[::7] += parameters.damping * min(1.0, size / parameters.fade)
+            step = jacobian.T @ dposv(damped, error)[1]
+            if to_arm is not None:
+                step = step[to_arm]
+            step *= min(1.0, parameters.max_step / max(_largest(step), 1e-12))
+            q = np.minimum(np.maximum(q + step, lower), upper)
+            if leash < math.inf and _largest(q - start) > leash:
+                break
         return q, False
 
     @property
@@ -280,3 +292,8 @@ class DampedLeastSquares(InverseKinematics):
 
     def _checked(self, values: ArrayLike, what: str) -> NDArray[np.float64]:
         return joint_vector(values, len(self.arm.joint_names), f"{what} of arm joints")
+
+
+def _largest(values: NDArray[np.float64]) -> float:
+    """The largest magnitude."""
+    return float(max(map(abs, values.tolist())))

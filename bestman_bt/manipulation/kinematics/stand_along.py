@@ -30,6 +30,7 @@ from bestman_bt.manipulation.kinematics.reachability_map import ReachabilityMap
 from bestman_bt.messages import Pose, Pose2D, wrap_angle
 
 _EVERY_15_DEGREES = tuple(math.radians(degrees) for degrees in range(-180, 180, 15))
+_AT_ONCE = 32  # stands whose promise is computed in one array, which is to stay in the processor's cache
 
 
 @dataclass(frozen=True)
@@ -163,30 +164,39 @@ def _promises(
     positions = np.array([pose.position for poses in stations for pose in poses])
     approaches = np.array([pose.rotation[:, 2] for poses in stations for pose in poses])
     promises = np.empty(len(candidates))
-    for i, stand in enumerate(candidates):
-        base_from_map = stand.to_pose().inverse()
-        local = positions @ base_from_map.rotation.T + base_from_map.position
-        distances = np.linalg.norm(local - shoulder, axis=1) / reach
+    for first in range(0, len(candidates), _AT_ONCE):
+        stands = candidates[first : first + _AT_ONCE]
+        base_from_map = [stand.to_pose().inverse() for stand in stands]
+        local = np.array([positions @ pose.rotation.T + pose.position for pose in base_from_map])
+        distances = np.linalg.norm(local - shoulder, axis=2) / reach
         if reachability is None:
             likely = 1.0 - np.abs(distances - 0.6)
         else:
-            likely = reachability.score(local, approaches @ base_from_map.rotation.T)
+            aims = np.array([approaches @ pose.rotation.T for pose in base_from_map])
+            likely = reachability.score(local.reshape(-1, 3), aims.reshape(-1, 3)).reshape(distances.shape)
         likely = np.where(distances <= 1.0, likely, -np.inf)
-        promises[i] = _widest_way(np.split(likely, np.cumsum(sizes)[:-1])) - _travel(stand, current, parameters)
+        widest = _widest_way(np.split(likely, np.cumsum(sizes)[:-1], axis=1))
+        promises[first : first + _AT_ONCE] = widest - [_travel(stand, current, parameters) for stand in stands]
     return promises
 
 
-def _widest_way(likely: Sequence[NDArray[np.float64]]) -> float:
-    """The largest minimum along a way through all stations (the widest path), from a place to the same or the next."""
+def _widest_way(likely: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(S,) the largest minimum along a way through all stations (the widest path), from a place to the same or next.
+
+    ``likely``: for each station (S, places), a row for each of S stands.
+    """
     best = likely[0]
     for station in likely[1:]:
-        if len(station) == len(best):
-            around = np.pad(best, 1, constant_values=-np.inf)
-            best = np.maximum(np.maximum(around[:-2], around[2:]), best)
+        if station.shape == best.shape:
+            around = best.copy()
+            around[:, 1:] = np.maximum(around[:, 1:], best[:, :-1])
+            around[:, :-1] = np.maximum(around[:, :-1], best[:, 1:])
+            best = around
         else:
-            best = np.full(len(station), best.max())
+            best = np.broadcast_to(best.max(axis=1, keepdims=True), station.shape)
         best = np.minimum(best, station)
-    return float(best.max())
+    widest: NDArray[np.float64] = best.max(axis=1)
+    return widest
 
 
 def _travel(stand: Pose2D, current: Pose2D | None, parameters: StandAlongParameters) -> float:
