@@ -1,0 +1,189 @@
+"""What goes wrong with a ROS robot stops it in time, says why, and can be cleared."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import (
+    Camera,
+    CommandRefusedError,
+    Lidar,
+    MobileBase,
+    Motion,
+    MotionErrorCode,
+    MotionStatus,
+    NoDataError,
+    NotConnectedError,
+)
+from hal.hardware import ConnectionFailedError, HardwareRobot, IsolatedRobot
+from hal.twins import TwinProcess
+
+pytestmark = pytest.mark.real_time
+PLATFORM = "platform"
+SLACK = 0.15
+"""Seconds that a test gives on top of what is promised, because the machine is shared."""
+
+
+def turn(robot: HardwareRobot) -> Motion:
+    """A turn on the spot that is well under way."""
+    motion = robot.part("base", MobileBase).rotate(2.0)
+    robot.clock.sleep(0.5)
+    assert not motion.done, motion.error
+    return motion
+
+
+def ended(robot: HardwareRobot, motion: Motion, limit: float) -> None:
+    start = time.monotonic()
+    while not motion.done:
+        assert time.monotonic() < start + limit + SLACK, f"the motion still runs after {limit} s"
+        robot.clock.sleep(0.005)
+
+
+def place(twin: TwinProcess) -> np.ndarray:
+    return np.array(twin.judge("base_pose")["quaternion"] + twin.judge("base_pose")["position"])
+
+
+def stands(twin: TwinProcess) -> None:
+    """The base has come to rest by itself: its dead-man, then braking from 1.2 rad/s at its own 2 rad/s²."""
+    time.sleep(0.25 + 0.6 + SLACK)
+    before = place(twin)
+    time.sleep(0.4)
+    assert np.max(np.abs(place(twin) - before)) < 1e-3
+
+
+def works_again(robot: HardwareRobot) -> None:
+    robot.clear_stop()
+    turn(robot).cancel()
+    robot.clock.sleep(0.5)
+
+
+def test_a_pulled_cable_is_noticed_in_time_and_no_velocity_acts_when_it_is_back(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    motion = turn(robot)
+    twin.fault(PLATFORM, "drop")
+    ended(robot, motion, 0.3)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    robot.clock.sleep(0.02)
+    assert robot.stopped
+    with pytest.raises(NotConnectedError, match="base"):
+        robot.part("base", MobileBase).odometry()
+    with pytest.raises(ConnectionFailedError, match=PLATFORM) as refusal:
+        robot.clear_stop()
+    assert twin.addresses[PLATFORM] not in str(refusal.value)
+    stands(twin)
+    twin.fault(PLATFORM, "restore")
+    stands(twin)
+    works_again(robot)
+
+
+@pytest.mark.parametrize(("fault", "words"), [("stale_odometry", "/odom"), ("silent_odometry", "/odom is .* old")])
+def test_odometry_that_stays_behind_stops_the_robot(
+    robot: HardwareRobot, twin: TwinProcess, fault: str, words: str
+) -> None:
+    motion = turn(robot)
+    twin.fault(PLATFORM, fault)
+    ended(robot, motion, 0.35)
+    assert motion.status is MotionStatus.FAILED
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.TIMEOUT
+    robot.clock.sleep(0.05)
+    with pytest.raises(CommandRefusedError, match=words):
+        robot.part("base", MobileBase).rotate(1.0)
+    stands(twin)
+    twin.fault(PLATFORM, "fresh_odometry")
+    works_again(robot)
+
+
+def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
+    motion = turn(robot)
+    twin.fault(PLATFORM, "delay", 0.2)
+    ended(robot, motion, 0.6)
+    assert motion.status is MotionStatus.FAILED
+    assert robot.stopped
+    twin.fault(PLATFORM, "restore")
+    robot.clock.sleep(0.3)
+    works_again(robot)
+
+
+def test_a_rosbridge_that_is_started_anew_stops_the_robot_until_it_is_connected_again(
+    robot: HardwareRobot, twin: TwinProcess
+) -> None:
+    motion = turn(robot)
+    twin.fault(PLATFORM, "restart")
+    ended(robot, motion, 0.1)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    stands(twin)
+    works_again(robot)
+
+
+def test_a_base_that_does_not_move_fails_its_motion_in_words(robot: HardwareRobot, twin: TwinProcess) -> None:
+    twin.fault(PLATFORM, "stuck")
+    motion = robot.part("base", MobileBase).move_backward(0.1)
+    ended(robot, motion, 6.0)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.TIMEOUT
+    assert "0.100 m are left" in motion.error.text
+    assert not robot.stopped
+
+
+def test_a_blind_camera_says_what_did_not_come_and_the_robot_goes_on(robot: HardwareRobot, twin: TwinProcess) -> None:
+    twin.fault(PLATFORM, "blind")
+    with pytest.raises(NoDataError, match="no image on /head_camera/color"):
+        robot.part("head_camera", Camera).capture()
+    assert not robot.stopped
+    twin.fault(PLATFORM, "sighted")
+    assert robot.part("head_camera", Camera).capture().rgb.any()
+
+
+CLIENT = """
+import sys, time
+from bestman_bt.robot_model import load_robot_model
+from hal.api import MobileBase
+from hal.hardware import HardwareRobot
+robot = HardwareRobot(load_robot_model(sys.argv[1], {"connections.platform.address": sys.argv[2]}))
+robot.connect()
+base = robot.part("base", MobileBase)
+base.rotate(-3.0)
+time.sleep(1.0)
+print(base.velocity().wz, flush=True)
+time.sleep(60)
+"""
+
+
+def test_a_client_that_is_killed_leaves_the_base_at_rest(twin: TwinProcess) -> None:
+    robot_file = str(Path(__file__).parent / "ros_robot.yaml")
+    with subprocess.Popen(
+        [sys.executable, "-c", CLIENT, robot_file, twin.addresses[PLATFORM]], stdout=subprocess.PIPE, text=True
+    ) as client:
+        assert client.stdout is not None
+        assert float(client.stdout.readline()) < -0.5
+        client.send_signal(signal.SIGKILL)
+        client.wait()
+    stands(twin)
+
+
+def test_nothing_is_left_of_a_connection_that_has_ended(ros_model: RobotModel) -> None:
+    with HardwareRobot(ros_model) as robot:
+        robot.part("lidar", Lidar).scan()
+    left = threading.active_count()
+    for _ in range(3):
+        with HardwareRobot(ros_model) as robot:
+            robot.part("lidar", Lidar).scan()
+    assert threading.active_count() <= left
+    with IsolatedRobot(ros_model) as isolated:
+        isolated.part("lidar", Lidar).scan()
+    children = Path(f"/proc/self/task/{threading.main_thread().native_id}/children").read_text().split()
+    commands = [Path(f"/proc/{child}/cmdline").read_text() for child in children]
+    assert not [command for command in commands if "robot_process" in command]
