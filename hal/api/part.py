@@ -39,5 +39,7 @@ class Part(ABC):
 class Sensor(Part):
     """A part that only measures."""
 
+    kind: ClassVar[str] = "sensor"
+
     def stop(self) -> None:
         """A sensor has nothing to stop."""

@@ -59,6 +59,15 @@ class Robot(ABC):
     def stopped(self) -> bool:
         """Whether the stop is latched."""
 
+    @property
+    def declared_missing(self) -> Mapping[str, str]:
+        """What of this API, or of its model, the robot does not have → why, in words.
+
+        ``hal.conformance`` fails a robot that lacks something without saying so. It takes for an answer the name of a
+        part that the model lists, the name of a check, and ``commands``: the robot only tells and takes no commands.
+        """
+        return {}
+
     @abstractmethod
     def diagnostics(self) -> dict[str, str]:
         """Short texts by subject, for people."""

@@ -1,17 +1,24 @@
-"""What every implementation of the Robotics API owes, as checks that any test runner can run.
+"""What every implementation of the Robotics API owes, as checks.
 
-``CHECKS`` get a connected robot that stands still with free space of 1 m around it and ``settle`` is called after
+``CHECKS`` get a connected robot that stands still with free space of 1 m around it, and ``settle`` is called after
 each. ``LIFE_CHECKS`` get a robot of their own that is not connected. A broken promise raises ConformanceError.
+What does not apply to a robot, ``Check.why_not`` tells, by what the robot declares.
+
+Run them with pytest, on any driver: ``pytest --pyargs hal.conformance --driver my_package:MyRobot``.
 """
 
+from hal.conformance.base_checks import BASE_CHECKS
 from hal.conformance.clock_checks import CLOCK_CHECKS
-from hal.conformance.life_checks import LIFE_CHECKS
+from hal.conformance.connection_checks import CONNECTION_CHECKS
+from hal.conformance.description_checks import DESCRIPTION_CHECKS
 from hal.conformance.limit_checks import LIMIT_CHECKS
 from hal.conformance.motion_checks import MOTION_CHECKS
 from hal.conformance.requirement import ConformanceError
+from hal.conformance.sensor_checks import SENSOR_CHECKS
 from hal.conformance.stop_checks import STOP_CHECKS
-from hal.conformance.subject import Check, settle
+from hal.conformance.subject import COMMANDS, Check, settle
 
-CHECKS = CLOCK_CHECKS + LIMIT_CHECKS + MOTION_CHECKS + STOP_CHECKS
+CHECKS = CLOCK_CHECKS + SENSOR_CHECKS + LIMIT_CHECKS + MOTION_CHECKS + BASE_CHECKS + STOP_CHECKS
+LIFE_CHECKS = DESCRIPTION_CHECKS + CONNECTION_CHECKS
 
-__all__ = ["CHECKS", "LIFE_CHECKS", "Check", "ConformanceError", "settle"]
+__all__ = ["CHECKS", "COMMANDS", "LIFE_CHECKS", "Check", "ConformanceError", "settle"]

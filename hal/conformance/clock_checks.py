@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from hal.api import Robot
 from hal.conformance.requirement import ConformanceError, require
@@ -16,6 +17,17 @@ def sleeping_takes_the_time_asked(robot: Robot) -> None:
         robot.clock.sleep(0.0033)
     passed = robot.clock.now() - start
     require(0.31 <= passed <= 0.36, f"100 sleeps of 3.3 ms should take 0.33 s but took {passed:.4f} s")
+
+
+def time_never_goes_back(robot: Robot) -> None:
+    """Nor does it stand still while the robot sleeps."""
+    times = [robot.clock.now()]
+    for _ in range(50):
+        robot.clock.sleep(0.004)
+        times += [robot.clock.now(), robot.clock.now()]
+    back = min(after - before for before, after in pairwise(times))
+    require(back >= 0.0, f"time went back by {-back:.6f} s")
+    require(times[-1] - times[0] > 0.19, f"50 sleeps of 4 ms took {times[-1] - times[0]:.4f} s")
 
 
 def impossible_sleeps_are_refused(robot: Robot) -> None:
@@ -44,6 +56,7 @@ def periodic_calls_come_on_time(robot: Robot) -> None:
 
 CLOCK_CHECKS = (
     Check("sleeping takes the time asked", sleeping_takes_the_time_asked),
+    Check("time never goes back", time_never_goes_back),
     Check("impossible sleeps are refused", impossible_sleeps_are_refused),
     Check("periodic calls come on time", periodic_calls_come_on_time),
 )

@@ -1,6 +1,5 @@
 """What a robot refuses: commands beyond limits, malformed ones, and those that are not finite."""
 
-# mypy: disable-error-code="type-abstract"
 from __future__ import annotations
 
 import math
@@ -56,7 +55,7 @@ def malformed_joint_commands_are_refused(robot: Robot) -> None:
 def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot) -> None:
     """It goes on to its target."""
     group = first(robot, JointGroup)
-    motion = group.move_to(nearby(group), 0.5)
+    motion = group.move_to(nearby(robot, group), 0.5)
     robot.clock.sleep(0.1)
     broken = np.full(len(group.limits), math.nan)
     require_refusal(lambda: group.move_to(broken), CommandRefusedError, "NaN")
@@ -67,7 +66,7 @@ def trajectories_are_checked(robot: Robot) -> None:
     """Joints, limits, speeds, and the start."""
     arm = first(robot, Arm)
     here, names = arm.positions(), arm.joint_names
-    there = nearby(arm)
+    there = nearby(robot, arm)
 
     def trajectory(start: np.ndarray, end: np.ndarray, duration: float, joints: tuple[str, ...]) -> JointTrajectory:
         positions = np.stack([start, end])
@@ -88,7 +87,7 @@ def trajectories_are_checked(robot: Robot) -> None:
 def servo_refuses_jumps(robot: Robot) -> None:
     """A set-point that would need more than the velocity limits."""
     arm = first(robot, Arm)
-    require_refusal(lambda: arm.servo(nearby(arm, 0.5)), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
+    require_refusal(lambda: arm.servo(nearby(robot, arm, 0.5)), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
 
 
 def base_commands_beyond_limits_are_refused(robot: Robot) -> None:
@@ -124,15 +123,21 @@ def gripper_commands_beyond_limits_are_refused(robot: Robot) -> None:
 
 
 LIMIT_CHECKS = (
-    Check("joint commands beyond limits are refused", joint_commands_beyond_limits_are_refused, GROUPS),
-    Check("malformed joint commands are refused", malformed_joint_commands_are_refused, GROUPS),
+    Check("joint commands beyond limits are refused", joint_commands_beyond_limits_are_refused, GROUPS, commands=True),
+    Check("malformed joint commands are refused", malformed_joint_commands_are_refused, GROUPS, commands=True),
     Check(
         "a refused command does not disturb the motion under way",
         a_refused_command_does_not_disturb_the_motion_under_way,
         GROUPS,
+        commands=True,
     ),
-    Check("trajectories are checked", trajectories_are_checked, ARMS),
-    Check("servo refuses jumps", servo_refuses_jumps, ARMS),
-    Check("base commands beyond limits are refused", base_commands_beyond_limits_are_refused, BASES),
-    Check("gripper commands beyond limits are refused", gripper_commands_beyond_limits_are_refused, GRIPPERS),
+    Check("trajectories are checked", trajectories_are_checked, ARMS, commands=True),
+    Check("servo refuses jumps", servo_refuses_jumps, ARMS, commands=True),
+    Check("base commands beyond limits are refused", base_commands_beyond_limits_are_refused, BASES, commands=True),
+    Check(
+        "gripper commands beyond limits are refused",
+        gripper_commands_beyond_limits_are_refused,
+        GRIPPERS,
+        commands=True,
+    ),
 )

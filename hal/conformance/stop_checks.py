@@ -1,12 +1,14 @@
 """What ``stop()`` owes: rest within half a second, a latch, and no older command that acts afterwards."""
 
-# mypy: disable-error-code="type-abstract"
 from __future__ import annotations
 
 import threading
 from functools import partial
 
-from hal.api import CommandRefusedError, Gripper, JointGroup, MobileBase, MotionErrorCode, MotionStatus, Robot
+import numpy as np
+
+from bestman_bt.messages import JointTrajectory
+from hal.api import Arm, CommandRefusedError, Gripper, JointGroup, MobileBase, MotionErrorCode, MotionStatus, Robot
 from hal.conformance.requirement import require, require_refusal
 from hal.conformance.subject import BASES, Check, parts_of, require_rest, set_moving
 
@@ -32,14 +34,34 @@ def a_stopped_robot_refuses_commands(robot: Robot) -> None:
         here = group.positions()
         require_refusal(partial(group.move_to, here), CommandRefusedError, "move_to()")
         require_refusal(partial(group.command, positions=here), CommandRefusedError, "command()")
+        if isinstance(group, Arm):
+            require_refusal(partial(group.servo, here), CommandRefusedError, "servo()")
+            staying = JointTrajectory(
+                group.joint_names, np.array([0.0, 1.0]), np.array([here, here]), np.zeros((2, len(here)))
+            )
+            require_refusal(partial(group.follow, staying), CommandRefusedError, "follow()")
     for base in parts_of(robot, MobileBase):
         require_refusal(partial(base.set_velocity, 0, 0, 0), CommandRefusedError, "set_velocity()")
         require_refusal(partial(base.rotate, 0.1), CommandRefusedError, "rotate()")
+        require_refusal(partial(base.move_forward, 0.1), CommandRefusedError, "move_forward()")
     for gripper in parts_of(robot, Gripper):
         require_refusal(gripper.open, CommandRefusedError, "open()", (gripper.name,))
     robot.clear_stop()
+    for group in parts_of(robot, JointGroup):
+        group.move_to(group.positions())
     for gripper in parts_of(robot, Gripper):
         gripper.open()
+
+
+def a_stop_stays_until_it_is_cleared(robot: Robot) -> None:
+    """Neither time nor the stop of a part clears it."""
+    robot.stop()
+    robot.clock.sleep(1.0)
+    for part in robot.parts.values():
+        part.stop()
+    require(robot.stopped, "a stop should stay until clear_stop()")
+    for group in parts_of(robot, JointGroup):
+        require_refusal(partial(group.move_to, group.positions()), CommandRefusedError, "move_to() a second later")
 
 
 def stopping_twice_is_stopping_once(robot: Robot) -> None:
@@ -86,10 +108,11 @@ def a_part_can_be_stopped_by_itself(robot: Robot) -> None:
 
 
 STOP_CHECKS = (
-    Check("stop brings everything to rest", stop_brings_everything_to_rest),
-    Check("a stopped robot refuses commands", a_stopped_robot_refuses_commands),
+    Check("stop brings everything to rest", stop_brings_everything_to_rest, commands=True),
+    Check("a stopped robot refuses commands", a_stopped_robot_refuses_commands, commands=True),
+    Check("a stop stays until it is cleared", a_stop_stays_until_it_is_cleared),
     Check("stopping twice is stopping once", stopping_twice_is_stopping_once),
-    Check("nothing moves when the stop is cleared", nothing_moves_when_the_stop_is_cleared),
-    Check("stop works from another thread", stop_works_from_another_thread),
-    Check("a part can be stopped by itself", a_part_can_be_stopped_by_itself, BASES),
+    Check("nothing moves when the stop is cleared", nothing_moves_when_the_stop_is_cleared, commands=True),
+    Check("stop works from another thread", stop_works_from_another_thread, commands=True),
+    Check("a part can be stopped by itself", a_part_can_be_stopped_by_itself, BASES, commands=True),
 )

@@ -1,16 +1,15 @@
 """What the checks need to know of a robot: its parts by kind, and how to wait for them."""
 
-# mypy: disable-error-code="type-abstract"
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hal.api import Arm, Gripper, JointGroup, MobileBase, Motion, Part, Robot
+from hal.api import Arm, Camera, ForceTorque, Gripper, JointGroup, Lidar, MobileBase, Motion, Part, Robot
 from hal.conformance.requirement import require
 
 PartType = TypeVar("PartType", bound=Part)
@@ -18,19 +17,51 @@ POLL = 0.05
 REST_TIME = 0.5
 REST_JOINT_SPEED = 0.01
 REST_BASE_SPEED = 0.01
+COMMANDS = "commands"
+"""What a robot declares missing that only tells and takes no commands, as one that plays a recording."""
+MODEL_KINDS: Mapping[type[Part], tuple[str, ...]] = {
+    Arm: ("arms",),
+    JointGroup: ("arms", "joint_groups"),
+    Gripper: ("grippers",),
+    MobileBase: ("bases",),
+    Camera: ("cameras",),
+    Lidar: ("lidars",),
+    ForceTorque: ("force_torques",),
+}
+"""Kind of part → where the robot model lists such parts."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that an implementation owes. ``needs``: the kinds of part without which it does not apply."""
+    """One thing that an implementation owes.
+
+    ``needs``: the kinds of part without which it does not apply. ``commands``: whether it commands anything.
+    """
 
     name: str
     run: Callable[[Robot], None]
     needs: tuple[type[Part], ...] = ()
+    commands: bool = False
 
-    def applies_to(self, robot: Robot) -> bool:
-        """Whether the robot has what the check needs."""
-        return all(parts_of(robot, kind) for kind in self.needs)
+    def why_not(self, robot: Robot) -> str | None:
+        """Why it does not apply to a robot, by what that declares; None: it applies."""
+        declared = robot.declared_missing
+        if self.name in declared:
+            return declared[self.name]
+        if self.commands and COMMANDS in declared:
+            return declared[COMMANDS]
+        for kind in self.needs:
+            if not parts_of(robot, kind):
+                reasons = [declared[name] for name in modelled(robot, kind) if name in declared]
+                return "; ".join(dict.fromkeys(reasons)) or f"the robot has no {kind.kind}"
+        return None
+
+
+def modelled(robot: Robot, *kinds: type[Part]) -> Iterator[str]:
+    """Names of the parts of some kinds, or of all, that the robot's model lists."""
+    listed = {field for kind in kinds or tuple(MODEL_KINDS) for field in MODEL_KINDS.get(kind, ())}
+    for field in sorted(listed):
+        yield from getattr(robot.model, field)
 
 
 def parts_of(robot: Robot, kind: type[PartType]) -> list[PartType]:
@@ -51,16 +82,26 @@ def finish(robot: Robot, motion: Motion, limit: float = 20.0) -> None:
         robot.clock.sleep(POLL)
 
 
-def nearby(group: JointGroup, step: float = 0.3) -> NDArray[np.float64]:
-    """Positions ``step`` from the present ones, towards the middle of each joint's range."""
+def nearby(robot: Robot, group: JointGroup, step: float = 0.3) -> NDArray[np.float64]:
+    """Positions at most ``step`` from the present ones, and at least half of it: off the posture ``home``, or back.
+
+    Away from there each joint goes to the side of its range where there is more room, so that checks in whatever order
+    and number keep near to a posture in which the robot touches nothing.
+    """
     present = group.positions()
-    middle = np.array([(limit.lower + limit.upper) / 2 for limit in group.limits])
-    return np.asarray(present + np.clip(middle - present, -step, step))
+    lower = np.array([limit.lower for limit in group.limits])
+    upper = np.array([limit.upper for limit in group.limits])
+    middle = (lower + upper) / 2
+    posture = robot.model.postures.get("home", {})
+    home = np.array([posture.get(joint, at) for joint, at in zip(group.joint_names, middle, strict=True)])
+    away = np.clip(home + np.where(home <= middle, step, -step), lower, upper)
+    goal = np.where(np.abs(present - home) < step / 2, away, home)
+    return np.asarray(present + np.clip(goal - present, -step, step))
 
 
 def set_moving(robot: Robot) -> list[Motion]:
     """Command everything that can move, and let it get under way."""
-    motions: list[Motion] = [group.move_to(nearby(group), 0.5) for group in parts_of(robot, JointGroup)]
+    motions: list[Motion] = [group.move_to(nearby(robot, group), 0.5) for group in parts_of(robot, JointGroup)]
     for gripper in parts_of(robot, Gripper):
         description = gripper.description
         middle = (description.min_width + description.max_width) / 2
@@ -84,18 +125,18 @@ def is_at_rest(robot: Robot) -> bool:
 
 
 def require_rest(robot: Robot, after: str) -> None:
-    """The robot has to be at rest, and to stay so."""
+    """The robot has to be at rest, its fingers too, and to stay so."""
     robot.clock.sleep(REST_TIME)
     require(is_at_rest(robot), f"the robot should be at rest {REST_TIME} s after {after}")
-    places = [group.positions() for group in parts_of(robot, JointGroup)]
+    groups, grippers = parts_of(robot, JointGroup), parts_of(robot, Gripper)
+    places, widths = [group.positions() for group in groups], [gripper.width() for gripper in grippers]
     robot.clock.sleep(REST_TIME)
-    moved = [
-        float(np.max(np.abs(group.positions() - place)))
-        for group, place in zip(parts_of(robot, JointGroup), places, strict=True)
-    ]
-    require(
-        max(moved, default=0.0) < 0.01, f"joints moved by {max(moved, default=0.0):.4f} while at rest after {after}"
-    )
+    for group, place in zip(groups, places, strict=True):
+        moved = float(np.max(np.abs(group.positions() - place)))
+        require(moved < 0.01, f"{group.name} moved by {moved:.4f} while at rest after {after}")
+    for gripper, width in zip(grippers, widths, strict=True):
+        moved = abs(gripper.width() - width)
+        require(moved < 0.003, f"{gripper.name} moved by {moved:.4f} m while at rest after {after}")
 
 
 def settle(robot: Robot) -> None:

@@ -67,7 +67,7 @@ class IsolatedRobot(Robot):
 
     @property
     def declared_missing(self) -> dict[str, str]:
-        """What of the Robotics API its controllers cannot do → why."""
+        """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
         return self._description.declared_missing
 
     def connect(self) -> None:

@@ -12,11 +12,11 @@ import numpy as np
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.api import NotConnectedError, Part, Robot
+from hal.parts.simulated_clock import SimulatedClock
 from hal.pybullet.arm import SimulatedArm
 from hal.pybullet.base import SimulatedBase
 from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
-from hal.pybullet.clock import SimulatedClock
 from hal.pybullet.force_torque import SimulatedForceTorque
 from hal.pybullet.gripper import SimulatedGripper
 from hal.pybullet.honesty_record import HonestyRecord

@@ -48,7 +48,7 @@ class JudgeServer(JsonLineServer):
         return {"answer": _plain(answer)}
 
     def _joints(self, name: str) -> Mapping[str, Any]:
-        group = self._world.robot.part(name, JointGroup)  # type: ignore[type-abstract]
+        group = self._world.robot.part(name, JointGroup)
         return {"positions": group.positions().tolist(), "velocities": group.velocities().tolist()}
 
 

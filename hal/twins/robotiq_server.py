@@ -30,7 +30,7 @@ class RobotiqTwin:
         self._server = TcpServer(address, port, self._attend_modbus if modbus else self._attend_urcap)
         self.gripper = RobotiqGripper(
             world,
-            world.robot.part(name, Gripper),  # type: ignore[type-abstract]
+            world.robot.part(name, Gripper),
         )
         self.faults = Faults()
         self.faults.offer({"gripper_jam": self.gripper.jam, "gripper_free": self.gripper.unjam})

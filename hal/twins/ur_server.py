@@ -37,8 +37,8 @@ class URTwin:
             raise
         self.controller = controller = URController(
             world,
-            world.robot.part(arm_name, Arm),  # type: ignore[type-abstract]
-            world.robot.part(sensor_name, ForceTorque) if sensor_name else None,  # type: ignore[type-abstract]
+            world.robot.part(arm_name, Arm),
+            world.robot.part(sensor_name, ForceTorque) if sensor_name else None,
             model,
         )
         self.faults = Faults()

@@ -49,8 +49,8 @@ class XArmTwin:
             raise
         self.controller = XArmController(
             world,
-            robot.part(arm_name, Arm),  # type: ignore[type-abstract]
-            robot.part(gripper_name, Gripper) if gripper_name else None,  # type: ignore[type-abstract]
+            robot.part(arm_name, Arm),
+            robot.part(gripper_name, Gripper) if gripper_name else None,
         )
         self._bus = GripperBus(self.controller)
         self._flange = FlangePose(model, arm_name)

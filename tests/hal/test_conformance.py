@@ -1,34 +1,51 @@
-"""Every implementation of the Robotics API keeps the promises of hal.conformance."""
+"""Simulated robots, and one that exists in memory only, keep the promises of hal.conformance."""
 
 from __future__ import annotations
 
+import importlib
+import sys
+from pathlib import Path
+
 import pytest
 
-from hal.conformance import CHECKS, LIFE_CHECKS, Check, ConformanceError, settle
+from bestman_bt.robot_model import load_robot_model
+from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
+from hal.conformance.room import empty_room
 from hal.pybullet import PyBulletRobot
 
+EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "driver_in_memory"
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.name)
-def test_a_connected_pybullet_robot_keeps_its_promise(check: Check, standing_robot: PyBulletRobot) -> None:
-    assert check.applies_to(standing_robot)
+
+def in_memory() -> MakeRobot:
+    sys.path.insert(0, str(EXAMPLE))
     try:
-        check.run(standing_robot)
+        driver = importlib.import_module("memory_robot").MemoryRobot
     finally:
-        settle(standing_robot)
+        sys.path.remove(str(EXAMPLE))
+    model = load_robot_model("omni_ur5")
+    return lambda: driver(model)
 
 
-@pytest.mark.parametrize("check", LIFE_CHECKS, ids=lambda check: check.name)
-def test_a_pybullet_robot_keeps_its_promise_about_connections(check: Check, robot_model, empty_world) -> None:
-    robot = PyBulletRobot(robot_model, empty_world, seed=1)
-    assert check.applies_to(robot)
-    check.run(robot)
+def in_pybullet(robot: str) -> MakeRobot:
+    model = load_robot_model(robot)
+    return lambda: PyBulletRobot(model, empty_room(), seed=1)
 
 
-def test_a_robot_that_does_not_stop_is_found_out(robot_model, empty_world) -> None:
-    class Runaway(PyBulletRobot):
-        def stop(self) -> None:
-            self._stopped = True
+ROBOTS = {
+    "in memory": in_memory,
+    "diff_panda in pybullet": lambda: in_pybullet("diff_panda"),
+    "omni_ur5 in pybullet": lambda: in_pybullet("omni_ur5"),
+}
 
-    stop_check = next(check for check in CHECKS if check.name == "stop brings everything to rest")
-    with Runaway(robot_model, empty_world) as robot, pytest.raises(ConformanceError, match="at rest"):
-        stop_check.run(robot)
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def make_robot(request: pytest.FixtureRequest) -> MakeRobot:
+    return ROBOTS[request.param]()
+
+
+class TestConnected(PromisesOfAConnectedRobot):
+    pass
+
+
+class TestConnecting(PromisesAboutConnecting):
+    pass

@@ -4,7 +4,6 @@ The robot that is simulated is not built as its file says: mounts, lens and dept
 Its file is all that the calibration gets.
 """
 
-# mypy: disable-error-code="type-abstract"
 from __future__ import annotations
 
 import math

@@ -26,11 +26,10 @@ from hal.api import (
 )
 from hal.hardware import ConnectionFailedError, HardwareRobot, IsolatedRobot
 from hal.twins import TwinProcess
+from tests.hal.twinned import SLACK, ended
 
 pytestmark = pytest.mark.real_time
 PLATFORM = "platform"
-SLACK = 0.15
-"""Seconds that a test gives on top of what is promised, because the machine is shared."""
 
 
 def turn(robot: HardwareRobot) -> Motion:
@@ -39,13 +38,6 @@ def turn(robot: HardwareRobot) -> Motion:
     robot.clock.sleep(0.5)
     assert not motion.done, motion.error
     return motion
-
-
-def ended(robot: HardwareRobot, motion: Motion, limit: float) -> None:
-    start = time.monotonic()
-    while not motion.done:
-        assert time.monotonic() < start + limit + SLACK, f"the motion still runs after {limit} s"
-        robot.clock.sleep(0.005)
 
 
 def place(twin: TwinProcess) -> np.ndarray:
@@ -174,15 +166,15 @@ def test_a_client_that_is_killed_leaves_the_base_at_rest(twin: TwinProcess) -> N
     stands(twin)
 
 
-def test_nothing_is_left_of_a_connection_that_has_ended(ros_model: RobotModel) -> None:
-    with HardwareRobot(ros_model) as robot:
+def test_nothing_is_left_of_a_connection_that_has_ended(twin_model: RobotModel) -> None:
+    with HardwareRobot(twin_model) as robot:
         robot.part("lidar", Lidar).scan()
     left = threading.active_count()
     for _ in range(3):
-        with HardwareRobot(ros_model) as robot:
+        with HardwareRobot(twin_model) as robot:
             robot.part("lidar", Lidar).scan()
     assert threading.active_count() <= left
-    with IsolatedRobot(ros_model) as isolated:
+    with IsolatedRobot(twin_model) as isolated:
         isolated.part("lidar", Lidar).scan()
     children = Path(f"/proc/self/task/{threading.main_thread().native_id}/children").read_text().split()
     commands = [Path(f"/proc/{child}/cmdline").read_text() for child in children]

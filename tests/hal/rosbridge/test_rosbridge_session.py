@@ -23,7 +23,7 @@ def true_place(twin: TwinProcess) -> Pose2D:
 
 
 def test_it_drives_where_its_odometry_says_and_sees_the_floor_and_the_walls(
-    isolated_robot: IsolatedRobot, ros_model: RobotModel, twin: TwinProcess
+    isolated_robot: IsolatedRobot, twin_model: RobotModel, twin: TwinProcess
 ) -> None:
     robot = isolated_robot
     base, head = robot.part("base", MobileBase), robot.part("head", JointGroup)
@@ -43,7 +43,7 @@ def test_it_drives_where_its_odometry_says_and_sees_the_floor_and_the_walls(
     image = camera.capture()
     assert image.stamp > first.stamp + 0.5
     assert np.mean(np.abs(image.rgb.astype(int) - first.rgb)) > 2.0
-    kinematics = ForwardKinematics(ros_model)
+    kinematics = ForwardKinematics(twin_model)
     joints = dict(zip(head.joint_names, head.positions(), strict=True))
     points = kinematics.pose(camera.optical_frame, joints).apply(image.points()[-60:].reshape(-1, 3))
     floor = points[np.isfinite(points[:, 2]), 2]

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
-from hal.conformance import CHECKS, Check, settle
+from bestman_bt.robot_model import RobotModel
+from hal.conformance import CHECKS, LIFE_CHECKS
+from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from hal.hardware import IsolatedRobot
 
 pytestmark = pytest.mark.real_time
 
-NO_BASE = {
-    "base commands beyond limits are refused",
-    "velocities of a base lapse",
-    "a base drives and turns by odometry",
-    "a part can be stopped by itself",
-}
-"""What an arm and a gripper cannot promise; anything else that does not apply is a fault of the test."""
+
+@pytest.fixture(scope="module")
+def make_robot(twin_model: RobotModel) -> MakeRobot:
+    return partial(IsolatedRobot, twin_model)
 
 
-@pytest.mark.parametrize("check", [c for c in CHECKS if c.name not in NO_BASE], ids=lambda check: check.name)
-def test_a_connected_ur_keeps_its_promise(check: Check, isolated_robot: IsolatedRobot) -> None:
-    assert check.applies_to(isolated_robot)
-    try:
-        check.run(isolated_robot)
-    finally:
-        settle(isolated_robot)
+class TestConnected(PromisesOfAConnectedRobot):
+    pass
 
 
-def test_what_does_not_apply_is_known(isolated_robot: IsolatedRobot) -> None:
-    assert {check.name for check in CHECKS if not check.applies_to(isolated_robot)} == NO_BASE
+class TestConnecting(PromisesAboutConnecting):
+    pass
+
+
+def test_nothing_but_parts_that_it_has_not_is_missing(make_robot: MakeRobot) -> None:
+    reasons = {check.why_not(make_robot()) for check in CHECKS + LIFE_CHECKS}
+    absent = ("camera", "lidar")
+    assert reasons == {None, "it is behind no connection", *(f"the robot has no {kind}" for kind in absent)}

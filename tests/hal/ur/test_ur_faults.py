@@ -15,12 +15,11 @@ import pytest
 from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.twins import TwinProcess
+from tests.hal.twinned import ended
 
 pytestmark = pytest.mark.real_time
 
 CONTROLLER = "arm_controller"
-SLACK = 0.15
-"""Seconds that a test gives on top of what is promised, because the machine is shared."""
 
 
 def swing(robot: HardwareRobot) -> Motion:
@@ -31,13 +30,6 @@ def swing(robot: HardwareRobot) -> Motion:
     robot.clock.sleep(0.4)
     assert not motion.done, motion.error
     return motion
-
-
-def ended(robot: HardwareRobot, motion: Motion, limit: float) -> None:
-    start = time.monotonic()
-    while not motion.done:
-        assert time.monotonic() < start + limit + SLACK, f"the motion still runs after {limit} s"
-        robot.clock.sleep(0.005)
 
 
 def works_again(robot: HardwareRobot) -> None:

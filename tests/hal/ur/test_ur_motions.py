@@ -117,8 +117,8 @@ def test_outputs_are_switched_read_back_and_refused_while_stopped(robot: Hardwar
 
 
 def test_a_second_client_is_refused_as_long_as_the_first_one_is_there(
-    robot: HardwareRobot, ur_model: RobotModel, twin: TwinProcess
+    robot: HardwareRobot, twin_model: RobotModel, twin: TwinProcess
 ) -> None:
     with pytest.raises(ConnectionFailedError, match=CONTROLLER) as refusal:
-        HardwareRobot(ur_model).connect()
+        HardwareRobot(twin_model).connect()
     assert twin.addresses[CONTROLLER] not in str(refusal.value)

@@ -34,9 +34,9 @@ def children() -> set[int]:
     return mine
 
 
-def test_the_other_process_is_there_only_while_connected(xarm_model: RobotModel) -> None:
+def test_the_other_process_is_there_only_while_connected(twin_model: RobotModel) -> None:
     before = children()
-    with IsolatedRobot(xarm_model):
+    with IsolatedRobot(twin_model):
         assert len(children() - before) == 1
     assert children() == before
 
@@ -54,9 +54,9 @@ def test_a_busy_client_does_not_hold_up_a_motion(isolated_robot: IsolatedRobot) 
         isolated_robot.clock.sleep(0.05)
 
 
-def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again(xarm_model: RobotModel) -> None:
+def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again(twin_model: RobotModel) -> None:
     before = children()
-    with IsolatedRobot(xarm_model) as robot:
+    with IsolatedRobot(twin_model) as robot:
         arm = robot.part("arm", Arm)
         motion = arm.move_to(arm.positions() + 0.5 * FIRST_JOINT, 0.1)
         (process,) = children() - before
@@ -72,8 +72,8 @@ def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again
     assert children() == before
 
 
-def test_a_stop_is_kept_across_connections(xarm_model: RobotModel) -> None:
-    robot = IsolatedRobot(xarm_model)
+def test_a_stop_is_kept_across_connections(twin_model: RobotModel) -> None:
+    robot = IsolatedRobot(twin_model)
     robot.stop()
     with robot:
         arm = robot.part("arm", Arm)

@@ -2,38 +2,32 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from bestman_bt.robot_model import RobotModel
-from hal.conformance import CHECKS, LIFE_CHECKS, Check, settle
+from hal.conformance import CHECKS, LIFE_CHECKS
+from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from hal.hardware import IsolatedRobot
 
 pytestmark = pytest.mark.real_time
 
-NO_BASE = {
-    "base commands beyond limits are refused",
-    "velocities of a base lapse",
-    "a base drives and turns by odometry",
-    "a part can be stopped by itself",
-}
-"""What an arm cannot promise; anything else that does not apply is a fault of the test."""
+
+@pytest.fixture(scope="module")
+def make_robot(twin_model: RobotModel) -> MakeRobot:
+    return partial(IsolatedRobot, twin_model)
 
 
-@pytest.mark.parametrize("check", [c for c in CHECKS if c.name not in NO_BASE], ids=lambda check: check.name)
-def test_a_connected_xarm_keeps_its_promise(check: Check, isolated_robot: IsolatedRobot) -> None:
-    assert check.applies_to(isolated_robot)
-    try:
-        check.run(isolated_robot)
-    finally:
-        settle(isolated_robot)
+class TestConnected(PromisesOfAConnectedRobot):
+    pass
 
 
-@pytest.mark.parametrize("check", LIFE_CHECKS, ids=lambda check: check.name)
-def test_an_xarm_keeps_its_promise_about_connections(check: Check, xarm_model: RobotModel) -> None:
-    robot = IsolatedRobot(xarm_model)
-    assert check.applies_to(robot)
-    check.run(robot)
+class TestConnecting(PromisesAboutConnecting):
+    pass
 
 
-def test_what_does_not_apply_is_known(isolated_robot: IsolatedRobot) -> None:
-    assert {check.name for check in CHECKS if not check.applies_to(isolated_robot)} == NO_BASE
+def test_nothing_but_parts_that_it_has_not_is_missing(make_robot: MakeRobot) -> None:
+    reasons = {check.why_not(make_robot()) for check in CHECKS + LIFE_CHECKS}
+    absent = ("camera", "lidar", "force_torque", "sensor")
+    assert reasons == {None, "it is behind no connection", *(f"the robot has no {kind}" for kind in absent)}

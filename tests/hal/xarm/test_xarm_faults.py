@@ -15,12 +15,11 @@ from bestman_bt.robot_model import RobotModel
 from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.twins import TwinProcess
+from tests.hal.twinned import ended
 
 pytestmark = pytest.mark.real_time
 
 CONTROLLER = "arm_controller"
-SLACK = 0.15
-"""Seconds that a test gives on top of what is promised, because the machine is shared."""
 
 
 def swing(robot: HardwareRobot) -> Motion:
@@ -31,15 +30,6 @@ def swing(robot: HardwareRobot) -> Motion:
     robot.clock.sleep(0.4)
     assert not motion.done, motion.error
     return motion
-
-
-def ended(robot: HardwareRobot, motion: Motion, limit: float) -> float:
-    """Seconds until the motion ended."""
-    start = time.monotonic()
-    while not motion.done:
-        assert time.monotonic() < start + limit + SLACK, f"the motion still runs after {limit} s"
-        robot.clock.sleep(0.005)
-    return time.monotonic() - start
 
 
 def works_again(robot: HardwareRobot) -> None:
@@ -143,7 +133,7 @@ time.sleep(60)
 """
 
 
-def test_a_client_that_is_killed_leaves_the_arm_at_rest(xarm_model: RobotModel, twin: TwinProcess) -> None:
+def test_a_client_that_is_killed_leaves_the_arm_at_rest(twin_model: RobotModel, twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
     arguments = [sys.executable, "-c", CLIENT, robot_file, twin.addresses[CONTROLLER]]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as client:

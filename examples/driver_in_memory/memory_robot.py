@@ -1,0 +1,188 @@
+"""A driver of one's own: a robot that exists in memory only, made of the parts that real controllers get, too.
+
+It does at once and exactly what it is told; its time passes when somebody sleeps. Test it as any driver::
+
+    pytest --pyargs hal.conformance --driver memory_robot:MemoryRobot
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from memory_sensors import FlatCamera, QuietWrist, RoundRoom
+
+from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
+from bestman_bt.robot_model import GripperModel, RobotModel
+from bestman_bt.scene import World
+from hal.api import Part, Robot
+from hal.hardware import (
+    BaseChannel,
+    BaseReading,
+    DrivenBase,
+    GripperChannel,
+    GripperReading,
+    HardwareGripper,
+    JointChannel,
+    JointReading,
+    StopLatch,
+    StreamedArm,
+    StreamedJointGroup,
+    ToolLimits,
+)
+from hal.parts.simulated_clock import SimulatedClock
+
+PERIOD = 0.01
+
+
+class Joints(JointChannel):
+    """Joints that are where they were last sent."""
+
+    def __init__(self, positions: np.ndarray) -> None:
+        self._positions, self._velocities = positions, np.zeros_like(positions)
+
+    def read(self) -> JointReading:
+        """Efforts are zero: nothing weighs anything."""
+        return JointReading(self._positions, self._velocities, np.zeros_like(self._positions))
+
+    def send(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        """Be there."""
+        self._positions, self._velocities = positions, velocities
+
+
+class Fingers(GripperChannel):
+    """Fingers that never meet anything."""
+
+    def __init__(self, model: GripperModel) -> None:
+        self._width = self._target = model.max_width
+        self._speed = 0.0
+
+    def read(self) -> GripperReading:
+        """The present width."""
+        return GripperReading(self._width)
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        """Set out for a width."""
+        self._target, self._speed = width, speed
+
+    def halt(self) -> None:
+        """Stay."""
+        self._target = self._width
+
+    def move(self, dt: float) -> None:
+        """What happens in ``dt`` seconds."""
+        step = self._speed * dt
+        self._width += min(max(self._target - self._width, -step), step)
+
+
+class Wheels(BaseChannel):
+    """A base that drives exactly as it is told, and knows exactly where it is."""
+
+    def __init__(self) -> None:
+        self._pose, self._velocity = Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0)
+
+    def read(self) -> BaseReading:
+        """Odometry without any drift."""
+        return BaseReading(self._pose, self._velocity)
+
+    def send(self, velocity: Twist2D) -> None:
+        """Drive."""
+        self._velocity = velocity
+
+    def move(self, dt: float) -> None:
+        """What happens in ``dt`` seconds."""
+        v, heading = self._velocity, self._pose.theta + self._velocity.wz * dt / 2
+        x = self._pose.x + (v.vx * math.cos(heading) - v.vy * math.sin(heading)) * dt
+        y = self._pose.y + (v.vx * math.sin(heading) + v.vy * math.cos(heading)) * dt
+        self._pose = Pose2D(x, y, wrap_angle(self._pose.theta + v.wz * dt))
+
+
+class MemoryRobot(Robot):
+    """Any robot that a YAML describes. ``world``, ``seed`` and ``gui`` are what every driver is given."""
+
+    def __init__(self, model: RobotModel, world: World | None = None, *, seed: int = 0, gui: bool = False) -> None:
+        self._model, self._latch, self._clock = model, StopLatch(), SimulatedClock(PERIOD)
+        home = model.postures["home"]
+        self._channels: list[Fingers | Wheels] = []
+        self._moving: list[StreamedJointGroup | HardwareGripper | DrivenBase] = []
+        for name, group in (model.arms | model.joint_groups).items():
+            at = np.array([home.get(joint, 0.0) for joint in group.joint_names])
+            channel = Joints(np.clip(at, group.lower, group.upper))
+            if name in model.arms:
+                tool = ToolLimits(model, name, model.safety)
+                self._moving.append(StreamedArm(name, model.arms[name], channel, self._latch, PERIOD, tool))
+            else:
+                self._moving.append(StreamedJointGroup(name, group, channel, self._latch, PERIOD))
+        for name, gripper in model.grippers.items():
+            fingers = Fingers(gripper)
+            self._channels.append(fingers)
+            self._moving.append(HardwareGripper(name, gripper, fingers, self._latch))
+        for name, base in model.bases.items():
+            wheels = Wheels()
+            self._channels.append(wheels)
+            self._moving.append(DrivenBase(name, base, wheels, self._latch))
+        sensors: list[Part] = [FlatCamera(name, camera, self) for name, camera in model.cameras.items()]
+        sensors += [RoundRoom(name, lidar, self) for name, lidar in model.lidars.items()]
+        sensors += [QuietWrist(name, wrist, self) for name, wrist in model.force_torques.items()]
+        self._parts: dict[str, Part] = {part.name: part for part in (*self._moving, *sensors)}
+
+    @property
+    def clock(self) -> SimulatedClock:
+        """Time in memory."""
+        return self._clock
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot model."""
+        return self._model
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """All parts by name."""
+        return self._parts
+
+    @property
+    def connected(self) -> bool:
+        """Whether it is connected."""
+        return self._clock.step is not None
+
+    def connect(self) -> None:
+        """Begin."""
+        if self.connected:
+            return
+        for part in self._moving:
+            part.attach()
+        self._clock.step = self._step
+
+    def disconnect(self) -> None:
+        """End motions and periodic calls."""
+        for part in self._moving:
+            part.detach()
+        self._clock.step = None
+        self._clock.cancel_timers()
+
+    def stop(self) -> None:
+        """Bring all parts to rest, and latch."""
+        self._latch.set()
+        for part in self._moving:
+            part.stop()
+
+    def clear_stop(self) -> None:
+        """Accept commands again."""
+        self._latch.clear()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the stop is latched."""
+        return bool(self._latch)
+
+    def diagnostics(self) -> dict[str, str]:
+        """For people."""
+        return {"implementation": "memory", "connected": "yes" if self.connected else "no"}
+
+    def _step(self) -> None:
+        for part in self._moving:
+            part.cycle(PERIOD)
+        for channel in self._channels:
+            channel.move(PERIOD)

@@ -1,0 +1,84 @@
+"""Sensors in memory: they see always the same, a flat wall and a round room, and stamp it with the robot's clock."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
+from bestman_bt.robot_model import CameraModel, ForceTorqueModel, LidarModel
+from hal.api import Camera, ForceTorque, Lidar, NotConnectedError
+
+if TYPE_CHECKING:
+    from memory_robot import MemoryRobot
+
+DISTANCE = 2.0
+
+
+def stamp_of(robot: MemoryRobot, sensor: str) -> float:
+    """Now; a robot that is not connected sees nothing."""
+    if not robot.connected:
+        raise NotConnectedError(f"{sensor} was used while the robot is not connected")
+    return robot.clock.now()
+
+
+class FlatCamera(Camera):
+    """Looks at a grey wall, straight."""
+
+    def __init__(self, name: str, model: CameraModel, robot: MemoryRobot) -> None:
+        super().__init__(name)
+        self._model, self._robot = model, robot
+
+    @property
+    def intrinsics(self) -> CameraIntrinsics:
+        """Those of the model."""
+        return self._model.intrinsics
+
+    @property
+    def optical_frame(self) -> str:
+        """That of the model."""
+        return self._model.optical_frame
+
+    def capture(self) -> RGBDImage:
+        """Grey, and two metres away."""
+        size = (self.intrinsics.height, self.intrinsics.width)
+        rgb, depth = np.full((*size, 3), 128, np.uint8), np.full(size, DISTANCE, np.float32)
+        return RGBDImage(rgb, depth, self.intrinsics, stamp_of(self._robot, self.name))
+
+
+class RoundRoom(Lidar):
+    """Stands in the middle of a round room."""
+
+    def __init__(self, name: str, model: LidarModel, robot: MemoryRobot) -> None:
+        super().__init__(name)
+        self._model, self._robot = model, robot
+
+    @property
+    def frame(self) -> str:
+        """That of the model."""
+        return self._model.frame
+
+    def scan(self) -> LaserScan:
+        """The same distance everywhere."""
+        model, stamp = self._model, stamp_of(self._robot, self.name)
+        increment = (model.angle_max - model.angle_min) / model.beams
+        ranges = np.full(model.beams, DISTANCE)
+        return LaserScan(ranges, model.angle_min, increment, model.range_min, model.range_max, stamp)
+
+
+class QuietWrist(ForceTorque):
+    """Feels nothing."""
+
+    def __init__(self, name: str, model: ForceTorqueModel, robot: MemoryRobot) -> None:
+        super().__init__(name)
+        self._model, self._robot = model, robot
+
+    @property
+    def frame(self) -> str:
+        """That of the model."""
+        return self._model.frame
+
+    def wrench(self) -> Wrench:
+        """No force, no torque."""
+        return Wrench(np.zeros(3), np.zeros(3), stamp_of(self._robot, self.name))

@@ -1,0 +1,113 @@
+"""What a base owes: metres and radians in its own frame, distances and turns by odometry, and a dead-man."""
+
+from __future__ import annotations
+
+import math
+
+from bestman_bt.messages import Pose2D, wrap_angle
+from hal.api import MobileBase, MotionStatus, Robot
+from hal.conformance.requirement import require
+from hal.conformance.subject import BASES, Check, finish, first, require_rest
+
+REFRESH = 0.1
+DRIVE_TIME = 1.0
+
+
+def velocities_of_a_base_lapse(robot: Robot) -> None:
+    """The dead-man: without a new command the base stops by itself, and not before."""
+    base = first(robot, MobileBase)
+    description = base.description
+    speed = description.max_vx / 2
+    base.set_velocity(speed, 0.0, 0.0)
+    robot.clock.sleep(0.8 * description.command_timeout)
+    require(base.velocity().vx > 0.02, f"within its timeout the base drives at {base.velocity().vx:.3f} m/s")
+    robot.clock.sleep(0.2 * description.command_timeout + speed / description.max_acceleration + 0.3)
+    require_rest(robot, "the dead-man timeout")
+
+
+def a_base_moves_in_its_own_frame(robot: Robot) -> None:
+    """x is ahead, y to the left, a positive turn counter-clockwise; velocity and odometry agree on metres and radians.
+
+    It goes on as long as the command is repeated, and in the base frame wherever that points to in ``odom``.
+    """
+    base = first(robot, MobileBase)
+    limits = base.description
+    asked = [(min(0.15, limits.max_vx / 2), 0.0, 0.0), (0.0, 0.0, min(0.5, limits.max_wz / 2))]
+    if limits.max_vy > 0.0:
+        asked.append((0.0, min(0.15, limits.max_vy / 2), 0.0))
+    for direction in (1.0, -1.0):
+        for vx, vy, wz in asked:
+            velocity = (direction * vx, direction * vy, direction * wz)
+            _drive(robot, base, velocity, DRIVE_TIME / 2)
+            start, begin, said = base.odometry(), robot.clock.now(), base.velocity()
+            _drive(robot, base, velocity, DRIVE_TIME)
+            took = robot.clock.now() - begin
+            moved = start.inverse() @ base.odometry()
+            base.set_velocity(0.0, 0.0, 0.0)
+            robot.clock.sleep(0.5)
+            _require_way(moved, velocity, took)
+            told = (said.vx, said.vy, said.wz)
+            off = max(abs(a - b) for a, b in zip(told, velocity, strict=True))
+            require(off < 0.05 + 0.2 * max(map(abs, velocity)), f"asked for {velocity}, velocity() says {told}")
+
+
+def a_base_drives_and_turns_by_odometry(robot: Robot) -> None:
+    """Half a metre back and forth and a quarter turn, within 1 cm and 1 degree of its own odometry."""
+    base = first(robot, MobileBase)
+    start = base.odometry()
+    for command, argument, (x, theta) in (
+        (base.move_backward, 0.5, (-0.5, 0.0)),
+        (base.move_forward, 0.5, (0.0, 0.0)),
+        (base.rotate, 1.57, (0.0, 1.57)),
+        (base.rotate, -1.57, (0.0, 0.0)),
+    ):
+        motion = command(argument)
+        finish(robot, motion)
+        require(motion.status is MotionStatus.SUCCEEDED, f"{command.__name__} ended {motion.status}: {motion.error}")
+        robot.clock.sleep(0.3)
+        at = start.inverse() @ base.odometry()
+        require(
+            abs(at.x - x) < 0.01 and abs(at.y) < 0.01 and abs(at.theta - theta) < 0.0175,
+            f"after {command.__name__}({argument}) odometry says {at}",
+        )
+
+
+def a_motion_of_a_base_can_be_cancelled(robot: Robot) -> None:
+    """It ends at once; the base comes to rest and takes the next command."""
+    base = first(robot, MobileBase)
+    motion = base.rotate(2.0)
+    robot.clock.sleep(0.4)
+    motion.cancel()
+    require(motion.status is MotionStatus.CANCELED, f"right after cancel() a motion is {motion.status}")
+    require_rest(robot, "cancel()")
+    back = base.rotate(-0.1)
+    finish(robot, back)
+    require(back.status is MotionStatus.SUCCEEDED, f"after a cancelled one a motion ended {back.status}")
+
+
+def _drive(robot: Robot, base: MobileBase, velocity: tuple[float, float, float], duration: float) -> None:
+    """Repeat a velocity for a while, often enough for the dead-man."""
+    every = min(REFRESH, base.description.command_timeout / 4)
+    for _ in range(math.ceil(duration / every)):
+        base.set_velocity(*velocity)
+        robot.clock.sleep(every)
+
+
+def _require_way(moved: Pose2D, velocity: tuple[float, float, float], took: float) -> None:
+    """What odometry says is what the velocity makes in that time, to a fifth and 2 cm or 0.05 rad."""
+    vx, vy, wz = velocity
+    turned = wrap_angle(moved.theta - wz * took)
+    right = (
+        abs(moved.x - vx * took) < 0.02 + 0.2 * abs(vx) * took
+        and abs(moved.y - vy * took) < 0.02 + 0.2 * abs(vy) * took
+        and abs(turned) < 0.05 + 0.2 * abs(wz) * took
+    )
+    require(right, f"{took:.2f} s at (vx, vy, wz) = {velocity} moved the base by {moved}")
+
+
+BASE_CHECKS = (
+    Check("velocities of a base lapse", velocities_of_a_base_lapse, BASES, commands=True),
+    Check("a base moves in its own frame", a_base_moves_in_its_own_frame, BASES, commands=True),
+    Check("a base drives and turns by odometry", a_base_drives_and_turns_by_odometry, BASES, commands=True),
+    Check("a motion of a base can be cancelled", a_motion_of_a_base_can_be_cancelled, BASES, commands=True),
+)

@@ -1,0 +1,113 @@
+"""What a robot tells of itself before it is connected; it has to be what its model says."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+
+from hal.api import (
+    Camera,
+    ForceTorque,
+    Gripper,
+    JointGroup,
+    JointLimits,
+    Lidar,
+    MobileBase,
+    Robot,
+    UnknownPartError,
+)
+from hal.conformance.requirement import ConformanceError, require, require_refusal
+from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, modelled, parts_of
+
+
+def the_description_can_be_read_before_connecting(robot: Robot) -> None:
+    """The model, the parts by their names, what cameras are."""
+    require(robot.model is not None, "the robot model should be there before connect()")
+    require(len(robot.parts) > 0, "a robot should have parts before connect()")
+    for name, part in robot.parts.items():
+        require(part.name == name, f"the part {name!r} calls itself {part.name!r}")
+    for camera in parts_of(robot, Camera):
+        require(camera.intrinsics.width > 0 and camera.intrinsics.fx > 0.0, f"{camera.name} should describe itself")
+
+
+def every_part_of_the_model_is_there_or_declared_missing(robot: Robot) -> None:
+    """A driver that cannot offer a part says so and why: ``declared_missing``."""
+    silent = [name for name in modelled(robot) if name not in robot.parts and not robot.declared_missing.get(name)]
+    require(not silent, f"the model lists {', '.join(silent)}, which the robot has not and does not declare missing")
+
+
+def joints_have_the_limits_of_the_model(robot: Robot) -> None:
+    """Names, order, and limits in radians or metres; nothing but efforts and speeds may be held lower."""
+    for group in parts_of(robot, JointGroup):
+        model = {**robot.model.joint_groups, **robot.model.arms}.get(group.name)
+        if model is None:
+            raise ConformanceError(f"the model has no joints called {group.name!r}")
+        require(group.joint_names == tuple(model.joint_names), f"{group.name} has the joints {group.joint_names}")
+        require(len(group.limits) == len(group.joint_names), f"{group.name} should have limits for each joint")
+        for joint, limit, lower, upper, velocity in zip(
+            group.joint_names, group.limits, model.lower, model.upper, model.velocity, strict=True
+        ):
+            require(_agrees(limit, lower, upper, velocity), f"{joint} says {limit}; its model [{lower}, {upper}]")
+
+
+def a_base_is_as_the_model_says(robot: Robot) -> None:
+    """Speeds in m/s and rad/s, a footprint in metres, and a dead-man timeout."""
+    for base in parts_of(robot, MobileBase):
+        described, model = base.description, robot.model.bases.get(base.name)
+        require(model is not None, f"the model has no base called {base.name!r}")
+        for what in ("max_vx", "max_vy", "max_wz", "max_acceleration", "max_angular_acceleration"):
+            value, limit = getattr(described, what), getattr(model, what)
+            require(0.0 <= value <= limit + 1e-9, f"{base.name} says {what} = {value}, its model {limit}")
+        require(described.max_vx > 0.0, f"{base.name} should be able to drive")
+        require(0.0 < described.command_timeout <= 1.0, f"{base.name} lapses after {described.command_timeout} s")
+        same = np.shape(described.footprint) == np.shape(model.footprint)
+        require(same and np.allclose(described.footprint, model.footprint), f"{base.name} has another footprint")
+
+
+def a_gripper_is_as_the_model_says(robot: Robot) -> None:
+    """Widths in metres, speed in m/s, force in newtons."""
+    for gripper in parts_of(robot, Gripper):
+        described, model = gripper.description, robot.model.grippers.get(gripper.name)
+        require(model is not None, f"the model has no gripper called {gripper.name!r}")
+        require(described.max_width > described.min_width, f"{gripper.name} should open")
+        for what in ("min_width", "max_width"):
+            value, limit = getattr(described, what), getattr(model, what)
+            require(abs(value - limit) < 1e-6, f"{gripper.name} says {what} = {value} m, its model {limit} m")
+        for what in ("max_speed", "max_force"):
+            value, limit = getattr(described, what), getattr(model, what)
+            require(0.0 < value <= limit + 1e-9, f"{gripper.name} says {what} = {value}, its model {limit}")
+
+
+def frames_are_those_of_the_model(robot: Robot) -> None:
+    """Every sensor measures in a link of the URDF."""
+    links = {link.get("name") for link in ElementTree.fromstring(robot.model.urdf).iter("link")}
+    frames = {camera.name: camera.optical_frame for camera in parts_of(robot, Camera)}
+    frames |= {lidar.name: lidar.frame for lidar in parts_of(robot, Lidar)}
+    frames |= {sensor.name: sensor.frame for sensor in parts_of(robot, ForceTorque)}
+    for name, frame in frames.items():
+        require(frame in links, f"{name} measures in {frame!r}, which is no link of the robot's model")
+
+
+def an_unknown_part_is_refused_with_the_names_there_are(robot: Robot) -> None:
+    """Also a part of another kind."""
+    name, part = next(iter(robot.parts.items()))
+    require_refusal(lambda: robot.part("no_such_part", JointGroup), UnknownPartError, "an unknown part", (name,))
+    other = Camera if not isinstance(part, Camera) else JointGroup
+    require_refusal(lambda: robot.part(name, other), UnknownPartError, "a part of another kind")
+
+
+def _agrees(limit: JointLimits, lower: float, upper: float, velocity: float) -> bool:
+    ends = abs(limit.lower - lower) < 1e-6 and abs(limit.upper - upper) < 1e-6 and limit.lower < limit.upper
+    return ends and 0.0 < limit.velocity <= velocity + 1e-9 and limit.acceleration > 0.0 and limit.effort > 0.0
+
+
+DESCRIPTION_CHECKS = (
+    Check("the description can be read before connecting", the_description_can_be_read_before_connecting),
+    Check("every part of the model is there or declared missing", every_part_of_the_model_is_there_or_declared_missing),
+    Check("joints have the limits of the model", joints_have_the_limits_of_the_model, GROUPS),
+    Check("a base is as the model says", a_base_is_as_the_model_says, BASES),
+    Check("a gripper is as the model says", a_gripper_is_as_the_model_says, GRIPPERS),
+    Check("frames are those of the model", frames_are_those_of_the_model),
+    Check("an unknown part is refused with the names there are", an_unknown_part_is_refused_with_the_names_there_are),
+)

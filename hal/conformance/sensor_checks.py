@@ -1,0 +1,127 @@
+"""What sensors owe: readings in SI units, as described, stamped with the robot's clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from hal.api import Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Sensor
+from hal.conformance.requirement import require
+from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, parts_of
+
+OLDEST = 1.0
+"""Seconds that a reading may be old."""
+AHEAD = 0.01
+"""Seconds that a stamp may be ahead of the robot's clock, for rounding."""
+FARTHEST = 100.0
+"""Metres; a depth beyond that was given in another unit."""
+OVERSHOOT = 0.05
+"""Radians or metres that a joint may be beyond its limits, and a share for efforts."""
+
+
+def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
+    """Finite, one for each joint, within the limits; at rest the velocities say so."""
+    for group in parts_of(robot, JointGroup):
+        readings = {"positions": group.positions(), "velocities": group.velocities(), "efforts": group.efforts()}
+        for what, values in readings.items():
+            right = np.shape(values) == (len(group.joint_names),) and bool(np.all(np.isfinite(values)))
+            require(right, f"{group.name}.{what}() gave {values}")
+        for joint, limit, at in zip(group.joint_names, group.limits, readings["positions"], strict=True):
+            inside = limit.lower - OVERSHOOT <= at <= limit.upper + OVERSHOOT
+            require(inside, f"{joint} is at {at:.4f}, its limits are [{limit.lower:.4f}, {limit.upper:.4f}]")
+        fastest = float(np.max(np.abs(readings["velocities"])))
+        require(fastest < 0.05, f"{group.name} moves at {fastest:.4f} while it is at rest")
+
+
+def a_gripper_reads_metres(robot: Robot) -> None:
+    """The width is within the range that it describes."""
+    for gripper in parts_of(robot, Gripper):
+        width, limits = gripper.width(), gripper.description
+        inside = limits.min_width - 0.005 <= width <= limits.max_width + 0.005
+        require(inside, f"{gripper.name} is {width} m wide, it can be {limits.min_width} to {limits.max_width} m")
+
+
+def a_base_at_rest_stays_where_it_is(robot: Robot) -> None:
+    """By its odometry and by its velocity, for half a second."""
+    for base in parts_of(robot, MobileBase):
+        before = base.odometry()
+        robot.clock.sleep(0.5)
+        moved, velocity = before.inverse() @ base.odometry(), base.velocity()
+        still = abs(moved.x) + abs(moved.y) < 0.005 and abs(moved.theta) < 0.005
+        require(still, f"{base.name} stands, and its odometry went from {before} by {moved}")
+        require(
+            abs(velocity.vx) + abs(velocity.vy) + abs(velocity.wz) < 0.03, f"{base.name} stands and says {velocity}"
+        )
+
+
+def cameras_give_images_as_described(robot: Robot) -> None:
+    """Colour and depth of the described size, depth in metres."""
+    for camera in parts_of(robot, Camera):
+        image, k = camera.capture(), camera.intrinsics
+        require(image.rgb.shape == (k.height, k.width, 3), f"{camera.name} gave an image of shape {image.rgb.shape}")
+        require(image.intrinsics == k, f"{camera.name} describes {k}, its image {image.intrinsics}")
+        seen = image.depth[np.isfinite(image.depth) & (image.depth > 0.0)]
+        require(len(seen) > 0, f"{camera.name} saw no depth at all")
+        require(float(np.max(seen)) < FARTHEST, f"{camera.name} gave a depth of {np.max(seen):.1f}, in metres")
+
+
+def lidars_give_ranges_within_theirs(robot: Robot) -> None:
+    """Metres, within the range that the scan tells; inf where nothing was hit."""
+    for lidar in parts_of(robot, Lidar):
+        scan = lidar.scan()
+        require(len(scan.ranges) > 0, f"{lidar.name} gave an empty scan")
+        require(not np.any(np.isnan(scan.ranges)), f"{lidar.name} gave ranges that are no numbers")
+        hit = scan.ranges[np.isfinite(scan.ranges)]
+        inside = bool(np.all((hit >= scan.range_min) & (hit <= scan.range_max)))
+        require(inside, f"{lidar.name} gave ranges outside [{scan.range_min}, {scan.range_max}]")
+        require(scan.angle_increment != 0.0, f"{lidar.name} tells no angle between its beams")
+
+
+def forces_are_finite(robot: Robot) -> None:
+    """Newtons and newton metres, three of each."""
+    for sensor in parts_of(robot, ForceTorque):
+        wrench = sensor.wrench()
+        for what, values in (("force", wrench.force), ("torque", wrench.torque)):
+            right = np.shape(values) == (3,) and bool(np.all(np.isfinite(values)))
+            require(right, f"{sensor.name} gave the {what} {values}")
+
+
+def readings_are_stamped(robot: Robot) -> None:
+    """With the robot's clock: never of the future, never older than a second, and newer ones come."""
+    for name, stamp in _stamped(robot):
+        first = stamp()
+        now = robot.clock.now()
+        require(now - OLDEST <= first <= now + AHEAD, f"{name} stamped {first:.3f}, it is {now:.3f}")
+        deadline, last = now + 2 * OLDEST, first
+        while last <= first:
+            require(robot.clock.now() < deadline, f"{name} has given nothing new since {first:.3f}")
+            robot.clock.sleep(0.1)
+            newer = stamp()
+            require(newer >= last, f"{name} went back from {last:.3f} to {newer:.3f}")
+            last = newer
+
+
+def _stamped(robot: Robot) -> list[tuple[str, Callable[[], float]]]:
+    """Name → when its latest reading was taken."""
+    found: list[tuple[str, Callable[[], float]]] = []
+    for kind, stamp in (
+        (Camera, lambda camera: camera.capture().stamp),
+        (Lidar, lambda lidar: lidar.scan().stamp),
+        (ForceTorque, lambda wrist: wrist.wrench().stamp),
+        (Imu, lambda imu: imu.read().stamp),
+    ):
+        found += [(sensor.name, partial(stamp, sensor)) for sensor in parts_of(robot, kind)]
+    return found
+
+
+SENSOR_CHECKS = (
+    Check("joints are read in radians, metres and newtons", joints_are_read_in_radians_metres_and_newtons, GROUPS),
+    Check("a gripper reads metres", a_gripper_reads_metres, GRIPPERS),
+    Check("a base at rest stays where it is", a_base_at_rest_stays_where_it_is, BASES),
+    Check("cameras give images as described", cameras_give_images_as_described, (Camera,)),
+    Check("lidars give ranges within theirs", lidars_give_ranges_within_theirs, (Lidar,)),
+    Check("forces are finite", forces_are_finite, (ForceTorque,)),
+    Check("readings are stamped", readings_are_stamped, (Sensor,)),
+)

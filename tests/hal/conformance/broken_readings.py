@@ -1,0 +1,65 @@
+"""Clocks and sensors that break a promise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.messages import Pose2D
+from tests.hal.conformance.changed_robot import Break, of, wrapped
+
+
+def a_clock_that_oversleeps_short_sleeps(robot: Any) -> None:
+    wrapped(robot.clock, "sleep", lambda do, duration: do(0.005 if 0.0 < duration < 0.0035 else duration))
+
+
+def a_clock_that_goes_back(robot: Any) -> None:
+    """Asked twice in an instant, the second answer is earlier."""
+    last = [0.0]
+
+    def now(do: Any) -> float:
+        again, last[0] = do() == last[0], do()
+        return last[0] - 0.001 if again and last[0] > 0.15 else last[0]
+
+    wrapped(robot.clock, "now", now)
+
+
+def a_clock_that_sleeps_for_ever_if_asked(robot: Any) -> None:
+    wrapped(robot.clock, "sleep", lambda do, duration: do(duration) if np.isfinite(duration) else None)
+
+
+def a_clock_that_calls_at_once(robot: Any) -> None:
+    def every(do: Any, period: float, call: Callable[[], None]) -> Any:
+        call()
+        return do(period, call)
+
+    wrapped(robot.clock, "every", every)
+
+
+def unsteady_odometry(robot: Any) -> None:
+    def odometry(do: Any) -> Pose2D:
+        at = do()
+        return Pose2D(at.x, at.y, at.theta + 0.006 * (int(2 * robot.clock.now() + 1e-6) % 2))
+
+    wrapped(robot.parts["base"], "odometry", odometry)
+
+
+def in_millimetres(image: Any) -> Any:
+    return replace(image, depth=1000 * image.depth)
+
+
+BROKEN: list[tuple[str, Break]] = [
+    ("sleeping takes the time asked", a_clock_that_oversleeps_short_sleeps),
+    ("time never goes back", a_clock_that_goes_back),
+    ("impossible sleeps are refused", a_clock_that_sleeps_for_ever_if_asked),
+    ("periodic calls come on time", a_clock_that_calls_at_once),
+    ("joints are read in radians, metres and newtons", of("arm", "efforts", lambda do: np.nan * do())),
+    ("a base at rest stays where it is", unsteady_odometry),
+    ("cameras give images as described", of("head_camera", "capture", lambda do: in_millimetres(do()))),
+    ("lidars give ranges within theirs", of("lidar", "scan", lambda do: replace(do(), range_max=1.0))),
+    ("forces are finite", of("wrist_force_torque", "wrench", lambda do: replace(do(), force=np.full(3, np.nan)))),
+    ("readings are stamped", of("lidar", "scan", lambda do: replace(do(), stamp=0.0))),
+]

@@ -1,0 +1,85 @@
+"""A robot that breaks one promise is found out by the check of that promise, and by no other."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from hal.api import Arm
+from hal.conformance import CHECKS, LIFE_CHECKS
+from tests.hal.conformance import broken_commands, broken_connections, broken_readings, broken_stops
+from tests.hal.conformance.changed_robot import Break, Make, changed, failing, of, wrapped
+
+EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "driver_in_memory"
+BROKEN = [*broken_readings.BROKEN, *broken_commands.BROKEN, *broken_stops.BROKEN, *broken_connections.BROKEN]
+
+
+@pytest.fixture(scope="module")
+def small_model() -> RobotModel:
+    """With cameras of few pixels: thousands of pictures are taken here."""
+    model = load_robot_model("diff_panda")
+    cameras = {
+        name: replace(camera, intrinsics=replace(camera.intrinsics, width=8, height=6))
+        for name, camera in model.cameras.items()
+    }
+    return replace(model, cameras=cameras)
+
+
+@pytest.fixture(scope="module")
+def make(small_model: RobotModel) -> Make:
+    sys.path.insert(0, str(EXAMPLE))
+    spec = importlib.util.spec_from_file_location("memory_robot", EXAMPLE / "memory_robot.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    sys.path.remove(str(EXAMPLE))
+    return lambda: module.MemoryRobot(small_model)
+
+
+@pytest.mark.parametrize(("promise", "spoil"), BROKEN, ids=[name for name, _ in BROKEN])
+def test_a_broken_promise_is_found_out_by_its_check_alone(make: Make, promise: str, spoil: Break) -> None:
+    assert failing(make, spoil) == [promise]
+
+
+def test_every_check_is_here() -> None:
+    assert {promise for promise, _ in BROKEN} == {check.name for check in (*CHECKS, *LIFE_CHECKS)} - {
+        "a gripper reads metres"  # what is no metre makes the gripper's own motions fail, too: see below
+    }
+
+
+def test_a_gripper_in_other_units_is_found_out(make: Make) -> None:
+    in_centimetres = of("gripper", "width", lambda do: 100 * do())
+    assert {"a gripper reads metres", "a gripper opens and closes"} <= set(failing(make, in_centimetres))
+
+
+def test_a_robot_that_does_not_stop_is_found_out(make: Make) -> None:
+    def runaway(robot: Any) -> None:
+        wrapped(robot, "stop", lambda do: robot._latch.set())
+
+    assert failing(make, runaway) == ["stop brings everything to rest", "stop works from another thread"]
+
+
+def test_what_is_declared_missing_is_not_asked_for(make: Make) -> None:
+    robot = make()
+    del robot._parts["lidar"]
+    changed(robot, declared_missing=property(lambda self: {"lidar": "it is being repaired"}))
+    (lidars,) = (check for check in CHECKS if check.name == "lidars give ranges within theirs")
+    assert lidars.why_not(robot) == "it is being repaired"
+    (parts,) = (check for check in LIFE_CHECKS if check.name.startswith("every part of the model"))
+    parts.run(robot)
+
+
+def test_a_robot_that_only_tells_owes_no_motions(make: Make) -> None:
+    robot = make()
+    changed(robot, declared_missing=property(lambda self: {"commands": "this is a recording"}))
+    asked = {check.name for check in CHECKS if check.why_not(robot) is None}
+    assert "readings are stamped" in asked
+    assert "joints arrive within their limits" not in asked
+    assert isinstance(robot.part("arm", Arm), Arm)
