@@ -70,6 +70,7 @@ CONNECTIONS = Registry(
     "bestman_bt.connections",
     "connection driver",
     {
+        "realsense": "hal.realsense:RealSenseConnection",
         "robotiq": "hal.robotiq:RobotiqConnection",
         "rosbridge": "hal.rosbridge:RosbridgeConnection",
         "ur": "hal.ur:URConnection",

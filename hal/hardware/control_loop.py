@@ -16,6 +16,12 @@ REMEMBERED = 60_000
 REAL_TIME_PRIORITY = 20
 
 
+def take_real_time_priority() -> None:
+    """Put the calling thread before all others that have none, where the system allows it."""
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
+
+
 @dataclass(frozen=True)
 class Lateness:
     """How long after they were due the cycles began, seconds. ``missed``: cycles left out because one took too long."""
@@ -80,8 +86,7 @@ class ControlLoop:
         self._missed = 0
 
     def _run(self) -> None:
-        with contextlib.suppress(PermissionError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
+        take_real_time_priority()
         period = 1.0 / self.rate
         last = time.monotonic()
         due = last + period

@@ -31,6 +31,8 @@ from hal.rosbridge.stream import Stream
 PORT = 9090
 INFO_PERIOD = 0.1
 """Seconds between descriptions of a camera: how often it shows that it is alive."""
+STALE_TIME = 0.05
+"""Seconds beyond the watchdog's after which one silent topic counts; where all are silent, the watchdog is first."""
 SENSOR_PERIODS = 4.0
 """Periods of a sensor after which its last reading counts as none."""
 
@@ -52,6 +54,7 @@ class RosbridgeConnection(Connection):
     def make_parts(self) -> dict[str, Part]:
         """The parts of ``settings.parts``; ConnectionFailedError for kinds and streams that it does not know."""
         options: RosbridgeOptions = self.options
+        self._stale_after = self.limits.watchdog + STALE_TIME
         self._link, self._ros_time = RosLink(self.name, self.clock), RemoteTime()
         self._streams: list[tuple[Stream[Any], str, float]] = []  # with message types and periods
         self._watched: list[Stream[Any]] = []
@@ -144,10 +147,10 @@ class RosbridgeConnection(Connection):
         if options.odometry == "tf":
             source, package, kind = TransformOdometry(options.odom_frame, options.base_frame), "tf2_msgs", "TFMessage"
             topic = options.topic("base", name, "transforms")
-            odometry = self._stream(name, topic, source.decode, self.limits.watchdog, source.header)
+            odometry = self._stream(name, topic, source.decode, self._stale_after, source.header)
         else:
             package, kind, topic = "nav_msgs", "Odometry", options.topic("base", name, "odometry")
-            odometry = self._stream(name, topic, lambda message, at: decoding.odometry(message), self.limits.watchdog)
+            odometry = self._stream(name, topic, lambda message, at: decoding.odometry(message), self._stale_after)
         self._listen(odometry, package, kind, watched=True)
         channel = RosBase(self._link, options.topic("base", name, "velocity"), options, odometry)
         self._outputs[options.topic("base", name, "velocity")] = channel.message_type
@@ -160,7 +163,7 @@ class RosbridgeConnection(Connection):
         model = self.model.joint_groups[name]
         ros_names = tuple(options.joints.get(joint, joint) for joint in model.joint_names)
         topic = options.topic("joint_group", name, "states")
-        states: Stream[JointReading] = self._stream(name, topic, JointStates(ros_names).decode, self.limits.watchdog)
+        states: Stream[JointReading] = self._stream(name, topic, JointStates(ros_names).decode, self._stale_after)
         self._listen(states, "sensor_msgs", "JointState", watched=True)
         output = options.topic("joint_group", name, "commands")
         channel = RosJoints(self._link, output, ros_names, options, states)
@@ -184,7 +187,7 @@ class RosbridgeConnection(Connection):
 
     def _make_force_torque(self, name: str) -> HardwareForceTorque:
         model, topic = self.model.force_torques[name], self.options.topic("force_torque", name, "wrench")
-        wrenches: Stream[Wrench] = self._stream(name, topic, decoding.wrench, self.limits.watchdog)
+        wrenches: Stream[Wrench] = self._stream(name, topic, decoding.wrench, self._stale_after)
         self._listen(wrenches, "geometry_msgs", "WrenchStamped")
         return HardwareForceTorque(name, model, self.latch, wrenches.read)
 

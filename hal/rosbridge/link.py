@@ -11,6 +11,7 @@ from typing import Any
 
 from hal.api import Clock
 from hal.hardware import ConnectionFailedError
+from hal.hardware.control_loop import take_real_time_priority
 
 TRANSPORT = "asyncio"
 Handler = Callable[[Mapping[str, Any], float], None]
@@ -44,6 +45,7 @@ class RosLink:
         self._ros.factory.on_ready(lambda protocol: ready.set())
         if not ready.wait(timeout):
             raise ConnectionFailedError(f"{self._name}: no rosbridge answers within {timeout:g} s")
+        self._ros.factory.manager.loop.call_soon_threadsafe(take_real_time_priority)
         self.heard = self._clock.now()
 
     @property

@@ -62,7 +62,8 @@ class TwinProcess:
     @property
     def settings(self) -> dict[str, str]:
         """For ``load_robot_model(name, settings)``."""
-        return {f"connections.{name}.address": address for name, address in self.addresses.items()}
+        settings = (setting.removeprefix("robot.").partition("=") for setting in self._told["settings"])
+        return {key: value for key, _, value in settings}
 
     def fault(self, connection: str, name: str, value: float | None = None) -> None:
         """Make a fault happen."""

@@ -26,6 +26,7 @@ TWINS = Registry(
     {
         "xarm": "hal.twins.xarm_server:XArmTwin",
         "ur": "hal.twins.ur_server:URTwin",
+        "realsense": "hal.twins.usb_camera:UsbCameraTwin",
         "robotiq": "hal.twins.robotiq_server:RobotiqTwin",
         "rosbridge": "hal.twins.rosbridge_server:RosbridgeTwin",
     },
@@ -39,7 +40,8 @@ class Twin(Protocol):
     """The controller's side of one connection.
 
     Made as ``(connection, model, world, address)``, before the world runs; OSError where a port on the address is
-    taken. Its state is hung in ``world.ticks``.
+    taken. Its state is hung in ``world.ticks``. One that clients do not reach by the connection's own driver names
+    theirs in ``reached_by``.
     """
 
     faults: Faults
@@ -53,19 +55,25 @@ class Twin(Protocol):
 
 @dataclass(frozen=True)
 class Hosted:
-    """Where things are: connection → address; the sockets of the judge and of the faults."""
+    """Where things are: connection → address; the sockets of the judge and of the faults.
+
+    ``drivers``: connection → what its clients use in place of its own driver.
+    """
 
     addresses: Mapping[str, str]
+    drivers: Mapping[str, str]
     judge: Path | None
     faults: Path
 
     def document(self) -> dict[str, Any]:
         """As JSON; ``settings``: for ``--set``, so that the robot's own YAML reaches the twins."""
+        settings = [f"robot.connections.{name}.address={at}" for name, at in self.addresses.items()]
+        settings += [f"robot.connections.{name}.driver={driver}" for name, driver in self.drivers.items()]
         return {
             "addresses": dict(self.addresses),
             "judge": str(self.judge) if self.judge is not None else None,
             "faults": str(self.faults),
-            "settings": [f"robot.connections.{name}.address={at}" for name, at in self.addresses.items()],
+            "settings": settings,
         }
 
 
@@ -107,7 +115,9 @@ class TwinHost:
                     twin.start()
                 for server in servers:
                     server.start()
-                ready(Hosted(addresses, judge, faults))
+                reached_by = {name: getattr(twin, "reached_by", "") for name, twin in self.twins.items()}
+                drivers = {name: driver for name, driver in reached_by.items() if driver}
+                ready(Hosted(addresses, drivers, judge, faults))
 
             try:
                 self.world.run(open_all)

@@ -1,0 +1,6 @@
+"""Intel RealSense depth cameras on USB, through pyrealsense2."""
+
+from hal.realsense.connection import RealSenseConnection
+from hal.realsense.options import RealSenseOptions
+
+__all__ = ["RealSenseConnection", "RealSenseOptions"]

@@ -1,0 +1,127 @@
+"""One RealSense camera: colour, and depth registered to it by the SDK."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from typing import Any, ClassVar
+
+import numpy as np
+
+from bestman_bt.messages import RGBDImage
+from hal.api import NoDataError, Part
+from hal.hardware import Connection, ConnectionFailedError, Fault, HardwareCamera, RemoteTime
+from hal.realsense.options import RealSenseOptions
+from hal.realsense.sdk import realsense_sdk
+
+POLLS = 3.0
+"""How many times per frame the SDK is asked for one."""
+FIRST_FRAME_TIME = 5.0
+INTRINSICS_TOLERANCE = 0.05
+"""Share by which the camera's own focal length may differ from the robot model's, which may come of a calibration."""
+
+
+class RealSenseConnection(Connection):
+    """Streams all the time; depth is registered when somebody asks for an image.
+
+    Frames are stamped by the camera, in the machine's time or its own; a recording's, by when they are played.
+    """
+
+    driver: ClassVar[str] = "realsense"
+    extra: ClassVar[str] = "realsense"
+    options_type: ClassVar[type] = RealSenseOptions
+
+    def make_parts(self) -> dict[str, Part]:
+        """The camera of ``settings.parts``; ConnectionFailedError for others."""
+        names = self.settings.parts
+        if len(names) != 1 or names[0] not in self.model.cameras:
+            text = f"{self.name}: behind a RealSense connection is one camera, not {', '.join(names)}"
+            raise ConnectionFailedError(text)
+        self._camera, self._model = names[0], self.model.cameras[names[0]]
+        self._pipeline: Any = None
+        self._align: Any = None
+        self._arrived = threading.Condition()
+        self._newest: tuple[Any, float] | None = None
+        self._heard = -1e9
+        self._camera_time = RemoteTime()
+        return {names[0]: HardwareCamera(names[0], self._model, self.latch, self._take)}
+
+    def open(self) -> None:
+        """Start both streams, and wait for the first images."""
+        options: RealSenseOptions = self.options
+        rs, k = realsense_sdk(self.sdk), self._model.intrinsics
+        config, pipeline = rs.config(), rs.pipeline()
+        if options.recording:
+            config.enable_device_from_file(options.recording, repeat_playback=True)
+        elif options.serial:
+            config.enable_device(options.serial)
+        config.enable_stream(rs.stream.color, k.width, k.height, rs.format.rgb8, options.frame_rate)
+        config.enable_stream(rs.stream.depth, k.width, k.height, rs.format.z16, options.frame_rate)
+        try:
+            profile = pipeline.start(config)
+        except RuntimeError as error:
+            raise ConnectionFailedError(f"{self.name}: the camera does not start: {error}") from error
+        self._pipeline, self._align = pipeline, rs.align(rs.stream.color)
+        told = profile.get_stream(rs.stream.color).as_video_stream_profile().get_intrinsics()
+        if abs(told.fx - k.fx) > INTRINSICS_TOLERANCE * k.fx:
+            text = f"tells a focal length of {told.fx:.1f} pixels, the robot model says {k.fx:.1f}"
+            raise ConnectionFailedError(f"{self.name}: {self._camera} {text}")
+        self._newest = None
+        self._camera_time.forget()
+        deadline = time.monotonic() + FIRST_FRAME_TIME
+        while self._newest is None:
+            self._poll(0.0)
+            if time.monotonic() > deadline:
+                raise ConnectionFailedError(f"{self.name}: no images within {FIRST_FRAME_TIME:g} s")
+            time.sleep(0.005)
+        self.add_loop("frames", POLLS * options.frame_rate, self._poll)
+
+    def close(self) -> None:
+        """Stop the streams."""
+        pipeline, self._pipeline = self._pipeline, None
+        if pipeline is not None:
+            with contextlib.suppress(RuntimeError):  # it has stopped by itself
+                pipeline.stop()
+
+    def heard(self) -> float:
+        """When the last frame came."""
+        return self._heard
+
+    def reported_fault(self) -> Fault | None:
+        """Nothing: what the SDK raises ends the loop, which is a fault by itself."""
+        return None
+
+    def recover(self) -> None:
+        """There is nothing to clear."""
+
+    def _poll(self, elapsed: float) -> None:
+        frames = self._pipeline.poll_for_frames()
+        if not frames:
+            return
+        color = frames.get_color_frame()
+        if not color or not frames.get_depth_frame():
+            return
+        now = self.clock.now()
+        stamp = now if self.options.recording else self._camera_time.here(1e-3 * color.get_timestamp(), now)
+        with self._arrived:
+            frames.keep()
+            self._newest, self._heard = (frames, stamp), now
+            self._arrived.notify_all()
+
+    def _take(self) -> RGBDImage:
+        asked, deadline = self.clock.now(), time.monotonic() + self.options.image_time
+        with self._arrived:
+            while self._newest is None or self._newest[1] <= asked:
+                left = deadline - time.monotonic()
+                if left <= 0.0 or not self._arrived.wait(left):
+                    raise NoDataError(f"{self._camera}: no image within {self.options.image_time:g} s")
+            frames, stamp = self._newest
+        registered = self._align.process(frames)
+        depth = registered.get_depth_frame()
+        rgb = np.asanyarray(registered.get_color_frame().get_data())
+        metres = np.asanyarray(depth.get_data()) * np.float32(depth.get_units())
+        try:
+            return RGBDImage(rgb, metres.astype(np.float32), self._model.intrinsics, stamp)
+        except ValueError as error:
+            raise NoDataError(f"{self._camera}: an image cannot be used: {error}") from error

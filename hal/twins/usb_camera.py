@@ -1,0 +1,23 @@
+"""The stand-in for a camera on USB, which has no wire that another process could speak: rosbridge leads to it."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import ClassVar
+
+from bestman_bt.registry import CONNECTIONS
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.twins.rosbridge_server import RosbridgeTwin
+from hal.twins.world import TwinWorld
+
+
+class UsbCameraTwin(RosbridgeTwin):
+    """Its clients use the driver ``rosbridge`` in place of the camera's own, with that one's usual options."""
+
+    reached_by: ClassVar[str] = "rosbridge"
+
+    def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
+        options = CONNECTIONS.resolve(self.reached_by).options_type()  # type: ignore[attr-defined]
+        usual = dataclasses.replace(connection, driver=self.reached_by, options=options)
+        super().__init__(usual, model, world, address)
