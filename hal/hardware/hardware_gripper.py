@@ -102,9 +102,11 @@ class HardwareGripper(HardwarePart, Gripper):
                 self._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
 
     def brake(self) -> None:
-        """Halt the fingers, unless an object blocks them."""
+        """Halt the fingers, unless an object blocks them; fingers that have not begun to move yet are not blocked."""
+        parameters = self._parameters
         with self._line.lock:
-            if self._line.motion is not None and self._still_for < self._parameters.still_time / 3:
+            blocked = self._time > parameters.start_time and self._still_for >= parameters.still_time / 3
+            if self._line.motion is not None and not blocked:
                 self._order, self._halting = None, True
 
     def attach(self) -> None:
