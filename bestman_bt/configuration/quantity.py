@@ -26,6 +26,10 @@ _UNITS: dict[str, dict[str, float]] = {
     "inertia": {"kg m²": 1.0, "kg m^2": 1.0},
     "stiffness": {"N/m": 1.0},
     "damping": {"N s/m": 1.0},
+    "energy": {"J": 1.0, "Wh": 3600.0, "kWh": 3.6e6},
+    "power": {"W": 1.0, "kW": 1000.0},
+    "voltage": {"V": 1.0, "mV": 0.001},
+    "resistance": {"ohm": 1.0, "Ω": 1.0, "mohm": 0.001, "mΩ": 0.001},
 }
 _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
@@ -93,6 +97,10 @@ Torque = Annotated[float, Field(ge=0), BeforeValidator(_reader("torque"))]
 Inertia = Annotated[float, Field(ge=0), BeforeValidator(_reader("inertia"))]
 Stiffness = Annotated[float, Field(ge=0), BeforeValidator(_reader("stiffness"))]
 Damping = Annotated[float, Field(ge=0), BeforeValidator(_reader("damping"))]
+Energy = Annotated[float, Field(gt=0), BeforeValidator(_reader("energy"))]
+Power = Annotated[float, Field(ge=0), BeforeValidator(_reader("power"))]
+Voltage = Annotated[float, Field(ge=0), BeforeValidator(_reader("voltage"))]
+Resistance = Annotated[float, Field(ge=0), BeforeValidator(_reader("resistance"))]
 JointPosition = Annotated[float, BeforeValidator(_reader("angle", "length"))]
 JointSpeed = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular speed", "speed"))]
 JointAcceleration = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular acceleration", "acceleration"))]
@@ -104,8 +112,10 @@ PositiveTime = Annotated[float, Field(gt=0), BeforeValidator(_reader("time"))]
 Distance = Annotated[float, Field(ge=0), BeforeValidator(_reader("length"))]
 Factor = Annotated[float, Field(gt=0), BeforeValidator(_reader())]
 Share = Annotated[float, Field(ge=0, le=1), BeforeValidator(_reader())]
+PositiveShare = Annotated[float, Field(gt=0, le=1), BeforeValidator(_reader())]
 Friction = Annotated[float, Field(ge=0), BeforeValidator(_reader())]
 WholeNumber = Annotated[int, Field(strict=True, ge=0)]
+PositiveWholeNumber = Annotated[int, Field(strict=True, gt=0)]
 
 Lengths3 = tuple[Length, Length, Length]
 Angles3 = tuple[Angle, Angle, Angle]

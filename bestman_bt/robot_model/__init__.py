@@ -7,26 +7,34 @@ from bestman_bt.robot_model.kinematic_chain import joints_above
 from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
-    CameraModel,
-    ForceTorqueModel,
     GripperModel,
     JointGroupModel,
-    LidarModel,
     RobotModel,
 )
 from bestman_bt.robot_model.payload import Payload, payload
+from bestman_bt.robot_model.sensor_models import (
+    BatteryModel,
+    CameraModel,
+    ForceTorqueModel,
+    ImuModel,
+    LidarModel,
+    TactileModel,
+)
 
 __all__ = [
     "ArmModel",
     "BaseModel",
+    "BatteryModel",
     "CameraModel",
     "ForceTorqueModel",
     "GripperModel",
+    "ImuModel",
     "JointGroupModel",
     "LidarModel",
     "MimicJoint",
     "Payload",
     "RobotModel",
+    "TactileModel",
     "combine",
     "compose_robot",
     "joints_above",

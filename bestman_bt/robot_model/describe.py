@@ -2,39 +2,50 @@
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import CameraIntrinsics, Pose
-from bestman_bt.robot_model.footprint import footprint, origin_pose
-from bestman_bt.robot_model.model import (
-    ArmModel,
-    BaseModel,
-    CameraModel,
-    ForceTorqueModel,
-    GripperModel,
-    JointGroupModel,
-    LidarModel,
-    RobotModel,
+from bestman_bt.messages import Pose
+from bestman_bt.robot_model.describe_sensors import (
+    battery_model,
+    camera_model,
+    force_torque_model,
+    imu_model,
+    lidar_model,
+    tactile_model,
 )
+from bestman_bt.robot_model.footprint import footprint, origin_pose
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
 from bestman_bt.robot_model.part_config import (
     ArmPart,
     BasePart,
-    CameraPart,
-    ForceTorquePart,
     GripperPart,
     JointGroupPart,
-    LidarPart,
     StructurePart,
     SuctionPart,
 )
 from bestman_bt.robot_model.part_fields import JointLimitsConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.self_pairs import allowed_self_pairs
+from bestman_bt.robot_model.sensor_models import (
+    BatteryModel,
+    CameraModel,
+    ForceTorqueModel,
+    ImuModel,
+    LidarModel,
+    TactileModel,
+)
+from bestman_bt.robot_model.sensor_part_config import (
+    BatteryPart,
+    CameraPart,
+    ForceTorquePart,
+    ImuPart,
+    LidarPart,
+    TactilePart,
+)
 
 
 def describe(
@@ -61,6 +72,9 @@ def describe(
     cameras: dict[str, CameraModel] = {}
     lidars: dict[str, LidarModel] = {}
     force_torques: dict[str, ForceTorqueModel] = {}
+    imus: dict[str, ImuModel] = {}
+    tactiles: dict[str, TactileModel] = {}
+    batteries: dict[str, BatteryModel] = {}
     for part_name, part in placed.items():
         match part.config:
             case BasePart() as base:
@@ -80,11 +94,17 @@ def describe(
             case JointGroupPart() as group:
                 groups[part_name] = JointGroupModel(joint_names=group.joints, **_limits(group.limits))
             case CameraPart() as camera:
-                cameras[part_name] = _camera(camera)
+                cameras[part_name] = camera_model(camera)
             case LidarPart() as lidar:
-                lidars[part_name] = _lidar(lidar)
+                lidars[part_name] = lidar_model(lidar)
             case ForceTorquePart() as sensor:
-                force_torques[part_name] = _force_torque(sensor, urdf)
+                force_torques[part_name] = force_torque_model(sensor, _joints_below(sensor.frame, urdf))
+            case ImuPart() as imu:
+                imus[part_name] = imu_model(imu)
+            case TactilePart() as pad:
+                tactiles[part_name] = tactile_model(pad)
+            case BatteryPart() as battery:
+                batteries[part_name] = battery_model(battery)
     return RobotModel(
         name=name,
         urdf=ET.tostring(urdf, encoding="unicode"),
@@ -96,6 +116,9 @@ def describe(
         cameras=cameras,
         lidars=lidars,
         force_torques=force_torques,
+        imus=imus,
+        tactiles=tactiles,
+        batteries=batteries,
         postures=postures,
         hand_of=hand_of,
         allowed_self_pairs=allowed_self_pairs(urdf, wheels, ignored_pairs),
@@ -110,6 +133,11 @@ def _joint_parents(urdf: ET.Element) -> dict[str, tuple[str, ET.Element]]:
         if parent is not None and child is not None:
             parents[child.get("link", "")] = (parent.get("link", ""), joint)
     return parents
+
+
+def _joints_below(link: str, urdf: ET.Element) -> tuple[str, ...]:
+    """Names of the joints by which other links hang on a link."""
+    return tuple(joint.get("name", "") for parent, joint in _joint_parents(urdf).values() if parent == link)
 
 
 def _tool(config: object) -> str | None:
@@ -229,51 +257,4 @@ def _suction(cup: SuctionPart, root: str) -> GripperModel:
         friction=cup.friction,
         kind="suction",
         seal_gap=cup.seal_gap,
-    )
-
-
-def _camera(camera: CameraPart) -> CameraModel:
-    focal = camera.height / 2 / math.tan(camera.vertical_fov / 2)
-    focal_length = camera.focal_length or (focal, focal)
-    centre = camera.principal_point or ((camera.width - 1) / 2, (camera.height - 1) / 2)
-    return CameraModel(
-        optical_frame=camera.frame,
-        intrinsics=CameraIntrinsics(camera.width, camera.height, *focal_length, *centre, camera.distortion),
-        near=camera.near,
-        far=camera.far,
-        noise_base=camera.noise_base,
-        noise_quadratic=camera.noise_quadratic,
-        edge_dropout=camera.edge_dropout,
-        dropout=camera.dropout,
-        depth_step=camera.depth_step,
-        depth_scale=camera.depth_scale,
-        depth_offset=camera.depth_offset,
-    )
-
-
-def _lidar(lidar: LidarPart) -> LidarModel:
-    return LidarModel(
-        frame=lidar.frame,
-        beams=lidar.beams,
-        angle_min=lidar.angle_min,
-        angle_max=lidar.angle_max,
-        range_min=lidar.range_min,
-        range_max=lidar.range_max,
-        noise=lidar.noise,
-        rate=lidar.rate,
-    )
-
-
-def _force_torque(sensor: ForceTorquePart, urdf: ET.Element) -> ForceTorqueModel:
-    hanging = (joint for parent, joint in _joint_parents(urdf).values() if parent == sensor.frame)
-    return ForceTorqueModel(
-        frame=sensor.frame,
-        joints=tuple(joint.get("name", "") for joint in hanging),
-        rate=sensor.rate,
-        noise_force=sensor.noise_force,
-        noise_torque=sensor.noise_torque,
-        offset_force=sensor.offset_force,
-        offset_torque=sensor.offset_torque,
-        max_force=sensor.max_force,
-        max_torque=sensor.max_torque,
     )

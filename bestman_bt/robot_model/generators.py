@@ -150,6 +150,16 @@ def sensing_flange(name: str, _: SensingFlange) -> list[ET.Element]:
     return [link(f"{name}_link")]
 
 
+@dataclass(frozen=True)
+class BuiltInSensor:
+    """A sensor or battery inside or on the surface of what carries it: nothing but a frame."""
+
+
+def built_in_sensor(name: str, _: BuiltInSensor) -> list[ET.Element]:
+    """The link ``<name>_link``."""
+    return [link(f"{name}_link")]
+
+
 GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element] | Subtree]]] = {
     "differential_base": (DifferentialBase, differential_base),
     "parallel_hand": (ParallelHand, parallel_hand),
@@ -161,4 +171,5 @@ GENERATORS: dict[str, tuple[type, Callable[[str, Any], list[ET.Element] | Subtre
     "suction_cup": (SuctionCup, suction_cup),
     "swinging_hand": (SwingingHand, swinging_hand),
     "sensing_flange": (SensingFlange, sensing_flange),
+    "built_in_sensor": (BuiltInSensor, built_in_sensor),
 }

@@ -9,9 +9,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
+from bestman_bt.robot_model.sensor_models import (
+    BatteryModel,
+    CameraModel,
+    ForceTorqueModel,
+    ImuModel,
+    LidarModel,
+    TactileModel,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,61 +158,6 @@ class JointGroupModel:
 
 
 @dataclass(frozen=True)
-class CameraModel:
-    """An RGB-D camera; ``optical_frame``: x right, y down, z forward.
-
-    Depth noise: standard deviation ``noise_base + noise_quadratic * max(0, z - 0.4)²`` metres; a share
-    ``edge_dropout`` of the pixels at depth edges and ``dropout`` of all others have no depth; the rest comes in steps
-    of ``depth_step`` metres. Systematic error: the camera tells ``depth_scale * z + depth_offset``; simulated cameras
-    err that way, and the sensor takes it away again.
-    """
-
-    optical_frame: str
-    intrinsics: CameraIntrinsics
-    near: float
-    far: float
-    noise_base: float
-    noise_quadratic: float
-    edge_dropout: float
-    dropout: float
-    depth_step: float = 0.001
-    depth_scale: float = 1.0
-    depth_offset: float = 0.0
-
-
-@dataclass(frozen=True)
-class LidarModel:
-    """A planar lidar in ``frame``: beams evenly over ``[angle_min, angle_max)``, radians, metres, hertz."""
-
-    frame: str
-    beams: int
-    angle_min: float
-    angle_max: float
-    range_min: float
-    range_max: float
-    noise: float
-    rate: float
-
-
-@dataclass(frozen=True)
-class ForceTorqueModel:
-    """A force-torque sensor in ``frame``; ``joints``: fixed ones, by which all that it feels hangs on that frame.
-
-    Standard deviations of the noise of each reading and of the constant offset of each axis, N and N m; hertz.
-    """
-
-    frame: str
-    joints: tuple[str, ...]
-    rate: float
-    noise_force: float
-    noise_torque: float
-    offset_force: float
-    offset_torque: float
-    max_force: float
-    max_torque: float
-
-
-@dataclass(frozen=True)
 class RobotModel:
     """A composed robot. Mappings go from part name (``arm``, ``gripper``, ``base``, ``head``, ``head_camera``, …).
 
@@ -226,6 +178,9 @@ class RobotModel:
     cameras: Mapping[str, CameraModel] = field(default_factory=dict)
     lidars: Mapping[str, LidarModel] = field(default_factory=dict)
     force_torques: Mapping[str, ForceTorqueModel] = field(default_factory=dict)
+    imus: Mapping[str, ImuModel] = field(default_factory=dict)
+    tactiles: Mapping[str, TactileModel] = field(default_factory=dict)
+    batteries: Mapping[str, BatteryModel] = field(default_factory=dict)
     postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     hand_of: Mapping[str, str] = field(default_factory=dict)
     allowed_self_pairs: frozenset[frozenset[str]] = frozenset()

@@ -1,69 +1,36 @@
-"""The YAML of a part: where its links come from and what a program must know about it, one dataclass per kind."""
+"""The YAML of a part that moves or carries: what a program must know about it, one dataclass per kind."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from bestman_bt.configuration.quantity import (
     Acceleration,
-    Angle,
     AngularAcceleration,
     AngularSpeed,
-    Distance,
     Factor,
     Force,
-    Frequency,
     Friction,
     Inertia,
     JointPosition,
     Length,
-    LensDistortion,
     Mass,
-    Number,
     PositiveLength,
-    Share,
     Size2,
     Speed,
     Torque,
-    WholeNumber,
 )
-from bestman_bt.robot_model.part_fields import (
-    ContactConfig,
-    FrameConfig,
-    JointLimitsConfig,
-    PadConfig,
-    SeatConfig,
+from bestman_bt.robot_model.part_fields import FrameConfig, JointLimitsConfig, PartConfig
+from bestman_bt.robot_model.sensor_part_config import (
+    BatteryPart,
+    CameraPart,
+    ForceTorquePart,
+    ImuPart,
+    LidarPart,
+    TactilePart,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class PartConfig:
-    """What all parts share.
-
-    Links come from ``urdf`` (``PACKAGE:FILE`` or a path beside this description) from its link ``root`` down without
-    the subtrees ``cut``; ``packages``: folders that hold what its ``package://`` names; or from the generator
-    ``generated`` with its ``dimensions``. ``frames``: frames to add. ``mass``: link → its mass, where the source lies
-    or is silent; its inertia is that of its collision shape. ``collision``: link → boxes that replace its collision
-    shape. ``contact``: link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by
-    construction or may touch. ``seat``: where the root lies on what carries the part, before ``xyz`` and ``rpy``.
-    """
-
-    kind: str
-    description: str = ""
-    urdf: str | None = None
-    packages: tuple[str, ...] = ()
-    root: str | None = None
-    cut: tuple[str, ...] = ()
-    generated: str | None = None
-    dimensions: Mapping[str, Any] = field(default_factory=dict)
-    frames: Mapping[str, FrameConfig] = field(default_factory=dict)
-    mass: Mapping[str, Mass] = field(default_factory=dict)
-    collision: Mapping[str, tuple[PadConfig, ...]] = field(default_factory=dict)
-    contact: Mapping[str, ContactConfig] = field(default_factory=dict)
-    may_touch: tuple[tuple[str, str], ...] = ()
-    seat: SeatConfig | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,68 +150,6 @@ class JointGroupPart(PartConfig):
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraPart(PartConfig):
-    """An RGB-D camera; noise and systematic depth error as in ``CameraModel``.
-
-    ``frame``: the link with x right, y down, z forward. ``focal_length`` (fx, fy) and ``principal_point`` (cx, cy),
-    pixels, come from a calibration and take the place of ``vertical_fov`` and the image centre.
-    ``distortion``: of the lens, OpenCV's k1, k2, p1, p2 and maybe k3.
-    """
-
-    kind: Literal["camera"]
-    frame: str
-    width: WholeNumber
-    height: WholeNumber
-    vertical_fov: Angle
-    near: PositiveLength
-    far: PositiveLength
-    noise_base: Length
-    noise_quadratic: Length
-    edge_dropout: Share
-    dropout: Share
-    depth_step: Distance = 0.001
-    depth_scale: Factor = 1.0
-    depth_offset: Length = 0.0
-    focal_length: tuple[Factor, Factor] | None = None
-    principal_point: tuple[Number, Number] | None = None
-    distortion: LensDistortion = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class LidarPart(PartConfig):
-    """A planar lidar; beams evenly over [angle_min, angle_max)."""
-
-    kind: Literal["lidar"]
-    frame: str
-    beams: WholeNumber
-    angle_min: Angle
-    angle_max: Angle
-    range_min: Length
-    range_max: PositiveLength
-    noise: Length
-    rate: Frequency
-
-
-@dataclass(frozen=True, kw_only=True)
-class ForceTorquePart(PartConfig):
-    """A six-axis force-torque sensor: it feels what is mounted on its link ``frame``.
-
-    ``noise_force``, ``noise_torque``: standard deviations of each reading; ``offset_force``, ``offset_torque``: of the
-    constant error of each axis, which only a reading at rest tells. Beyond ``max_force``, ``max_torque`` it saturates.
-    """
-
-    kind: Literal["force_torque"]
-    frame: str
-    rate: Frequency
-    noise_force: Force
-    noise_torque: Torque
-    offset_force: Force
-    offset_torque: Torque
-    max_force: Force
-    max_torque: Torque
-
-
 AnyPart: TypeAlias = (
     BasePart
     | StructurePart
@@ -255,6 +160,9 @@ AnyPart: TypeAlias = (
     | CameraPart
     | LidarPart
     | ForceTorquePart
+    | ImuPart
+    | TactilePart
+    | BatteryPart
 )
 
 PART_KINDS: dict[str, type[AnyPart]] = {
@@ -267,4 +175,7 @@ PART_KINDS: dict[str, type[AnyPart]] = {
     "camera": CameraPart,
     "lidar": LidarPart,
     "force_torque": ForceTorquePart,
+    "imu": ImuPart,
+    "tactile": TactilePart,
+    "battery": BatteryPart,
 }

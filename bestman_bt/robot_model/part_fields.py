@@ -1,8 +1,10 @@
-"""Fields that descriptions of parts have in common: shapes, frames, contacts, joint limits."""
+"""What descriptions of parts have in common: where links come from, shapes, frames, contacts, joint limits."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 from bestman_bt.configuration.quantity import (
     Angles3,
@@ -13,6 +15,7 @@ from bestman_bt.configuration.quantity import (
     JointPosition,
     JointSpeed,
     Lengths3,
+    Mass,
     Size3,
     Stiffness,
 )
@@ -62,3 +65,31 @@ class JointLimitsConfig:
     velocity: tuple[JointSpeed, ...]
     acceleration: tuple[JointAcceleration, ...]
     effort: tuple[JointEffort, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartConfig:
+    """What all parts share.
+
+    Links come from ``urdf`` (``PACKAGE:FILE`` or a path beside this description) from its link ``root`` down without
+    the subtrees ``cut``; ``packages``: folders that hold what its ``package://`` names; or from the generator
+    ``generated`` with its ``dimensions``. ``frames``: frames to add. ``mass``: link → its mass, where the source lies
+    or is silent; its inertia is that of its collision shape. ``collision``: link → boxes that replace its collision
+    shape. ``contact``: link → friction and stiffness. ``may_touch``: pairs of links whose shapes overlap by
+    construction or may touch. ``seat``: where the root lies on what carries the part, before ``xyz`` and ``rpy``.
+    """
+
+    kind: str
+    description: str = ""
+    urdf: str | None = None
+    packages: tuple[str, ...] = ()
+    root: str | None = None
+    cut: tuple[str, ...] = ()
+    generated: str | None = None
+    dimensions: Mapping[str, Any] = field(default_factory=dict)
+    frames: Mapping[str, FrameConfig] = field(default_factory=dict)
+    mass: Mapping[str, Mass] = field(default_factory=dict)
+    collision: Mapping[str, tuple[PadConfig, ...]] = field(default_factory=dict)
+    contact: Mapping[str, ContactConfig] = field(default_factory=dict)
+    may_touch: tuple[tuple[str, str], ...] = ()
+    seat: SeatConfig | None = None

@@ -1,0 +1,169 @@
+"""The YAML of sensors and batteries, one dataclass per kind.
+
+``latency``: seconds from the measurement, which its stamp tells, until the reading can be had. Without one, cameras,
+lidars and force-torque sensors measure when they are asked, with one they measure at their ``rate``, asked or not; all
+others always do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from bestman_bt.configuration.quantity import (
+    Acceleration,
+    Angle,
+    AngularSpeed,
+    Distance,
+    Energy,
+    Factor,
+    Force,
+    Frequency,
+    Length,
+    LensDistortion,
+    Number,
+    PositiveLength,
+    PositiveShare,
+    PositiveWholeNumber,
+    Power,
+    Resistance,
+    Share,
+    Size2,
+    Speed,
+    Time,
+    Torque,
+    Voltage,
+    WholeNumber,
+)
+from bestman_bt.robot_model.part_fields import PartConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPart(PartConfig):
+    """An RGB-D camera; noise and systematic depth error as in ``CameraModel``.
+
+    ``frame``: the link with x right, y down, z forward. ``focal_length`` (fx, fy) and ``principal_point`` (cx, cy),
+    pixels, come from a calibration and take the place of ``vertical_fov`` and the image centre.
+    ``distortion``: of the lens, OpenCV's k1, k2, p1, p2 and maybe k3.
+    """
+
+    kind: Literal["camera"]
+    frame: str
+    width: WholeNumber
+    height: WholeNumber
+    vertical_fov: Angle
+    near: PositiveLength
+    far: PositiveLength
+    noise_base: Length
+    noise_quadratic: Length
+    edge_dropout: Share
+    dropout: Share
+    depth_step: Distance = 0.001
+    depth_scale: Factor = 1.0
+    depth_offset: Length = 0.0
+    focal_length: tuple[Factor, Factor] | None = None
+    principal_point: tuple[Number, Number] | None = None
+    distortion: LensDistortion = ()
+    rate: Frequency = 30.0
+    latency: Time = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarPart(PartConfig):
+    """A planar lidar; beams evenly over [angle_min, angle_max)."""
+
+    kind: Literal["lidar"]
+    frame: str
+    beams: WholeNumber
+    angle_min: Angle
+    angle_max: Angle
+    range_min: Length
+    range_max: PositiveLength
+    noise: Length
+    rate: Frequency
+    latency: Time = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceTorquePart(PartConfig):
+    """A six-axis force-torque sensor: it feels what is mounted on its link ``frame``.
+
+    ``noise_force``, ``noise_torque``: standard deviations of each reading; ``offset_force``, ``offset_torque``: of the
+    constant error of each axis, which only a reading at rest tells. Beyond ``max_force``, ``max_torque`` it saturates.
+    """
+
+    kind: Literal["force_torque"]
+    frame: str
+    rate: Frequency
+    noise_force: Force
+    noise_torque: Torque
+    offset_force: Force
+    offset_torque: Torque
+    max_force: Force
+    max_torque: Torque
+    latency: Time = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImuPart(PartConfig):
+    """An inertial measurement unit at the origin of the link ``frame``, along its axes.
+
+    ``noise_…``: standard deviations of each reading; ``bias_…``: of the constant error of each axis, drawn once.
+    Beyond ``max_…`` it saturates.
+    """
+
+    kind: Literal["imu"]
+    frame: str
+    rate: Frequency
+    latency: Time = 0.0
+    noise_angular_velocity: AngularSpeed
+    noise_acceleration: Acceleration
+    bias_angular_velocity: AngularSpeed
+    bias_acceleration: Acceleration
+    max_angular_velocity: AngularSpeed
+    max_acceleration: Acceleration
+
+
+@dataclass(frozen=True, kw_only=True)
+class TactilePart(PartConfig):
+    """A pad of ``rows`` times ``columns`` taxels on the surface of the link that it is mounted on.
+
+    ``frame``: the middle of the pad, z out of its surface, x along a row, y along a column. ``size``: along x and y.
+    ``spread``: how far its skin spreads a point of pressure (standard deviation). ``noise``, ``noise_sliding``:
+    standard deviations of a taxel's forces and of the sliding speed.
+    """
+
+    kind: Literal["tactile"]
+    frame: str
+    size: Size2
+    rows: PositiveWholeNumber
+    columns: PositiveWholeNumber
+    spread: PositiveLength
+    rate: Frequency
+    latency: Time = 0.0
+    noise: Force
+    noise_sliding: Speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatteryPart(PartConfig):
+    """A battery and what the robot draws from it.
+
+    Its voltage without a load falls linearly from ``voltage_full`` to ``voltage_empty``. ``idle_power``: of all that is
+    no motor. Motors draw what they do, by ``drive_efficiency``, and ``holding_power`` each at its full torque (it
+    grows with the torque's square). ``charge``: at the start, 0 to 1.
+    """
+
+    kind: Literal["battery"]
+    capacity: Energy
+    voltage_full: Voltage
+    voltage_empty: Voltage
+    internal_resistance: Resistance
+    charge: Share = 1.0
+    idle_power: Power
+    drive_efficiency: PositiveShare
+    holding_power: Power
+    rate: Frequency
+    latency: Time = 0.0
+    noise_voltage: Voltage
+    noise_charge: Share
