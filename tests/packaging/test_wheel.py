@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import configparser
+import os
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -61,3 +63,18 @@ def test_no_machine_learning_framework_is_required(wheel: zipfile.ZipFile) -> No
     required = [line for line in wheel.read(metadata).decode().splitlines() if line.startswith("Requires-Dist:")]
     assert required
     assert not [line for line in required if any(name in line for name in ("torch", "tensorflow", "jax", "nvidia"))]
+
+
+def test_a_third_party_tests_its_driver_with_the_suite_in_the_wheel(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
+    installed, own = tmp_path / "installed", tmp_path / "own"
+    wheel.extractall(installed)
+    shutil.copytree(CHECKOUT / "examples" / "driver_in_memory", own)
+    options = ["--pyargs", "hal.conformance", "--driver", "memory_robot:MemoryRobot", "-v", "-p", "no:cacheprovider"]
+    options += ["--rootdir", str(tmp_path)]  # so that the report tells whose file it runs
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    done = subprocess.run(
+        [Path(sys.executable).parent / "pytest", *options], cwd=own, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "installed/hal/conformance/test_driver.py" in done.stdout
+    assert " failed" not in done.stdout
