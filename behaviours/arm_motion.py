@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from behaviours.computation import Job
 from behaviours.context import SkillContext
-from behaviours.skill import Skill, Steps
+from behaviours.skill import Skill, Steps, StepsTo
 from bestman_bt.manipulation.collision import CollisionWorld, hand_links
 from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode, TimedPlan, Upright
 from bestman_bt.manipulation.trajectory import SpeedScale
+from bestman_bt.messages import JointTrajectory
 
 MAX_HELD_TILT = math.radians(25.0)
 FREE_SPEED = SpeedScale(0.5, 0.35)
@@ -83,10 +84,18 @@ def _escape(skill: Skill, world: CollisionWorld) -> Steps:
 
 def follow_path(skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0) -> Steps:
     """Follow joint waypoints (N, n), radians, that begin where the arm is, at a share ``speed`` of the usual speed."""
+    trajectory = yield from timed_path(skill, path, world, speed)
+    yield skill.skills.arm.follow(trajectory)
+
+
+def timed_path(
+    skill: Skill, path: NDArray[np.float64], world: CollisionWorld, speed: float = 1.0
+) -> StepsTo[JointTrajectory]:
+    """The motion of ``follow_path``, checked; PlanningError where it would touch something."""
     skills = skill.skills
     waypoints = np.vstack([skills.arm_positions(), path[1:]])
     scale = SpeedScale(FREE_SPEED.velocity * speed, FREE_SPEED.acceleration * speed)
-    trajectory = yield skill.compute(
+    trajectory: JointTrajectory = yield skill.compute(
         "trajectory", skills.algorithms.motion_planning.follow_path, waypoints, world, skills.arm_model, scale
     )
-    yield skills.arm.follow(trajectory)
+    return trajectory

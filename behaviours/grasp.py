@@ -6,34 +6,26 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, hand_contacts, move_free
-from behaviours.context import SkillContext
+from behaviours.arm_motion import follow_path, hand_contacts, move_free, timed_path
+from behaviours.grasp_candidates import grasp_candidates
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.manipulation.motion_planning import Approach, approaches
-from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, rank_grasps
+from bestman_bt.messages import Pose
+from bestman_bt.perception.grasp_pose import GraspCandidate, rank_grasps
 from bestman_bt.perception.occupancy import freed
-from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.world_model import HandleBelief, HeldObject, ObjectBelief
+from bestman_bt.world_model import HeldObject, ObjectBelief
 
 WIDTH_TOLERANCE = 0.008
 """Metres by which the hand may close further than the grasp foresees and still be said to hold the object."""
 CLOSED = 0.003
 """Metres above its least width at which a hand counts as closed on nothing."""
-NEIGHBOURHOOD = 0.5
-"""Metres around an object in which other things may be in the hand's way."""
 LEAST_FORCE = 20.0
 """Newtons with which the hand closes at least, where no force is given."""
 SAFETY = 4.0
 """By how much the moment of the pads exceeds that of the weight."""
 GRAVITY = 9.81
-OBLIQUE = 0.5
-"""Cosine between the hand's direction and that straight into a drawer or a cupboard, at least."""
-SURROUNDINGS_SPACING = 0.01
-"""Metres between the points that stand for other things."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +108,8 @@ class PlanGrasp(Skill):
 class Grasp(Skill):
     """Take an object with the first of the planned grasps, and lift it; the grasps that are left go back to the port.
 
-    If the hand closes on nothing it opens and leaves as it came, and all grasps are dropped: the object may have moved.
+    If the hand closes on nothing, or cannot lift what it holds, it opens and leaves as it came, and all grasps are
+    dropped: the object may have moved.
     """
 
     INPUT_PORTS: ClassVar = {
@@ -163,24 +156,35 @@ class Grasp(Skill):
         yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
         self.set_output("grasps", [])
         yield skills.gripper.close(self.get_input("force") or self._force(grasp))
-        known = skills.world.objects[name].recognised
+        belief = skills.world.objects[name]
+        width = grasp.candidate.width if belief.recognised else None
         try:
-            self._check_held(grasp.candidate.width if known else None)
-        except SkillFailure:
+            self._check_held(width)
+            held = HeldObject(name, belief.model, self._tool_from_object(grasp), skills.gripper.width())
+            lift = yield from timed_path(self, grasp.approach.out, contact, speed=0.5)
+        except (SkillFailure, *ALGORITHM_ERRORS):
             yield skills.gripper.open(grasp.candidate.opening)
-            yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
+            yield from follow_path(self, grasp.approach.into[::-1], contact, speed=0.5)
             raise
-        tool_from_object = self._tool_from_object(grasp)
-        width = grasp.candidate.width if known else skills.gripper.width()
-        yield from follow_path(self, grasp.approach.out, contact, speed=0.5)
-        self._check_held(width)
-        belief = skills.world.objects.pop(name)
-        skills.observations.pop(name, None)
-        skills.world.held = HeldObject(name, belief.model, tool_from_object, skills.gripper.width())
-        if skills.world.occupancy is not None:
-            taken = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
-            skills.world.occupancy = freed(skills.world.occupancy, taken)
+        try:
+            yield skills.arm.follow(lift)
+        except SkillFailure:
+            if not grip_problem(skills.gripper.width(), held.width):
+                self._believe(held)  # stopped on its way up, with the object in the hand
+            raise
+        self._check_held(held.width if width is None else width)
+        self._believe(replace(held, width=skills.gripper.width()))
         self.feedback_message = f"{name} in hand, {1e3 * skills.gripper.width():.0f} mm wide"
+
+    def _believe(self, held: HeldObject) -> None:
+        """The object is in the hand, and where it stood is free."""
+        world = self.skills.world
+        belief = world.objects.pop(held.name)
+        self.skills.observations.pop(held.name, None)
+        world.held = held
+        if world.occupancy is not None:
+            taken = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
+            world.occupancy = freed(world.occupancy, taken)
 
     def _check_held(self, expected: float | None) -> None:
         """``expected``: metres between the fingers; None where nothing is known of the object's far side."""
@@ -252,68 +256,6 @@ class Reachable(SkillCondition):
                 return None
         distance = float(np.linalg.norm((skills.map_from_base.inverse() @ belief.pose).position[:2]))
         return "out_of_reach", f"the {name} is out of reach, {distance:.2f} m from the base"
-
-
-def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
-    """Grasps of a believed object in the base frame, best first; of a thing without a model, from its points."""
-    base_from_map = skills.map_from_base.inverse()
-    base_from_object = base_from_map @ belief.pose
-    support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
-    if belief.recognised:
-        target = GraspTarget.of_model(belief.model, base_from_object)
-        candidates = skills.algorithms.grasp_pose.plan(target, skills.gripper_model, support_height)
-        return _from_the_open_side(skills, belief, candidates)
-    box = belief.model.collision[0]
-    target = GraspTarget(
-        box=replace(box, pose=base_from_object @ box.pose),
-        cloud=None if belief.cloud is None else belief.cloud.transformed(base_from_map),
-        viewpoints=None if belief.viewpoint is None else base_from_map.apply(belief.viewpoint[None]),
-        surroundings=_surroundings(skills, belief, base_from_map),
-    )
-    return skills.algorithms.unknown_grasp_pose.plan(target, skills.gripper_model, support_height)
-
-
-def _from_the_open_side(
-    skills: SkillContext, belief: ObjectBelief, candidates: tuple[GraspCandidate, ...]
-) -> tuple[GraspCandidate, ...]:
-    """Of grasps within furniture, those into a drawer from above, and into what has a door from the front."""
-    known = skills.world.map
-    furniture, surface = known.surface(belief.surface) if belief.surface else (None, None)
-    if furniture is None or surface is None or not furniture.is_inside(surface):
-        return candidates
-    if surface.leaf is not None:
-        inwards = np.array([0.0, 0.0, -1.0])
-    else:
-        inwards = skills.map_from_base.inverse().rotation @ furniture.pose.to_pose().rotation[:, 0]
-    straight = tuple(one for one in candidates if float(one.grasp.rotation[:, 2] @ inwards) > OBLIQUE)
-    return straight if surface.leaf is not None else _camera_above(skills, straight)
-
-
-def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) -> tuple[GraspCandidate, ...]:
-    """Those with the camera of the hand above it: below, it touches what the object is put down on later."""
-    if skills.wrist_camera is None:
-        return candidates
-    tool_from_camera = skills.base_from_tool().inverse() @ skills.wrist_camera.base_from_camera()
-    return tuple(one for one in candidates if (one.grasp @ tool_from_camera).position[2] > one.grasp.position[2])
-
-
-def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:
-    """Grasps of a believed handle in the base frame, best first."""
-    handle = belief.handle.seen_from(skills.map_from_base.inverse())
-    size = (handle.length, 2 * handle.radius, 2 * handle.radius)
-    target = GraspTarget(PlacedShape(Box(size), handle.pose), handle=handle)
-    return skills.algorithms.handle_grasp_pose.plan(target, skills.gripper_model, support_height=0.0)
-
-
-def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:
-    """Points of everything else that is believed near an object, (N, 3) metres in the base frame."""
-    points = [np.empty((0, 3))]
-    for other in skills.world.objects.values():
-        near = np.linalg.norm(other.pose.position - belief.pose.position) < NEIGHBOURHOOD
-        if other.name != belief.name and near:
-            parts = [(other.pose @ part.pose, part.shape) for part in other.model.collision]
-            points += [pose.apply(sample_shape(shape, SURROUNDINGS_SPACING)[0]) for pose, shape in parts]
-    return base_from_map.apply(np.concatenate(points))
 
 
 def grip_problem(width: float, expected: float) -> str:

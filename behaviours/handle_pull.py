@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
-from behaviours.grasp import handle_grasp_candidates
+from behaviours.grasp_candidates import handle_grasp_candidates
 from behaviours.leaf import LeafWorlds, world_at_leaf
 from behaviours.leaf_stand import LeafWay, stands_along_leaf
 from behaviours.opening import FINGER_ROOM, Opening, before, guide, stations

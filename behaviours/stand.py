@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.grasp import grasp_candidates
+from behaviours.grasp_candidates import grasp_candidates
 from behaviours.place import place_tool_poses
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import find_surface, with_open_drawers

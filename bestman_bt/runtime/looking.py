@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.failure import Failure
-from behaviours.grasp import grasp_candidates, handle_grasp_candidates
+from behaviours.grasp_candidates import grasp_candidates, handle_grasp_candidates
 from behaviours.surfaces import SLAB_GROWTH
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.messages import Box, Pose, Pose2D

@@ -7,6 +7,7 @@ import re
 
 import pytest
 
+from behaviours import following
 from behaviours.skill import Skill
 from bestman_bt.registry import BEHAVIOURS
 
@@ -34,6 +35,8 @@ def test_skills_that_act_on_things_say_what_they_need_bring_about_and_how_to_go_
 @pytest.mark.parametrize("name", sorted(set(HINTED) - {"Grasp"}))  # no_path of Grasp comes from the planner
 def test_hinted_codes_are_told_somewhere_in_the_skill_or_what_it_derives_from(name) -> None:
     modules = [inspect.getmodule(base) for base in SKILLS[name].__mro__ if base.__module__.startswith("behaviours.")]
+    if any(hasattr(module, "followed") for module in modules):
+        modules.append(following)  # whose codes are told where going along ends early
     source = "".join(inspect.getsource(module) for module in modules if module is not None)
     for code in SKILLS[name].DECLARATION.recovery:
         assert source.count(f'"{code}"') > 1, f"{name} never fails with {code}"
