@@ -11,6 +11,7 @@ from bestman_bt.manipulation.kinematics import (
     ReachabilityMapParameters,
     StandAlongParameters,
     build_reachability_map,
+    promising_stands,
     rank_stand_poses_along,
     stands_around,
 )
@@ -130,3 +131,13 @@ def test_bad_requests_are_refused_by_name(mobile, rng):
         rank_stand_poses_along([], [[Pose()]], kinematics, limits, home * np.nan, rng)
     with pytest.raises(ManipulationError, match="enough should be at least 1 but is 0"):
         StandAlongParameters(enough=0)
+
+
+def test_which_stands_are_in_reach_does_not_depend_on_how_many_are_asked_about(mobile):
+    kinematics, _, _, map_ = mobile
+    door = door_stations(Pose(np.array([0.0, 0.0, 0.9])), 0.4, 1)
+    stands = stands_around(door[9][5].position, distances=(0.6, 1.1), turns=(0.0, 0.5))
+    together = promising_stands(stands, door, kinematics, map_)
+    alone = [stand for stand in stands if promising_stands([stand], door, kinematics, map_)]
+    assert 0 < len(alone) < len(stands)
+    assert set(together) == set(alone)
