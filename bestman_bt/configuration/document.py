@@ -24,9 +24,8 @@ class _Loader(yaml.SafeLoader):
     """Scalars as in YAML 1.2: only true and false are booleans, 1e-3 is a number, dates are text."""
 
 
-class _FastLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
-    """The same by libyaml, where it is there: ten times as fast, with fewer words about what is wrong."""
-
+_FastLoader: Any = type("_FastLoader", (getattr(yaml, "CSafeLoader", yaml.SafeLoader),), {})
+"""The same by libyaml, where it is there: ten times as fast, with fewer words about what is wrong."""
 
 for _loader in (_Loader, _FastLoader):
     _loader.yaml_implicit_resolvers = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,13 +40,13 @@ def _connections(config: RobotConfig, document: Document) -> tuple[dict[str, Con
     connections: dict[str, ConnectionConfig] = {}
     for name, connection in config.connections.items():
         try:
-            driver = CONNECTIONS.resolve(connection.driver)
+            driver: Any = CONNECTIONS.resolve(connection.driver)
         except UnknownNameError as error:
             problems.append(document.problem(("connections", name, "driver"), str(error)))
             continue
         given = document.below("connections", name, "options") if connection.options else Document({})
         try:
-            options = check(given, driver.options_type)  # type: ignore[attr-defined]
+            options = check(given, driver.options_type)
         except ConfigurationError as error:
             inside = f"connections.{name}.options"
             problems += [dataclasses.replace(problem, field=f"{inside}.{problem.field}") for problem in error.problems]

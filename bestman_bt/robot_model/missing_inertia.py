@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,10 +83,9 @@ def _corners(link: ET.Element) -> NDArray[np.float64]:
 @lru_cache(maxsize=256)
 def _hull_properties(corners: bytes) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
     """Volume, centre (3,) and inertia (3, 3) at unit density of the hull of points."""
-    from trimesh import PointCloud
+    from trimesh.convex import convex_hull
 
-    points: Any = PointCloud(np.frombuffer(corners).reshape(-1, 3))  # type: ignore[no-untyped-call]
-    hull = points.convex_hull
+    hull = convex_hull(np.frombuffer(corners).reshape(-1, 3))
     return float(hull.volume), np.array(hull.center_mass), np.array(hull.moment_inertia)
 
 

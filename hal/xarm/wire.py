@@ -70,7 +70,7 @@ class XArmWire:
         try:
             with discreet():
                 arm.connect()
-        except Exception as error:
+        except Exception as error:  # the SDK raises nothing narrower
             raise ConnectionFailedError(f"{self._name}: the xArm controller refuses the connection") from error
         if not arm.connected:
             raise ConnectionFailedError(f"{self._name}: the xArm controller does not tell its version")

@@ -166,7 +166,7 @@ class DemonstrationRecorder:
     def _write_video(self, path: Path, name: str, pictures: list[NDArray[np.uint8]]) -> None:
         height, width = self.format.videos()[name]
         path.parent.mkdir(parents=True, exist_ok=True)
-        codec = cv2.VideoWriter_fourcc(*"mp4v")  # type: ignore[attr-defined]
+        codec = cv2.VideoWriter.fourcc(*"mp4v")
         writer = cv2.VideoWriter(str(path), codec, float(self.format.fps), (width, height))
         if not writer.isOpened():
             raise DatasetError(f"cannot write the video {path}")

@@ -12,6 +12,9 @@ import numpy as np
 
 from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyServerError
 
+_BROKEN = (ValueError, TypeError, KeyError, OverflowError, SyntaxError)
+"""What wrong bytes end in, beside msgpack's own errors; numpy parses the names of types as Python."""
+
 
 def pack(value: Any) -> bytes:
     """Bytes of maps, lists, text, numbers and numpy arrays."""
@@ -20,11 +23,10 @@ def pack(value: Any) -> bytes:
 
 def unpack(data: bytes) -> Any:
     """The inverse of ``pack``; PolicyServerError for anything else, objects and Python pickles included."""
+    msgpack = _msgpack()
     try:
-        return _msgpack().unpackb(data, object_hook=_from_map)
-    except MissingPolicyExtraError:
-        raise
-    except Exception as error:
+        return msgpack.unpackb(data, object_hook=_from_map)
+    except (msgpack.UnpackException, *_BROKEN) as error:
         raise PolicyServerError(f"{len(data)} bytes are no msgpack with numpy arrays: {error!r}") from error
 
 

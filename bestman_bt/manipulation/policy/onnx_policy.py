@@ -154,7 +154,7 @@ class OnnxPolicy(Policy):
         session = self._session
         try:
             outputs = session.run(None, {session.get_inputs()[0].name: features})
-        except Exception as error:
+        except Exception as error:  # onnxruntime's errors share no narrower class
             raise PolicyModelError(f"{self._path} fails on features {features.shape}: {error}") from error
         raw = np.asarray(outputs[0], dtype=np.float64)
         expected = (1, len(self.card.normalization.output_mean))
@@ -177,5 +177,5 @@ class OnnxPolicy(Policy):
         options.log_severity_level = 3
         try:
             return onnxruntime.InferenceSession(str(self._path), options, providers=["CPUExecutionProvider"])
-        except Exception as error:
+        except Exception as error:  # onnxruntime's errors share no narrower class
             raise PolicyModelError(f"{self._path} is no ONNX model that onnxruntime can load: {error}") from error

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.messages import ObjectModel, Pose
+from bestman_bt.perception.detection.preparation import Prepared
 from bestman_bt.perception.pose_estimation.base import PoseHypothesis
 from bestman_bt.perception.segmentation.base import Cluster, Region, SegmentedScene, SupportPlane
 from bestman_bt.perception.view import View
@@ -87,11 +88,8 @@ class DetectedScene:
         return others + self.unknown
 
 
-class Detector(ABC):
+class Detector(Prepared, ABC):
     """Finds known objects on a surface."""
-
-    def prepare(self) -> None:  # noqa: B027 - most have nothing to load
-        """Load what is needed, before anything moves; raises PerceptionError, in words, where that is not possible."""
 
     @abstractmethod
     def detect(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import RGBDImage
 from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.perception.detection.preparation import Prepared
 from bestman_bt.perception.errors import PerceptionError
 
 
@@ -60,11 +61,8 @@ class ImageDetection:
         return inside
 
 
-class ImageDetector(ABC):
+class ImageDetector(Prepared, ABC):
     """Finds things by name in one image; knows nothing of geometry."""
-
-    def prepare(self) -> None:  # noqa: B027 - most have nothing to load
-        """Load what is needed, before anything moves; raises PerceptionError, in words, where that is not possible."""
 
     @abstractmethod
     def find(self, image: RGBDImage, names: Sequence[str]) -> tuple[ImageDetection, ...]:

@@ -134,7 +134,7 @@ class _Network:
         options.log_severity_level = 3
         try:
             session = onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-        except Exception as error:
+        except Exception as error:  # onnxruntime's errors share no narrower class
             raise DetectorModelError(f"{path} is no ONNX model that onnxruntime can load: {error}") from error
         self._session, self._path = session, path
         self.size = self._input_size(session.get_inputs(), p)
@@ -147,7 +147,7 @@ class _Network:
         name = self._session.get_inputs()[0].name
         try:
             outputs = self._session.run(None, {name: picture})
-        except Exception as error:
+        except Exception as error:  # onnxruntime's errors share no narrower class
             raise DetectorModelError(f"{self._path} fails on a picture {picture.shape}: {error}") from error
         rows = 4 + len(self.classes)
         output: NDArray[np.float32] = np.asarray(outputs[0])
