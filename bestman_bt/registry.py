@@ -62,7 +62,11 @@ def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, str]) -> 
 DRIVERS = Registry(
     "bestman_bt.drivers",
     "robot driver",
-    {"hardware": "hal.hardware:IsolatedRobot", "pybullet": "hal.pybullet:PyBulletRobot"},
+    {
+        "hardware": "hal.hardware:IsolatedRobot",
+        "pybullet": "hal.pybullet:PyBulletRobot",
+        "replay": "hal.replay:ReplayRobot",
+    },
 )
 """Implementations of the Robotics API."""
 

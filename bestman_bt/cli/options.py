@@ -17,7 +17,7 @@ Plugins = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, all else elsewhere.")]
 Driver = Annotated[
-    str, typer.Option(help="Which robot: pybullet, or hardware for the controllers named in the robot's YAML.")
+    str, typer.Option(help="Which robot: pybullet, hardware for the controllers in the robot's YAML, or replay.")
 ]
 Scene = Annotated[str | None, typer.Option(help="A shipped scene or a YAML file.")]
 Robot = Annotated[str | None, typer.Option(help="A shipped robot or a YAML file.")]

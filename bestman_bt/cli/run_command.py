@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import sys
 from pathlib import Path
@@ -12,7 +13,7 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Driver, Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.cli.run_view import RunView, summary
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run, task_of_tree
+from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run, read_run, task_of_tree
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
@@ -30,7 +31,12 @@ def command(
     seed: Seed = 0,
     settings: Settings = None,
     plugins: Plugins = None,
-    record: Annotated[bool, typer.Option("--record", help="Write recording.rrd for the Rerun viewer.")] = False,
+    record: Annotated[
+        bool, typer.Option("--record", help="Write recording.rrd for the Rerun viewer, and readings to replay.")
+    ] = False,
+    recording: Annotated[
+        Path | None, typer.Option(metavar="RUN", help="With --driver replay: a run folder made with --record.")
+    ] = None,
     pictures: Annotated[bool, typer.Option("--pictures", help="Render start.png, grasp.png and end.png.")] = False,
     gui: Annotated[bool, typer.Option("--gui", help="Show the simulator's window.")] = False,
     judge: Annotated[
@@ -43,7 +49,10 @@ def command(
     if gui and not os.environ.get("DISPLAY"):
         raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
     with json_output(as_json) as tell:
-        config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record)
+        if recording is not None:
+            config = _replayed(recording, tree, driver)
+        else:
+            config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record)
         result = execute(prepare_episode(config), runs, pictures, gui, judge)
         tell(result.to_document())
     sys.exit(exit_code(result))
@@ -63,6 +72,13 @@ def exit_code(result: RunResult) -> int:
     if result.outcome is Outcome.CANCELLED:
         return 130
     return 0 if result.success else 1
+
+
+def _replayed(recording: Path, tree: str | None, driver: str) -> RunConfig:
+    """The run as it was recorded, with another tree if one is given."""
+    config = read_run(recording / "config.yaml")
+    task = config.task if tree is None else dataclasses.replace(config.task, tree=tree)
+    return dataclasses.replace(config, task=task, driver=driver, record=False, recording=str(recording))
 
 
 def _configuration(

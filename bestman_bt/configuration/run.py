@@ -27,7 +27,8 @@ class RunConfig:
     """Everything that decides a run.
 
     ``name``: of the task, in results and folders. ``scene_settings``, ``robot_settings``: dotted keys → values for
-    ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API.
+    ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API; ``recording``: the
+    run folder that the driver ``replay`` plays.
     ``origins``: where the task's fields were written, for messages; not part of the run.
     """
 
@@ -36,6 +37,7 @@ class RunConfig:
     seed: WholeNumber = 0
     driver: str = "pybullet"
     record: bool = False
+    recording: str = ""
     scene_settings: Mapping[str, Any] = field(default_factory=dict)
     robot_settings: Mapping[str, Any] = field(default_factory=dict)
     origins: Origins = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -84,7 +86,7 @@ def load_run(
     if problems:
         raise ConfigurationError(problems)
     name = Path(str(merged.tree if task is None else task)).stem
-    run = RunConfig(name, merged, seed, driver, record, inner["scene"], inner["robot"])
+    run = RunConfig(name, merged, seed, driver, record, "", inner["scene"], inner["robot"])
     run = check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)
     return _remembering(run, document.origins)
 

@@ -20,6 +20,7 @@ from bestman_bt.evaluation.versions import versions
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
 from hal.api import Robot
 from hal.pybullet import GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
+from hal.replay import TAPE_NAME, RecordedRobot
 from hal.twins.remote_truth import RemoteTruth
 
 Watcher = Callable[[Session, Tree], Callable[[], None]]
@@ -70,16 +71,16 @@ def run_episode(
     """Run a task once and judge it.
 
     ``folder``: receives ``result.json``, ``transitions.btlog`` and, where the configuration asks for it,
-    ``recording.rrd``; ``pictures``: also ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of
-    the twins' judge; without one, nobody judges a robot that is not simulated here. Raises as ``prepare_episode``,
-    before anything is started.
+    ``recording.rrd`` (of a simulated run) and the readings that the driver ``replay`` plays; ``pictures``: also
+    ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without one, nobody
+    judges a robot that is not simulated here. Raises as ``prepare_episode``, before anything is started.
     """
     setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     judge = find_judge(setup.config)
     observers = _Observers(folder if pictures else None, twin_judge)
     wall_start = time.perf_counter()
     with ExitStack() as stack:
-        session = stack.enter_context(open_session(setup, observers.attach, gui))
+        session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
         tree = session.load()
         after_tick = _after_tick(stack, session, tree, observers, folder, watch)
         executor = session.executor(tree, after_tick)
@@ -99,6 +100,19 @@ def run_episode(
     if folder is not None:
         result.write(folder / "result.json")
     return result
+
+
+def _recorder(stack: ExitStack, setup: Setup, folder: Path | None) -> Callable[[Robot], Robot] | None:
+    """What writes down, for the driver ``replay``, all that skills read and command; None where nobody asked for it."""
+    if folder is None or not setup.config.record:
+        return None
+
+    def see_through(robot: Robot) -> Robot:
+        recorded = RecordedRobot(robot, folder / TAPE_NAME)
+        stack.callback(recorded.close)
+        return recorded
+
+    return see_through
 
 
 def _after_tick(

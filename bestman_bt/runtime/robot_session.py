@@ -83,20 +83,24 @@ class Session:
 
 @contextmanager
 def open_session(
-    config: RunConfig | Setup, prepare_robot: Callable[[Robot], None] | None = None, gui: bool = False
+    config: RunConfig | Setup,
+    prepare_robot: Callable[[Robot], None] | None = None,
+    gui: bool = False,
+    see_through: Callable[[Robot], Robot] | None = None,
 ) -> Iterator[Session]:
     """Connect the configured robot; it is stopped and disconnected at the end, whatever happens.
 
     ``prepare_robot``: called right after connecting, before time runs (for evaluation and recording). ``gui``: show the
-    driver's own window, if it has one.
+    driver's own window, if it has one. ``see_through``: makes of the connected robot the one that skills see.
     """
     setup = prepare(config) if isinstance(config, RunConfig) else config
     driver = DRIVERS.resolve(setup.config.driver)
-    robot: Robot = driver(setup.robot_model, setup.world, seed=setup.config.seed, gui=gui)
+    recording = {"recording": setup.config.recording} if setup.config.recording else {}
+    robot: Robot = driver(setup.robot_model, setup.world, seed=setup.config.seed, gui=gui, **recording)
     with robot:
         if prepare_robot is not None:
             prepare_robot(robot)
-        skills = _skills(setup, robot)
+        skills = _skills(setup, robot if see_through is None else see_through(robot))
         skills.base.start()
         try:
             yield Session(setup, robot, skills, _entries(setup))

@@ -104,6 +104,8 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
         DRIVERS.resolve(config.driver)
     except UnknownNameError as error:
         yield Problem("driver", None, "", str(error))
+    if (config.driver == "replay") != bool(config.recording):
+        yield Problem("driver", None, "", "replay needs a recording, and no other driver has a use for one")
 
 
 def _robot_problems(setup: Setup) -> Iterable[Problem]:

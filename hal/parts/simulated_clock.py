@@ -48,6 +48,11 @@ class SimulatedClock(Clock):
         self._sleeping = False
         self.step: Callable[[], None] | None = None
 
+    @property
+    def time_step(self) -> float:
+        """Seconds of one step."""
+        return self._time_step
+
     def now(self) -> float:
         """Simulated seconds since the robot was first connected."""
         return self._steps * self._time_step

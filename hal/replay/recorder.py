@@ -1,0 +1,210 @@
+"""Writes down everything that a program reads from a robot and commands it, between the two."""
+
+from __future__ import annotations
+
+import functools
+import gzip
+import io
+import json
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from hal.api import Clock, Gripper, JointGroup, Motion, MotionError, MotionStatus, Part, Robot, RobotError, Timer
+from hal.parts import SimulatedClock, interface_of
+from hal.replay.encoding import error_to_json, to_json
+
+SAMPLE_PERIOD = 0.05
+"""Seconds between looks at joints and grippers, which programs read now and then only, and at motions under way."""
+DEFAULT_TIME_STEP = 1.0 / 240.0
+
+
+class RecordedRobot(Robot):
+    """``robot``, connected, with everything that goes through it written to ``path`` until ``close``.
+
+    One line of JSON each, compressed: first the description of the parts; then readings, commands, and how the motions
+    ended. Joints and grippers are looked at besides; what has noise is not, so that a run is the same without this.
+    """
+
+    def __init__(self, robot: Robot, path: Path) -> None:
+        self._robot = robot
+        self._lock = threading.Lock()
+        self._file = io.TextIOWrapper(gzip.GzipFile(path, "wb", compresslevel=1), encoding="utf-8")
+        self._pending: list[RecordedMotion] = []
+        self._commands = 0
+        clock = robot.clock
+        step = clock.time_step if isinstance(clock, SimulatedClock) else DEFAULT_TIME_STEP
+        self._write({"robot": robot.model.name, "start": clock.now(), "time_step": step, "parts": self._description()})
+        self._parts = MappingProxyType({name: self._seen_through(part) for name, part in robot.parts.items()})
+        self._timer: Timer | None = clock.every(SAMPLE_PERIOD, self.sample)
+
+    @property
+    def clock(self) -> Clock:
+        """The robot's time."""
+        return self._robot.clock
+
+    @property
+    def model(self) -> Any:
+        """The robot model."""
+        return self._robot.model
+
+    @property
+    def parts(self) -> Mapping[str, Part]:
+        """All parts by name."""
+        return self._parts
+
+    @property
+    def declared_missing(self) -> Mapping[str, str]:
+        """The robot's own."""
+        return self._robot.declared_missing
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the robot is stopped."""
+        return self._robot.stopped
+
+    def connect(self) -> None:
+        """Connect the robot."""
+        self._robot.connect()
+
+    def disconnect(self) -> None:
+        """Disconnect the robot; the recording has to be closed before."""
+        self._robot.disconnect()
+
+    def stop(self) -> None:
+        """Stop the robot."""
+        self._robot.stop()
+
+    def clear_stop(self) -> None:
+        """Clear the robot's stop."""
+        self._robot.clear_stop()
+
+    def diagnostics(self) -> dict[str, str]:
+        """The robot's own."""
+        return self._robot.diagnostics()
+
+    def sample(self) -> None:
+        """Write down where joints and grippers are, and which motions have ended."""
+        for part in self._robot.parts.values():
+            if isinstance(part, JointGroup):
+                self._try_to_read(part, "positions")
+                self._try_to_read(part, "velocities")
+            elif isinstance(part, Gripper):
+                self._try_to_read(part, "width")
+                self._try_to_read(part, "state")
+        self._note_ends()
+
+    def close(self) -> None:
+        """End the recording; idempotent."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+            self._note_ends()
+            with self._lock:
+                self._file.close()
+
+    # Private
+
+    def _description(self) -> dict[str, Any]:
+        parts = {}
+        for name, part in self._robot.parts.items():
+            interface = interface_of(type(part))
+            told = {name: to_json(getattr(part, name)) for name in interface.properties}
+            parts[name] = {"kind": interface.kind.__name__, "description": told}
+        return parts
+
+    def _seen_through(self, part: Part) -> Part:
+        interface = interface_of(type(part))
+
+        def described(name: str) -> property:
+            return property(lambda seen: getattr(part, name))
+
+        def reading(name: str) -> Callable[[Part], Any]:
+            return lambda seen: self._read(part, name)
+
+        def command(name: str) -> Callable[..., Any]:
+            return lambda seen, *arguments, **keywords: self._command(part, name, arguments, keywords)
+
+        members: dict[str, Any] = {name: described(name) for name in interface.properties}
+        members |= {name: reading(name) for name in interface.readings}
+        members |= {name: command(name) for name in interface.commands}
+        members["stop"] = lambda seen: part.stop()
+        seen: Part = type(f"Recorded{interface.kind.__name__}", (interface.kind,), members)(part.name)
+        return seen
+
+    def _read(self, part: Part, name: str) -> Any:
+        note = functools.partial(self._note, read=name, part=part.name)
+        try:
+            value = getattr(part, name)()
+        except RobotError as error:
+            note(**error_to_json(error))
+            raise
+        note(value=to_json(value))
+        return value
+
+    def _try_to_read(self, part: Part, name: str) -> None:
+        with suppress(RobotError):  # it is written down, and belongs to nobody here
+            self._read(part, name)
+
+    def _command(self, part: Part, name: str, arguments: tuple[Any, ...], keywords: dict[str, Any]) -> Any:
+        told = {"arguments": to_json(list(arguments)), "keywords": {k: to_json(v) for k, v in keywords.items()}}
+        note = functools.partial(self._note, command=name, part=part.name, **told)
+        try:
+            answer = getattr(part, name)(*arguments, **keywords)
+        except RobotError as error:
+            note(**error_to_json(error))
+            raise
+        if not isinstance(answer, Motion):
+            note()
+            return answer
+        with self._lock:
+            self._commands += 1
+            motion = RecordedMotion(answer, functools.partial(self._note, ended=self._commands))
+            self._pending.append(motion)
+            number = self._commands
+        note(motion=number)
+        return motion
+
+    def _note_ends(self) -> None:
+        with self._lock:
+            pending = tuple(self._pending)
+        ended = {id(motion) for motion in pending if motion.done}  # looking is what writes it down
+        with self._lock:
+            self._pending = [motion for motion in self._pending if id(motion) not in ended]
+
+    def _note(self, **line: Any) -> None:
+        self._write({"t": self._robot.clock.now(), **line})
+
+    def _write(self, line: dict[str, Any]) -> None:
+        with self._lock:
+            if not self._file.closed:
+                self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+
+
+class RecordedMotion(Motion):
+    """Writes down how ``motion`` ended when somebody first sees that it has."""
+
+    def __init__(self, motion: Motion, note: Callable[..., None]) -> None:
+        self._motion, self._note = motion, note
+        self._noted = False
+
+    @property
+    def status(self) -> MotionStatus:
+        """The present status."""
+        status = self._motion.status
+        if status is not MotionStatus.RUNNING and not self._noted:
+            self._noted = True
+            self._note(status=to_json(status), why=to_json(self._motion.error))
+        return status
+
+    @property
+    def error(self) -> MotionError | None:
+        """Why it failed or was cancelled."""
+        return self._motion.error
+
+    def cancel(self) -> None:
+        """Bring the part to rest."""
+        self._motion.cancel()

@@ -1,0 +1,253 @@
+"""A robot that is a recording: it reads as it was read, and takes the commands that were given."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import hal.api
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import World
+from hal.api import (
+    CommandRefusedError,
+    Motion,
+    MotionError,
+    MotionErrorCode,
+    MotionStatus,
+    NoDataError,
+    NotConnectedError,
+    Part,
+    Robot,
+)
+from hal.hardware import ConnectionFailedError
+from hal.parts import SimulatedClock, interface_of
+from hal.replay.encoding import error_from_json, from_json
+from hal.replay.matching import in_words, same_target
+from hal.replay.tape import RecordedCommand, Tape, read_tape
+
+SAME_MOMENT = 1e-6
+LONGEST_GAP = 5.0
+"""Seconds that a reading may be from the moment it is asked for; it is told as if it was made then."""
+
+
+class ReplayRobot(Robot):
+    """Plays the ``recording`` of a run: a run folder, or the file in it. Time is simulated: as fast as it is asked for.
+
+    A motion that agrees with the next one recorded of its part is accepted, and ends as that one did; the recording
+    then goes on from there, so that a program that thinks longer or shorter stays with it. Any other is refused, in
+    words.
+    Velocities and set-points are accepted where such were given, and change nothing.
+    ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for.
+    """
+
+    def __init__(
+        self, model: RobotModel, world: World | None = None, *, recording: Path, seed: int = 0, gui: bool = False
+    ) -> None:
+        self._model, self._recording = model, Path(recording)
+        self._connected = self._stopped = False
+        self._offset = 0.0  # of the recording's time from the clock's
+        self._used: dict[tuple[str, str], int] = {}
+        self._motions: dict[str, ReplayedMotion] = {}
+
+    # Description
+
+    @cached_property
+    def clock(self) -> SimulatedClock:
+        """Simulated time, in the steps of the recording."""
+        return SimulatedClock(self.tape.time_step)
+
+    @property
+    def model(self) -> RobotModel:
+        """The robot model."""
+        return self._model
+
+    @cached_property
+    def tape(self) -> Tape:
+        """The recording; ConnectionFailedError says why there is none."""
+        return read_tape(self._recording)
+
+    @cached_property
+    def parts(self) -> Mapping[str, Part]:
+        """The parts of the recorded robot."""
+        return MappingProxyType({name: self._part(name) for name in self.tape.parts})
+
+    @property
+    def declared_missing(self) -> Mapping[str, str]:
+        """New commands."""
+        return {"commands": "a recording takes the commands that it holds, and no others"}
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the stop is latched."""
+        return self._stopped
+
+    # Life
+
+    def connect(self) -> None:
+        """Begin to play; ConnectionFailedError where there is no recording, or one of another robot; idempotent."""
+        if self._connected:
+            return
+        if self.tape.robot != self._model.name:
+            raise ConnectionFailedError(f"this is a recording of {self.tape.robot!r}, not of {self._model.name!r}")
+        self._offset = self.tape.start - self.clock.now()
+        self._used, self._motions = {}, {}
+        self.clock.step = lambda: None
+        self._connected = True
+
+    def disconnect(self) -> None:
+        """End motions and periodic calls; idempotent."""
+        if self._connected:
+            self._end_motions(MotionStatus.FAILED, MotionErrorCode.DISCONNECTED, "the robot was disconnected")
+            self._connected = False
+            self.clock.step = None
+            self.clock.cancel_timers()
+
+    def stop(self) -> None:
+        """End motions and refuse commands; the recording goes on."""
+        self._stopped = True
+        self._end_motions(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+
+    def clear_stop(self) -> None:
+        """Accept commands again."""
+        self._stopped = False
+
+    def diagnostics(self) -> dict[str, str]:
+        """Short texts by subject."""
+        return {
+            "implementation": "replay",
+            "connected": "yes" if self._connected else "no",
+            "stopped": "yes" if self._stopped else "no",
+            "time": f"{self.moment():.2f} s of {self.tape.end:.2f} s recorded" if self._connected else "",
+        }
+
+    def moment(self) -> float:
+        """Where the recording is, seconds of the recorded robot's clock."""
+        return self.clock.now() + self._offset
+
+    # Private
+
+    def _part(self, name: str) -> Part:
+        kind_name, description = self.tape.parts[name]
+        interface = interface_of(getattr(hal.api, kind_name))
+
+        def described(what: str) -> property:
+            return property(lambda part: description[what])
+
+        def reading(what: str) -> Callable[[Part], Any]:
+            return lambda part: self._read(name, what)
+
+        def command(what: str) -> Callable[..., Any]:
+            return lambda part, *arguments, **keywords: self._command(name, what, arguments, keywords)
+
+        members: dict[str, Any] = {what: described(what) for what in interface.properties}
+        members |= {what: reading(what) for what in interface.readings}
+        members |= {what: command(what) for what in interface.commands}
+        members["stop"] = lambda part: self._end_motion(name, MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+        part: Part = type(f"Replayed{interface.kind.__name__}", (interface.kind,), members)(name)
+        return part
+
+    def _read(self, part: str, what: str) -> Any:
+        self._check_connected(part)
+        found, moment = self.tape.readings.get((part, what)), self.moment()
+        if found is None:
+            raise NoDataError(f"{part}: nobody has read {what}() in this recording")
+        taken, told = found.at(moment, SAME_MOMENT)
+        if abs(taken - moment) > LONGEST_GAP:
+            raise NoDataError(
+                f"{part}: the recording has no {what}() near {moment:.2f} s, the nearest is at {taken:.2f} s"
+            )
+        if "error" in told:
+            raise error_from_json(told)
+        value = from_json(told["value"])
+        shift = self.clock.now() - taken
+        if abs(shift) > SAME_MOMENT and dataclasses.is_dataclass(value) and hasattr(value, "stamp"):
+            return dataclasses.replace(value, stamp=value.stamp + shift)  # type: ignore[type-var]
+        return value
+
+    def _command(self, part: str, what: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> Any:
+        self._check_connected(part)
+        if self._stopped:
+            raise CommandRefusedError(
+                f"{part} refused {what}: the robot is stopped; clear_stop() makes it accept commands"
+            )
+        recorded = self.tape.commands.get((part, what), [])
+        if not recorded:
+            raise CommandRefusedError(f"{part} refused {what}: the recording holds no such command")
+        if all(command.motion is None and command.refusal is None for command in recorded):
+            self._supersede(part)
+            return None
+        used = self._used.get((part, what), 0)
+        asked = in_words(what, arguments, keywords)
+        if used == len(recorded):
+            raise CommandRefusedError(f"{part} refused {asked}: the recording holds no further {what}")
+        command = recorded[used]
+        if not same_target(arguments, command.arguments):
+            held = in_words(what, command.arguments, command.keywords)
+            raise CommandRefusedError(f"{part} refused {asked}: at {command.time:.2f} s the recording holds {held}")
+        self._used[part, what] = used + 1
+        self._offset = command.time - self.clock.now()
+        if command.refusal is not None:
+            raise error_from_json(command.refusal)
+        self._supersede(part)
+        self._motions[part] = motion = ReplayedMotion(self, command)
+        return motion
+
+    def _check_connected(self, part: str) -> None:
+        if not self._connected:
+            raise NotConnectedError(f"{part} was used while the robot is not connected; call connect()")
+
+    def _supersede(self, part: str) -> None:
+        self._end_motion(part, MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
+
+    def _end_motion(self, part: str, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
+        motion = self._motions.pop(part, None)
+        if motion is not None:
+            motion.end(status, MotionError(code, f"{part}: {text}"))
+
+    def _end_motions(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
+        for part in tuple(self._motions):
+            self._end_motion(part, status, code, text)
+
+
+class ReplayedMotion(Motion):
+    """Ends as the recorded one did, when that did."""
+
+    def __init__(self, robot: ReplayRobot, command: RecordedCommand) -> None:
+        self._robot, self._command = robot, command
+        self._ended: tuple[MotionStatus, MotionError | None] | None = None
+
+    @property
+    def status(self) -> MotionStatus:
+        """The present status."""
+        self._look()
+        return self._ended[0] if self._ended is not None else MotionStatus.RUNNING
+
+    @property
+    def error(self) -> MotionError | None:
+        """Why it failed or was cancelled."""
+        self._look()
+        return self._ended[1] if self._ended is not None else None
+
+    def cancel(self) -> None:
+        """It counts as cancelled; the recording goes on."""
+        self.end(MotionStatus.CANCELED, MotionError(MotionErrorCode.STOPPED, "cancelled by its caller"))
+
+    def end(self, status: MotionStatus, error: MotionError | None) -> None:
+        """End it; without effect on a motion that has ended."""
+        self._look()
+        if self._ended is None:
+            self._ended = status, error
+
+    def _look(self) -> None:
+        if self._ended is not None:
+            return
+        moment, end = self._robot.moment(), self._command.end
+        if end is not None and moment >= end[0] - SAME_MOMENT:
+            self._ended = end[1], end[2]
+        elif moment > self._robot.tape.end:
+            text = "the recording ends before this motion does"
+            self._ended = MotionStatus.FAILED, MotionError(MotionErrorCode.DISCONNECTED, text)

@@ -1,0 +1,123 @@
+"""A recording reads as the robot did, to the bit, and takes the commands that it was given."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.scene import World
+from hal.api import Arm, Camera, CommandRefusedError, MobileBase, MotionErrorCode, MotionStatus, NoDataError
+from hal.hardware import ConnectionFailedError
+from hal.pybullet import PyBulletRobot
+from hal.replay import TAPE_NAME, ReplayRobot
+from tests.hal.replay.story import Story, act, target
+
+
+@pytest.fixture
+def replay(recorded: tuple[Path, Story], robot_model: RobotModel) -> ReplayRobot:
+    return ReplayRobot(robot_model, recording=recorded[0])
+
+
+def same(one: Story, other: Story) -> None:
+    assert one.odometry == other.odometry
+    assert np.array_equal(one.positions, other.positions)
+    assert [status for _, status in one.endings] == [status for _, status in other.endings]
+    assert [took for took, _ in one.endings] == pytest.approx([took for took, _ in other.endings])
+    for a, b in zip(one.scans, other.scans, strict=True):
+        assert np.array_equal(a.ranges, b.ranges)
+        # Each clock has a start of its own.
+        assert a.stamp - one.scans[0].stamp == pytest.approx(b.stamp - other.scans[0].stamp, abs=1e-6)
+    for a, b in zip(one.images, other.images, strict=True):
+        assert np.array_equal(a.rgb, b.rgb)
+        assert np.array_equal(a.depth, b.depth)
+
+
+def test_the_same_program_sees_the_same(replay: ReplayRobot, recorded: tuple[Path, Story]) -> None:
+    with replay:
+        same(act(replay), recorded[1])
+    with replay:  # from the beginning again
+        same(act(replay), recorded[1])
+
+
+def test_a_run_is_the_same_whether_it_is_recorded_or_not(
+    recorded: tuple[Path, Story], robot_model: RobotModel, empty_world: World
+) -> None:
+    with PyBulletRobot(robot_model, empty_world, seed=3) as robot:
+        same(act(robot), recorded[1])
+
+
+def test_a_command_that_was_not_given_is_refused_with_the_one_that_was(replay: ReplayRobot) -> None:
+    with replay:
+        base = replay.part("base", MobileBase)
+        with pytest.raises(CommandRefusedError, match=r"rotate\(1.000\).*the recording holds rotate\(0.300\)"):
+            base.rotate(1.0)
+        assert base.rotate(0.3).status is MotionStatus.RUNNING
+        with pytest.raises(CommandRefusedError, match="no further rotate"):
+            base.rotate(0.3)
+        with pytest.raises(CommandRefusedError, match="holds no such command"):
+            replay.part("arm", Arm).servo(replay.part("arm", Arm).positions())
+
+
+def test_the_recording_waits_for_a_program_that_thinks_longer(
+    replay: ReplayRobot, recorded: tuple[Path, Story]
+) -> None:
+    with replay:
+        base = replay.part("base", MobileBase)
+        replay.clock.sleep(0.7)
+        motion, begin = base.rotate(0.3), replay.clock.now()
+        while not motion.done:
+            replay.clock.sleep(0.05)
+        assert motion.status is MotionStatus.SUCCEEDED
+        assert replay.clock.now() - begin == pytest.approx(recorded[1].endings[0][0], abs=0.06)
+        image = replay.part("head_camera", Camera).capture()
+        assert replay.clock.now() - image.stamp < 5.0
+
+
+def test_a_newer_command_and_a_stop_end_motions(replay: ReplayRobot) -> None:
+    with replay:
+        base, arm = replay.part("base", MobileBase), replay.part("arm", Arm)
+        turning = base.rotate(0.3)
+        base.set_velocity(0.1, 0.0, 0.0)
+        assert turning.error is not None
+        assert turning.error.code is MotionErrorCode.SUPERSEDED
+        backing = base.move_backward(0.2)
+        replay.stop()
+        assert backing.status is MotionStatus.CANCELED
+        with pytest.raises(CommandRefusedError, match="stopped"):
+            arm.move_to(target(arm))
+        replay.clear_stop()
+        assert arm.move_to(target(arm)).status is MotionStatus.RUNNING
+
+
+def test_what_nobody_has_read_and_what_came_after_the_end_is_missing(replay: ReplayRobot) -> None:
+    with replay:
+        with pytest.raises(NoDataError, match=r"nobody has read efforts\(\)"):
+            replay.part("arm", Arm).efforts()
+        replay.clock.sleep(60.0)
+        with pytest.raises(NoDataError, match="the nearest is at"):
+            replay.part("arm", Arm).positions()
+
+
+def test_a_recording_of_another_robot_or_none_is_refused(replay: ReplayRobot, tmp_path: Path) -> None:
+    recording = replay._recording
+    with pytest.raises(ConnectionFailedError, match="'diff_panda', not of 'diff_ur5'"):
+        ReplayRobot(load_robot_model("diff_ur5"), recording=recording).connect()
+    with pytest.raises(ConnectionFailedError, match="--record"):
+        ReplayRobot(replay.model, recording=tmp_path).connect()
+    (tmp_path / TAPE_NAME).write_bytes(b"nothing of the kind")
+    with pytest.raises(ConnectionFailedError, match="no recording"):
+        ReplayRobot(replay.model, recording=tmp_path).connect()
+
+
+def test_a_run_that_was_killed_plays_up_to_there(recorded: tuple[Path, Story], robot_model, tmp_path: Path) -> None:
+    lines = gzip.decompress((recorded[0] / TAPE_NAME).read_bytes()).splitlines(keepends=True)
+    begun = b"".join(lines[:100]) + lines[100][:20]
+    (tmp_path / TAPE_NAME).write_bytes(gzip.compress(begun)[:-4])
+    cut = ReplayRobot(robot_model, recording=tmp_path)
+    with cut:
+        assert cut.part("arm", Arm).positions().shape == (7,)
+        assert cut.tape.end < ReplayRobot(robot_model, recording=recorded[0]).tape.end
