@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration import load_run
-from bestman_bt.engine import RUNNING, SUCCESS
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose2D
 from bestman_bt.runtime import Session
-from tests.behaviours.at_the_table import fastest, tick, tree_of
+from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import audited, known_world, why_not
 
 ROOT = Path(__file__).parents[2]
@@ -103,6 +103,19 @@ def test_halted_while_it_pulls_it_lets_go_but_a_stopped_robot_keeps_its_hand_sti
         session.robot.clock.sleep(1.0)
         assert fastest(session) < 0.01
         assert truth.articulation_position(DRAWER) == pytest.approx(left, abs=1e-3)
+
+
+def test_a_drawer_whose_handle_slips_out_of_the_hand_is_believed_to_be_where_it_was_left() -> None:
+    with drawer_session(start=BEFORE_IT) as (session, truth):
+        tree = session.load(tree_of(OPEN))
+        while truth.articulation_position(DRAWER) < 0.08:
+            assert tick(tree) == RUNNING
+        session.skills.gripper.open()
+        assert tick(tree, 600) == FAILURE
+        assert failures_of(session)[0][0] == "grip_lost"
+        left = truth.articulation_position(DRAWER)
+        assert left > 0.08
+        assert session.skills.world.articulations[DRAWER] == pytest.approx(left, abs=0.02)
 
 
 def test_a_handle_ten_centimetres_beside_where_the_map_says_is_found_and_pulled() -> None:

@@ -26,7 +26,8 @@ class BaseControllerParameters:
     ``rest_scan_every`` ticks, to notice when it is pushed.
     ``position_tolerance`` (metres), ``heading_tolerance`` (radians): what counts as arrived; ``corrections``: turns to
     improve the heading. ``stall_*``: no progress of that many metres or radians in so many seconds is blocked.
-    ``lost_position_std``: metres, ``lost_scans``: scans refused in a row, above which the robot counts as lost.
+    ``lost_position_std``: metres, ``lost_scans``: scans refused in a row, above which the robot counts as lost; it does
+    not drive again before a scan has fitted.
     """
 
     rate: float = 40.0
@@ -72,6 +73,7 @@ class BaseController:
         self._ticks = 0
         self._scans_at_rest = 0
         self._refused_scans = 0
+        self._lost = False
         self._odometry = Pose2D()
 
     @property
@@ -96,6 +98,7 @@ class BaseController:
             self._odometry = self._base.odometry()
             self._localizer.reset(believed.pose, self._odometry, believed.position_std, believed.heading_std)
             self._scans_at_rest = self._refused_scans = 0
+            self._lost = False
             self._timer = self._clock.every(1.0 / self._parameters.rate, self._tick)
 
     def close(self) -> None:
@@ -183,8 +186,10 @@ class BaseController:
         if self._ticks % every == 0:
             estimate = self._localizer.correct(self._lidar.scan(), self._lidar.base_from_lidar)
             self._scans_at_rest += 1
-            accepted = estimate.match is not None and estimate.match.accepted
-            self._refused_scans = 0 if accepted else self._refused_scans + 1
+            if estimate.match is not None and estimate.match.accepted:
+                self._refused_scans, self._lost = 0, False
+            else:
+                self._refused_scans += 1
         self._world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self._clock.now())
 
     def _advance(self, action: _Action) -> None:
@@ -195,7 +200,11 @@ class BaseController:
         if estimate.position_std > p.lost_position_std or self._refused_scans >= p.lost_scans:
             why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
             text = f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
+            self._lost = True
             self._halt(ControlErrorCode.LOST, text)
+            return
+        if self._lost:
+            self._scans_at_rest = 0  # stand and go on scanning: what begins while lost must not drive blindly
             return
         if action.watch.is_stuck(estimate.pose, self._clock.now()):
             pose = estimate.pose

@@ -11,6 +11,7 @@ from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap
+from hal.api import MobileBase
 
 
 def stand_pose(simulated, furniture: str) -> Pose2D:
@@ -140,3 +141,22 @@ def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
     handle = simulated.wait(simulated.base.drive(2.0), limit=15.0)
     assert handle.status is ControlStatus.FAILED
     assert handle.error.code is ControlErrorCode.LOST
+
+
+def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
+    simulated = simulate(1)
+    localizer, base = simulated.base._localizer, simulated.robot.part("base", MobileBase)
+    # As if it had been carried off: what it believes is another place.
+    known = simulated.base.estimate.pose
+    localizer.reset(Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2), base.odometry(), 0.002, 0.002)
+    first = simulated.wait(simulated.base.drive(1.5), limit=15.0)
+    assert first.error.code is ControlErrorCode.LOST
+    simulated.robot.clock.sleep(1.0)
+    before = simulated.true_pose
+    again = simulated.wait(simulated.base.drive(0.5), limit=15.0)
+    assert again.error.code is ControlErrorCode.LOST
+    assert simulated.true_pose.distance_to(before) < 1e-3
+    localizer.reset(before, base.odometry(), 0.02, 0.012)
+    simulated.robot.clock.sleep(0.05)
+    found = simulated.wait(simulated.base.drive(-0.2), limit=15.0)
+    assert found.status is ControlStatus.SUCCEEDED, found.error

@@ -137,6 +137,19 @@ def test_a_scan_from_elsewhere_is_refused_and_the_estimate_stays(kitchen):
     assert estimate.pose == Pose2D(0.0, 0.0, 0.0)
 
 
+def test_a_base_that_was_carried_off_is_not_believed_to_be_somewhere_else(kitchen):
+    rng = np.random.default_rng(8)
+    refused = 0
+    for _ in range(25):
+        believed = Pose2D(*rng.uniform([-0.6, -1.9, -3.1], [1.1, 2.1, 3.1]))  # across the wall
+        truth = Pose2D(*rng.uniform([1.9, -1.9, -3.1], [3.9, 1.4, 3.1]))
+        localizer = localizer_at(kitchen, believed, 0.002, 0.002)
+        for _ in range(20):
+            estimate = localizer.correct(scan_at(truth, kitchen.lidar_segments(), rng), BASE_FROM_LIDAR)
+            refused += not estimate.match.accepted
+    assert refused == 25 * 20
+
+
 def test_a_slip_of_the_wheels_is_made_good_within_a_second(kitchen):
     rng = np.random.default_rng(7)
     truth = Pose2D(0.0, 0.0, 0.0)
