@@ -14,7 +14,7 @@ from hal.api.mobile_base import BaseDescription, MobileBase
 from hal.api.motion import Motion, MotionError, MotionErrorCode, MotionStatus
 from hal.api.part import JointLimits, Part, Sensor
 from hal.api.robot import Robot
-from hal.api.tactile import Tactile
+from hal.api.tactile import Tactile, TactileReading
 
 __all__ = [
     "Arm",
@@ -45,6 +45,7 @@ __all__ = [
     "RobotError",
     "Sensor",
     "Tactile",
+    "TactileReading",
     "Timer",
     "UnknownPartError",
 ]

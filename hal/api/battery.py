@@ -11,11 +11,13 @@ from hal.api.part import Sensor
 
 @dataclass(frozen=True)
 class BatteryReading:
-    """``charge`` from 0 to 1, ``voltage`` in volts."""
+    """``charge`` from 0 to 1, ``voltage`` in volts, ``current`` drawn in amperes, negative while it charges."""
 
     charge: float
     voltage: float
+    current: float
     charging: bool
+    stamp: float
 
 
 class Battery(Sensor):

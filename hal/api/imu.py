@@ -14,7 +14,10 @@ from hal.api.part import Sensor
 
 @dataclass(frozen=True, eq=False)
 class ImuReading:
-    """``angular_velocity`` (3,) rad/s and ``linear_acceleration`` (3,) m/s² (with gravity), in the sensor frame."""
+    """``angular_velocity`` (3,) rad/s and ``linear_acceleration`` (3,) m/s², in the sensor's frame.
+
+    The acceleration is the specific force: at rest it is 9.81 upwards.
+    """
 
     angular_velocity: NDArray[np.float64]
     linear_acceleration: NDArray[np.float64]
@@ -25,6 +28,11 @@ class Imu(Sensor):
     """An inertial measurement unit."""
 
     kind: ClassVar[str] = "imu"
+
+    @property
+    @abstractmethod
+    def frame(self) -> str:
+        """The frame of the readings in the robot model."""
 
     @abstractmethod
     def read(self) -> ImuReading:

@@ -5,6 +5,7 @@ from hal.pybullet.ground_truth import GroundTruth
 from hal.pybullet.honesty_record import ContactIncident, Finding, HonestyRecord, Penetration
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.portrait import portrait
+from hal.pybullet.reading_line import SensorFault
 from hal.pybullet.render import ScenePhotographer, Viewpoint
 from hal.pybullet.robot import PyBulletRobot
 from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
@@ -20,6 +21,7 @@ __all__ = [
     "ScenePhotographer",
     "SceneRecorder",
     "SceneSnapshot",
+    "SensorFault",
     "SimulationError",
     "Viewpoint",
     "portrait",

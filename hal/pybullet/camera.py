@@ -13,9 +13,10 @@ from scipy import ndimage
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
 from bestman_bt.robot_model import CameraModel
-from hal.api import Camera, NoDataError, NotConnectedError
+from hal.api import Camera, NoDataError
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.lens import Lens
+from hal.pybullet.reading_line import ReadingLine
 from hal.pybullet.simulation import Simulation
 
 NUDGE = 1e-4
@@ -37,7 +38,7 @@ class CameraFault(Enum):
 
 
 class SimulatedCamera(Camera):
-    """Renders when asked, never otherwise; the true pose of its link is used for that alone.
+    """Renders when asked, with a latency all the time; the true pose of its link is used for that alone.
 
     ``fault``: set it to make the camera fail from now on, None to repair it.
     """
@@ -45,9 +46,8 @@ class SimulatedCamera(Camera):
     def __init__(self, name: str, model: CameraModel, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
-        self._simulation: Simulation | None = None
-        self._reader: Reader | None = None
         self._last: RGBDImage | None = None
+        self._line: ReadingLine[RGBDImage] = ReadingLine(name, model.rate, model.latency, on_demand=True)
         self.fault: CameraFault | None = None
 
     @property
@@ -62,41 +62,41 @@ class SimulatedCamera(Camera):
 
     def capture(self) -> RGBDImage:
         """Render colour and depth, and spoil the depth as the model says."""
-        if self._simulation is None or self._reader is None:
-            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
         if self.fault is CameraFault.SILENT:
             raise NoDataError(f"{self.name} delivers no images")
         if self.fault is CameraFault.FROZEN and self._last is not None:
             return self._last
-        simulation, model = self._simulation, self._model
-        map_from_optical = simulation.link_pose(self._reader, model.optical_frame)
-        rgb, depth = self._seen(map_from_optical)
+        self._last = self._line.read()
+        return self._last
+
+    def attach(self, simulation: Simulation) -> None:
+        """Look into this simulation."""
+        reader = simulation.client.reader(ReadPurpose.SENSOR)
+        self._line.attach(simulation, lambda: self._film(simulation, reader))
+        self._last = None
+
+    def detach(self) -> None:
+        """Let go."""
+        self._line.detach()
+
+    def _film(self, simulation: Simulation, reader: Reader) -> RGBDImage:
+        model = self._model
+        rgb, depth = self._seen(reader, simulation.link_pose(reader, model.optical_frame))
         noisy = spoil_depth(depth, model, self._rng)
         if self.fault is CameraFault.BLACK:
             rgb = np.zeros_like(rgb)
         if self.fault in (CameraFault.BLACK, CameraFault.NO_DEPTH):
             noisy = np.zeros_like(noisy)
-        self._last = RGBDImage(rgb, noisy, model.intrinsics, simulation.now)
-        return self._last
-
-    def attach(self, simulation: Simulation) -> None:
-        """Look into this simulation."""
-        self._simulation, self._reader = simulation, simulation.client.reader(ReadPurpose.SENSOR)
-        self._last = None
-
-    def detach(self) -> None:
-        """Let go."""
-        self._simulation = self._reader = None
+        return RGBDImage(rgb, noisy, model.intrinsics, simulation.now)
 
     @cached_property
     def _lens(self) -> Lens | None:
         return Lens(self._model.intrinsics) if any(self._model.intrinsics.distortion) else None
 
-    def _seen(self, map_from_optical: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        assert self._reader is not None
+    def _seen(self, reader: Reader, map_from_optical: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         if self._lens is None:
-            return render(self._reader, map_from_optical, self._model)
-        rgb, depth = render(self._reader, map_from_optical, replace(self._model, intrinsics=self._lens.ideal))
+            return render(reader, map_from_optical, self._model)
+        rgb, depth = render(reader, map_from_optical, replace(self._model, intrinsics=self._lens.ideal))
         return self._lens.color(rgb), self._lens.depth(depth)
 
 

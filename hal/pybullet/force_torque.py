@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import Wrench
 from bestman_bt.robot_model import ForceTorqueModel
-from hal.api import ForceTorque, NotConnectedError
+from hal.api import ForceTorque
 from hal.pybullet.client import Reader, ReadPurpose, SimulationError
+from hal.pybullet.reading_line import ReadingLine
 from hal.pybullet.simulation import Simulation
 
 GRAVITY = 9.81
@@ -39,15 +40,14 @@ class SimulatedForceTorque(ForceTorque):
     The wrench is what the world does to all that hangs on the sensor, weight and inertia included, about the
     origin of ``frame`` and along its axes: a hand that hangs straight down pulls with +m g along z. Contact forces are
     those of the last physics step, inertia is the mean since the reading before. What pads resist twisting with
-    (spinning friction) is missing from the torque: Bullet does not tell it.
+    (spinning friction) is missing from the torque: Bullet does not tell it. ``line.fault`` makes it fail.
     """
 
     def __init__(self, name: str, model: ForceTorqueModel, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
         self._offset = rng.standard_normal(6) * np.repeat([model.offset_force, model.offset_torque], 3)
-        self._simulation: Simulation | None = None
-        self._reader: Reader | None = None
+        self.line: ReadingLine[Wrench] = ReadingLine(name, model.rate, model.latency, on_demand=True)
         self._masses: dict[int, float] = {}
         self._latest: Wrench | None = None
         self._motion: _Motion | None = None
@@ -59,16 +59,7 @@ class SimulatedForceTorque(ForceTorque):
 
     def wrench(self) -> Wrench:
         """The latest wrench, with offset and noise."""
-        if self._simulation is None or self._reader is None:
-            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
-        model, now = self._model, self._simulation.now
-        if self._latest is None or self._reading(now) > self._reading(self._latest.stamp):
-            values = self._load(self._simulation, self._reader) + self._offset
-            values += np.repeat([model.noise_force, model.noise_torque], 3) * self._rng.standard_normal(6)
-            most = np.repeat([model.max_force, model.max_torque], 3)
-            values = np.clip(values, -most, most)
-            self._latest = Wrench(values[:3], values[3:], now)
-        return self._latest
+        return self.line.read()
 
     def attach(self, simulation: Simulation) -> None:
         """Find what hangs on the sensor."""
@@ -81,12 +72,23 @@ class SimulatedForceTorque(ForceTorque):
             if client.getJointInfo(built.robot, index)[16] in carried:
                 carried.add(index)
         self._masses = {index: client.getDynamicsInfo(built.robot, index)[0] for index in sorted(carried)}
-        self._simulation, self._reader = simulation, client.reader(ReadPurpose.SENSOR)
         self._latest = self._motion = None
+        reader = client.reader(ReadPurpose.SENSOR)
+        self.line.attach(simulation, lambda: self._measure(simulation, reader))
 
     def detach(self) -> None:
         """Let go."""
-        self._simulation = self._reader = self._latest = self._motion = None
+        self.line.detach()
+
+    def _measure(self, simulation: Simulation, reader: Reader) -> Wrench:
+        model, now = self._model, simulation.now
+        if self._latest is None or self._reading(now) > self._reading(self._latest.stamp):
+            values = self._load(simulation, reader) + self._offset
+            values += np.repeat([model.noise_force, model.noise_torque], 3) * self._rng.standard_normal(6)
+            most = np.repeat([model.max_force, model.max_torque], 3)
+            values = np.clip(values, -most, most)
+            self._latest = Wrench(values[:3], values[3:], now)
+        return self._latest
 
     def _reading(self, stamp: float) -> int:
         return math.floor(stamp * self._model.rate + 1e-6)

@@ -68,7 +68,7 @@ class SimulatedJointGroup(JointGroup):
 
     def efforts(self) -> Array:
         """Efforts of the motors, (n,)."""
-        return self._measured(2)
+        return self._measured(2) + self._connection.simulation.torques[self._slots]
 
     # Commands
 
@@ -93,6 +93,7 @@ class SimulatedJointGroup(JointGroup):
             self._take_over(Hold(self.positions()), None)
             self._release_motors()
             self._torques = torques
+            self._connection.simulation.torques[self._slots] = torques
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
         """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
@@ -219,6 +220,7 @@ class SimulatedJointGroup(JointGroup):
     def _leave_effort_mode(self) -> None:
         if self._torques is not None:
             self._torques = None
+            self._connection.simulation.torques[self._slots] = 0.0
             self._position = np.clip(self.positions(), self._lower, self._upper)
             self._velocity = np.clip(self.velocities(), -self._speed, self._speed)
             self._setpoints = self._braking()

@@ -6,19 +6,19 @@ import numpy as np
 
 from bestman_bt.messages import LaserScan
 from bestman_bt.robot_model import LidarModel
-from hal.api import Lidar, NotConnectedError
+from hal.api import Lidar
 from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.reading_line import ReadingLine
 from hal.pybullet.simulation import Simulation
 
 
 class SimulatedLidar(Lidar):
-    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing."""
+    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing. ``line.fault``: it fails."""
 
     def __init__(self, name: str, model: LidarModel, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
-        self._simulation: Simulation | None = None
-        self._reader: Reader | None = None
+        self.line: ReadingLine[LaserScan] = ReadingLine(name, model.rate, model.latency, on_demand=True)
         angles = model.angle_min + (model.angle_max - model.angle_min) / model.beams * np.arange(model.beams)
         self._directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(model.beams)])
 
@@ -29,14 +29,24 @@ class SimulatedLidar(Lidar):
 
     def scan(self) -> LaserScan:
         """One scan; noise is normal, with the model's standard deviation."""
-        if self._simulation is None or self._reader is None:
-            raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
-        simulation, model = self._simulation, self._model
-        pose = simulation.link_pose(self._reader, model.frame)
+        return self.line.read()
+
+    def attach(self, simulation: Simulation) -> None:
+        """Scan in this simulation."""
+        reader = simulation.client.reader(ReadPurpose.SENSOR)
+        self.line.attach(simulation, lambda: self._cast(simulation, reader))
+
+    def detach(self) -> None:
+        """Let go."""
+        self.line.detach()
+
+    def _cast(self, simulation: Simulation, reader: Reader) -> LaserScan:
+        model = self._model
+        pose = simulation.link_pose(reader, model.frame)
         directions = self._directions @ pose.rotation.T
         starts = pose.position + directions * model.range_min
         ends = pose.position + directions * model.range_max
-        hits = self._reader.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1)
+        hits = reader.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1)
         bodies, _, shares, _, _ = (np.array(column) for column in zip(*hits, strict=True))
         ranges = model.range_min + shares * (model.range_max - model.range_min)
         ranges = ranges + self._rng.standard_normal(model.beams) * model.noise
@@ -54,11 +64,3 @@ class SimulatedLidar(Lidar):
             range_max=model.range_max,
             stamp=simulation.now,
         )
-
-    def attach(self, simulation: Simulation) -> None:
-        """Scan in this simulation."""
-        self._simulation, self._reader = simulation, simulation.client.reader(ReadPurpose.SENSOR)
-
-    def detach(self) -> None:
-        """Let go."""
-        self._simulation = self._reader = None

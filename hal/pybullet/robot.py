@@ -15,11 +15,13 @@ from hal.api import NotConnectedError, Part, Robot
 from hal.parts.simulated_clock import SimulatedClock
 from hal.pybullet.arm import SimulatedArm
 from hal.pybullet.base import SimulatedBase
+from hal.pybullet.battery import SimulatedBattery
 from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.force_torque import SimulatedForceTorque
 from hal.pybullet.gripper import SimulatedGripper
 from hal.pybullet.honesty_record import HonestyRecord
+from hal.pybullet.imu import SimulatedImu
 from hal.pybullet.joint_group import SimulatedJointGroup
 from hal.pybullet.lidar import SimulatedLidar
 from hal.pybullet.monitor import HonestyMonitor
@@ -27,16 +29,20 @@ from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.raw_call_guard import RawCallGuard
 from hal.pybullet.simulation import Simulation
 from hal.pybullet.suction import SimulatedSuction
+from hal.pybullet.tactile import SimulatedTactile
 
 SimulatedPart = (
     SimulatedArm
     | SimulatedBase
+    | SimulatedBattery
     | SimulatedCamera
     | SimulatedForceTorque
     | SimulatedGripper
+    | SimulatedImu
     | SimulatedJointGroup
     | SimulatedLidar
     | SimulatedSuction
+    | SimulatedTactile
 )
 
 
@@ -209,4 +215,10 @@ class PyBulletRobot(Robot):
             parts[name] = SimulatedLidar(name, lidar, self._generator(name))
         for name, sensor in model.force_torques.items():
             parts[name] = SimulatedForceTorque(name, sensor, self._generator(name))
+        for name, imu in model.imus.items():
+            parts[name] = SimulatedImu(name, imu, self._generator(name))
+        for name, pad in model.tactiles.items():
+            parts[name] = SimulatedTactile(name, pad, self._generator(name))
+        for name, battery in model.batteries.items():
+            parts[name] = SimulatedBattery(name, battery, self._generator(name))
         return parts

@@ -24,7 +24,8 @@ class Simulation:
     """Physics, world and robot body; parts hang their control in it, the monitor its observation.
 
     ``controls`` run every control period before the step, ``effort_controls`` before every step;
-    ``step_observers`` run after every step, ``observers`` after every ``monitor_every``-th.
+    ``step_observers`` run after every step, ``observers`` after every ``monitor_every``-th. ``torques``: what parts
+    that command torques exert at the driven joints; pybullet tells the efforts of its own motors alone.
     """
 
     def __init__(self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> None:
@@ -52,6 +53,7 @@ class Simulation:
         self._indices = [self.built.joints[joint] for joint in self.joint_names]
         self._slots = {joint: slot for slot, joint in enumerate(self.joint_names)}
         self._states: NDArray[np.float64] = np.zeros((3, len(self._indices)))
+        self.torques: NDArray[np.float64] = np.zeros(len(self._indices))
         self._read_at = -1
         self._contacts: Sequence[Contact] = ()
         self._contacts_at = -1

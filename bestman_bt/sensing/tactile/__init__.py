@@ -1,5 +1,5 @@
 """Tactile sensing."""
 
-from bestman_bt.sensing.tactile.tactile_sensor import TactileSensor
+from bestman_bt.sensing.tactile.tactile_sensor import TactileParameters, TactileSensor
 
-__all__ = ["TactileSensor"]
+__all__ = ["TactileParameters", "TactileSensor"]

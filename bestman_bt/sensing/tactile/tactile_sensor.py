@@ -1,18 +1,34 @@
-"""Tactile pads: whether something presses on them."""
+"""Tactile pads: whether and how something presses on them, and whether it slips."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
 from hal.api import Tactile
 
-PRESSED = 0.2
-"""Newtons in all above which a pad counts as pressed."""
+
+@dataclass(frozen=True)
+class TactileParameters:
+    """``pressed``: newtons in all above which a pad counts as pressed.
+
+    ``full_scale``: newtons on one taxel that are white in the picture. ``slip_speed``: m/s above which what presses
+    on the pad slips.
+    """
+
+    pressed: float = 0.2
+    full_scale: float = 2.0
+    slip_speed: float = 0.003
 
 
 class TactileSensor:
-    """One pad of taxels."""
+    """One pad of taxels, read as sensors of the DIGIT class are: a picture, and what can be told from it."""
 
-    def __init__(self, pad: Tactile) -> None:
+    def __init__(self, pad: Tactile, parameters: TactileParameters | None = None) -> None:
         self._pad = pad
+        self._parameters = parameters or TactileParameters()
 
     @property
     def name(self) -> str:
@@ -21,8 +37,28 @@ class TactileSensor:
 
     def force(self) -> float:
         """Sum of the normal forces of all taxels, newtons."""
-        return float(self._pad.read().sum())
+        return float(self._pad.read().pressure.sum())
 
     def pressed(self) -> bool:
         """Whether something touches the pad."""
-        return self.force() > PRESSED
+        return self.force() > self._parameters.pressed
+
+    def image(self) -> NDArray[np.uint8]:
+        """The pressure as a grey picture, (rows, columns): 0 nothing, 255 ``full_scale`` or more."""
+        shares = np.clip(self._pad.read().pressure / self._parameters.full_scale, 0.0, 1.0)
+        return np.round(255 * shares).astype(np.uint8)
+
+    def centre(self) -> NDArray[np.float64] | None:
+        """Where on the picture the pressure is in the mean, (row, column) in taxels; None if nothing presses."""
+        pressure = np.maximum(self._pad.read().pressure, 0.0)
+        if pressure.sum() <= self._parameters.pressed:
+            return None
+        rows, columns = np.indices(pressure.shape)
+        moments = np.array([(rows * pressure).sum(), (columns * pressure).sum()])
+        return np.asarray(moments / pressure.sum())
+
+    def slipping(self) -> bool:
+        """Whether what presses on the pad slides over it."""
+        reading = self._pad.read()
+        pressed = reading.pressure.sum() > self._parameters.pressed
+        return bool(pressed and np.hypot(*reading.sliding) > self._parameters.slip_speed)

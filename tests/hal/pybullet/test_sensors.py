@@ -83,9 +83,8 @@ def test_what_is_too_near_for_its_depth_hides_what_is_behind_it(robot) -> None:
 
 def test_the_lidar_measures_the_walls(standing_robot) -> None:
     scan = standing_robot.part("lidar", Lidar).scan()
-    pose = standing_robot.simulation.link_pose(
-        standing_robot.parts["lidar"]._reader, standing_robot.parts["lidar"].frame
-    )
+    reader = standing_robot.simulation.client.reader(ReadPurpose.SENSOR)
+    pose = standing_robot.simulation.link_pose(reader, standing_robot.parts["lidar"].frame)
     points = pose.apply(np.column_stack([scan.points(), np.zeros(len(scan.points()))]))
     distance = np.min(np.abs(np.abs(points[:, :2]) - 2.95), axis=1)
     assert np.isfinite(scan.ranges).mean() > 0.95

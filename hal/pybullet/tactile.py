@@ -1,0 +1,101 @@
+"""Simulated tactile pads: the points where a finger touches, felt through a soft skin over taxels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import TactileModel
+from hal.api import Tactile, TactileReading
+from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.link_motion import FrameMotion, FrameTracker, body_velocity_at
+from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.simulation import Contact, Simulation
+
+FACING = 0.7
+"""Cosine of the largest angle between the pad and a force that presses on it: what pushes a finger from the side or
+from behind is not on its pad."""
+
+Array = NDArray[np.float64]
+
+
+class SimulatedTactile(Tactile):
+    """Contacts of the link that carries the pad, where they lie on the pad and press on it.
+
+    The skin spreads each of them over the taxels (a normal distribution cut off at the pad's edge), so that the sum of
+    the taxels is the force. The sliding speed is the mean of the contacts, weighted by their force. ``line.fault``
+    makes it fail.
+    """
+
+    def __init__(self, name: str, model: TactileModel, rng: np.random.Generator) -> None:
+        super().__init__(name)
+        self._model, self._rng = model, rng
+        width, height = model.size
+        self._x = (np.arange(model.columns) + 0.5) / model.columns * width - width / 2
+        self._y = (np.arange(model.rows) + 0.5) / model.rows * height - height / 2
+        self.line: ReadingLine[TactileReading] = ReadingLine(name, model.rate, model.latency)
+
+    @property
+    def frame(self) -> str:
+        """The middle of the pad, z out of it."""
+        return self._model.frame
+
+    def read(self) -> TactileReading:
+        """The latest reading."""
+        return self.line.read()
+
+    def attach(self, simulation: Simulation) -> None:
+        """Feel in this simulation."""
+        reader = simulation.client.reader(ReadPurpose.SENSOR)
+        holder, _ = simulation.built.frames.get(self._model.frame, (self._model.frame, None))
+        link = simulation.built.links[holder]
+        tracker = FrameTracker(simulation, reader, self._model.frame)
+        self.line.attach(simulation, lambda: self._measure(simulation, reader, link, tracker.look()))
+
+    def detach(self) -> None:
+        """Let go."""
+        self.line.detach()
+
+    def _measure(self, simulation: Simulation, reader: Reader, link: int, motion: FrameMotion) -> TactileReading:
+        model = self._model
+        rotation, robot = motion.pose.rotation, simulation.built.robot
+        forces = np.zeros((model.rows, model.columns, 3))
+        sliding, pressing = np.zeros(2), 0.0
+        for contact in simulation.contacts(reader):
+            first = contact[1] == robot and contact[3] == link
+            second = contact[2] == robot and contact[4] == link
+            if first == second:
+                continue
+            point = np.array(contact[5] if first else contact[6])
+            force = rotation.T @ (_force_on_first(contact) if first else -_force_on_first(contact))
+            place = rotation.T @ (point - motion.pose.position)
+            normal = rotation.T @ (np.array(contact[7]) if first else -np.array(contact[7]))
+            if contact[9] <= 0.0 or normal[2] > -FACING or not self._on_pad(place):
+                continue
+            forces += self._shares(place)[:, :, None] * force
+            other = (contact[2], contact[4]) if first else (contact[1], contact[3])
+            velocity = body_velocity_at(reader, *other, point) - motion.velocity_at(point)
+            sliding += -force[2] * (rotation.T @ velocity)[:2]
+            pressing -= force[2]
+        if pressing > 0.0:
+            sliding = sliding / pressing + model.noise_sliding * self._rng.standard_normal(2)
+        forces += model.noise * self._rng.standard_normal(forces.shape)
+        return TactileReading(-forces[..., 2], forces[..., :2], sliding, simulation.now)
+
+    def _on_pad(self, place: Array) -> bool:
+        width, height = self._model.size
+        margin = self._model.spread
+        return bool(abs(place[0]) <= width / 2 + margin and abs(place[1]) <= height / 2 + margin)
+
+    def _shares(self, place: Array) -> Array:
+        """What of a point of pressure each taxel feels, (rows, columns); all together 1."""
+        along_x = np.exp(-0.5 * ((self._x - place[0]) / self._model.spread) ** 2)
+        along_y = np.exp(-0.5 * ((self._y - place[1]) / self._model.spread) ** 2)
+        shares = np.outer(along_y, along_x)
+        return np.asarray(shares / shares.sum())
+
+
+def _force_on_first(contact: Contact) -> Array:
+    """The whole force on the first body of a contact, (3,) newtons in the map: its normal points towards that body."""
+    _, _, _, _, _, _, _, normal, _, press, slip, along, slip2, along2 = contact
+    return np.asarray(press * np.array(normal) + slip * np.array(along) + slip2 * np.array(along2))
