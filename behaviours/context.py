@@ -13,6 +13,7 @@ from behaviours.failure import Failure
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
+from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.control.wheeled import BaseController
 from bestman_bt.manipulation.collision import (
     CollisionModel,
@@ -65,6 +66,7 @@ class Algorithms:
 class SkillContext:
     """Everything that a skill may use; the runtime puts it together.
 
+    ``stop``: the one over all parts, for leaves that go on after it.
     ``camera``: on the head. ``wrist_camera``: on the hand, where there is one; ``tactile``: pads of the fingers, which
     may be none. ``wrist_wrench``: what touches the hand, where there is a sensor.
     ``observations``: what was seen of objects lately, by identity, in the map frame.
@@ -79,6 +81,7 @@ class SkillContext:
     arm: ArmController
     gripper: GripperController
     head: HeadController
+    stop: RobotStop
     camera: RGBDSensor
     wrist_camera: RGBDSensor | None
     tactile: Sequence[TactileSensor]

@@ -135,6 +135,7 @@ BEHAVIOURS = Registry(
         "At": "behaviours.navigate:At",
         "BelievedSurface": "behaviours.object_conditions:BelievedSurface",
         "CheckHeld": "behaviours.check_held:CheckHeld",
+        "ClearStop": "behaviours.clear_stop:ClearStop",
         "Close": "behaviours.close:Close",
         "DetectHandle": "behaviours.handles:DetectHandle",
         "DetectObject": "behaviours.perceive:DetectObject",

@@ -16,6 +16,7 @@ from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
+from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.control.wheeled import BaseController
 from bestman_bt.engine import Node, Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
@@ -46,6 +47,7 @@ COMPUTATION_COSTS = {
     "policy": 0.05,
     "trajectory": 0.05,
     "global_planning": 0.05,
+    "clear_stop": 0.1,
 }
 """Seconds that each computation takes on the robot's computer, in simulated time."""
 
@@ -188,6 +190,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         arm=ArmController(_first(robot, Arm), clock, kinematics=algorithms.kinematics, wrist=wrist),
         gripper=GripperController(_first(robot, Gripper)),
         head=HeadController(_first(robot, JointGroup, Arm), forward, joints, camera.optical_frame),
+        stop=RobotStop(robot),
         camera=RGBDSensor(camera, forward, joints, world, clock),
         wrist_camera=RGBDSensor(on_hand, forward, joints, world, clock) if on_hand is not None else None,
         tactile=[TactileSensor(part) for part in robot.parts.values() if isinstance(part, Tactile)],

@@ -1,0 +1,47 @@
+"""Going on after a stop."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.skill import Skill, SkillFailure, Steps
+
+
+class ClearStop(Skill):
+    """Clear the robot's stop, so that the tree can try again what the stop has ended; nothing moves by itself.
+
+    It is meant for stops that a controller makes of its own accord: a protective stop, a lost connection. Who asks for
+    a stop ends the run, and no tree goes on then; a button that was pressed has to be released at the robot.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "attempts": PortInformation(int, required=False, default_value=3, description="how often it is tried"),
+        "wait": PortInformation(
+            float, required=False, default_value=5.0, description="seconds between attempts: controllers want time"
+        ),
+    }
+
+    def execute(self) -> Steps:
+        """Try, wait, try again; at once done where the robot is not stopped."""
+        stop = self.skills.stop
+        attempts, wait = self.get_input("attempts"), self.get_input("wait")
+        if attempts < 1:
+            raise SkillFailure("bad_input", f"attempts is {attempts}; at least 1 is accepted")
+        if not (math.isfinite(wait) and wait >= 0.0):
+            raise SkillFailure("bad_input", f"wait is {wait} s; 0 or more is accepted")
+        if not stop.latched:
+            self.feedback_message = "the robot was not stopped"
+            return
+        why = ""
+        for attempt in range(attempts):
+            if attempt:
+                yield self.skills.computation.submit(lambda: None, wait)
+            why = yield self.compute("clear_stop", stop.clear)
+            if not why:
+                self.feedback_message = f"cleared at attempt {attempt + 1}"
+                return
+        times = "once" if attempts == 1 else f"{attempts} times"
+        raise SkillFailure("still_stopped", f"the robot stays stopped, tried {times}: {why}")
