@@ -7,8 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import CameraModel, ForceTorqueModel, LidarModel
-from hal.api import Camera, ForceTorque, Lidar, NotConnectedError
+from bestman_bt.robot_model import BatteryModel, CameraModel, ForceTorqueModel, ImuModel, LidarModel, TactileModel
+from hal.api import (
+    Battery,
+    BatteryReading,
+    Camera,
+    ForceTorque,
+    Imu,
+    ImuReading,
+    Lidar,
+    NotConnectedError,
+    Tactile,
+    TactileReading,
+)
 
 if TYPE_CHECKING:
     from memory_robot import MemoryRobot
@@ -82,3 +93,51 @@ class QuietWrist(ForceTorque):
     def wrench(self) -> Wrench:
         """No force, no torque."""
         return Wrench(np.zeros(3), np.zeros(3), stamp_of(self._robot, self.name))
+
+
+class StillImu(Imu):
+    """Never moves; feels its weight."""
+
+    def __init__(self, name: str, model: ImuModel, robot: MemoryRobot) -> None:
+        super().__init__(name)
+        self._model, self._robot = model, robot
+
+    @property
+    def frame(self) -> str:
+        """That of the model."""
+        return self._model.frame
+
+    def read(self) -> ImuReading:
+        """Upright, at rest."""
+        return ImuReading(np.zeros(3), np.array([0.0, 0.0, 9.81]), stamp_of(self._robot, self.name))
+
+
+class UntouchedPad(Tactile):
+    """Touches nothing."""
+
+    def __init__(self, name: str, model: TactileModel, robot: MemoryRobot) -> None:
+        super().__init__(name)
+        self._model, self._robot = model, robot
+
+    @property
+    def frame(self) -> str:
+        """That of the model."""
+        return self._model.frame
+
+    def read(self) -> TactileReading:
+        """No force on any taxel."""
+        taxels = (self._model.rows, self._model.columns)
+        return TactileReading(np.zeros(taxels), np.zeros((*taxels, 2)), np.zeros(2), stamp_of(self._robot, self.name))
+
+
+class FullBattery(Battery):
+    """Never runs down."""
+
+    def __init__(self, name: str, model: BatteryModel, robot: MemoryRobot) -> None:
+        super().__init__(name)
+        self._model, self._robot = model, robot
+
+    def read(self) -> BatteryReading:
+        """Full."""
+        stamp = stamp_of(self._robot, self.name)
+        return BatteryReading(charge=1.0, voltage=self._model.voltage_full, current=0.0, charging=False, stamp=stamp)

@@ -8,10 +8,12 @@ import numpy as np
 
 from hal.api import (
     Arm,
+    Battery,
     Camera,
     CommandRefusedError,
     ForceTorque,
     Gripper,
+    Imu,
     JointGroup,
     Lidar,
     MobileBase,
@@ -19,6 +21,7 @@ from hal.api import (
     MotionStatus,
     NotConnectedError,
     Robot,
+    Tactile,
 )
 from hal.conformance.requirement import require, require_refusal
 from hal.conformance.subject import GROUPS, Check, finish, first, nearby, parts_of
@@ -48,6 +51,13 @@ def nothing_works_without_a_connection(robot: Robot) -> None:
         require_refusal(lidar.scan, NotConnectedError, f"{lidar.name}.scan()", (lidar.name,))
     for sensor in parts_of(robot, ForceTorque):
         require_refusal(sensor.wrench, NotConnectedError, f"{sensor.name}.wrench()", (sensor.name,))
+    others: list[Imu | Tactile | Battery] = [
+        *parts_of(robot, Imu),
+        *parts_of(robot, Tactile),
+        *parts_of(robot, Battery),
+    ]
+    for other in others:
+        require_refusal(other.read, NotConnectedError, f"{other.name}.read()", (other.name,))
     for part in robot.parts.values():
         part.stop()
 

@@ -10,11 +10,13 @@ from hal.api import (
     Camera,
     ForceTorque,
     Gripper,
+    Imu,
     JointGroup,
     JointLimits,
     Lidar,
     MobileBase,
     Robot,
+    Tactile,
     UnknownPartError,
 )
 from hal.conformance.requirement import ConformanceError, require, require_refusal
@@ -83,8 +85,13 @@ def frames_are_those_of_the_model(robot: Robot) -> None:
     """Every sensor measures in a link of the URDF."""
     links = {link.get("name") for link in ElementTree.fromstring(robot.model.urdf).iter("link")}
     frames = {camera.name: camera.optical_frame for camera in parts_of(robot, Camera)}
-    frames |= {lidar.name: lidar.frame for lidar in parts_of(robot, Lidar)}
-    frames |= {sensor.name: sensor.frame for sensor in parts_of(robot, ForceTorque)}
+    others: list[Lidar | ForceTorque | Imu | Tactile] = [
+        *parts_of(robot, Lidar),
+        *parts_of(robot, ForceTorque),
+        *parts_of(robot, Imu),
+        *parts_of(robot, Tactile),
+    ]
+    frames |= {sensor.name: sensor.frame for sensor in others}
     for name, frame in frames.items():
         require(frame in links, f"{name} measures in {frame!r}, which is no link of the robot's model")
 

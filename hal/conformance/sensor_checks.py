@@ -7,7 +7,19 @@ from functools import partial
 
 import numpy as np
 
-from hal.api import Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Sensor
+from hal.api import (
+    Battery,
+    Camera,
+    ForceTorque,
+    Gripper,
+    Imu,
+    JointGroup,
+    Lidar,
+    MobileBase,
+    Robot,
+    Sensor,
+    Tactile,
+)
 from hal.conformance.requirement import require
 from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, parts_of
 
@@ -17,6 +29,7 @@ AHEAD = 0.01
 """Seconds that a stamp may be ahead of the robot's clock, for rounding."""
 FARTHEST = 100.0
 """Metres; a depth beyond that was given in another unit."""
+GRAVITY = 9.81
 OVERSHOOT = 0.05
 """Radians or metres that a joint may be beyond its limits, and a share for efforts."""
 
@@ -88,6 +101,34 @@ def forces_are_finite(robot: Robot) -> None:
             require(right, f"{sensor.name} gave the {what} {values}")
 
 
+def inertial_units_feel_gravity(robot: Robot) -> None:
+    """What a unit at rest feels is 9.81 m/s² and no turning, rad/s."""
+    for imu in parts_of(robot, Imu):
+        reading = imu.read()
+        felt, turning = np.linalg.norm(reading.linear_acceleration), np.linalg.norm(reading.angular_velocity)
+        require(bool(abs(felt - GRAVITY) < 0.1 * GRAVITY), f"{imu.name} is at rest and feels {felt:.3f} m/s²")
+        require(bool(turning < 0.1), f"{imu.name} is at rest and turns at {turning:.3f} rad/s")
+
+
+def pads_tell_forces_taxel_by_taxel(robot: Robot) -> None:
+    """Newtons: a pressure and a shear for each taxel, and how fast what is touched slides, m/s."""
+    for pad in parts_of(robot, Tactile):
+        reading, shape = pad.read(), np.shape(pad.read().pressure)
+        right = len(shape) == 2 and np.shape(reading.shear) == (*shape, 2) and np.shape(reading.sliding) == (2,)
+        require(right, f"{pad.name} gave pressures {shape}, shears {np.shape(reading.shear)}")
+        finite = all(bool(np.all(np.isfinite(values))) for values in (reading.pressure, reading.shear, reading.sliding))
+        require(finite, f"{pad.name} gave what is no number")
+
+
+def batteries_tell_their_charge(robot: Robot) -> None:
+    """A share of 0 to 1, and a voltage."""
+    for battery in parts_of(robot, Battery):
+        reading = battery.read()
+        require(0.0 <= reading.charge <= 1.0, f"{battery.name} has a charge of {reading.charge}; 0 to 1 is possible")
+        sound = 0.0 < reading.voltage < 1000.0 and bool(np.isfinite(reading.current))
+        require(sound, f"{battery.name} tells {reading.voltage} V and {reading.current} A")
+
+
 def readings_are_stamped(robot: Robot) -> None:
     """With the robot's clock: never of the future, never older than a second, and newer ones come."""
     for name, stamp in _stamped(robot):
@@ -111,6 +152,8 @@ def _stamped(robot: Robot) -> list[tuple[str, Callable[[], float]]]:
         (Lidar, lambda lidar: lidar.scan().stamp),
         (ForceTorque, lambda wrist: wrist.wrench().stamp),
         (Imu, lambda imu: imu.read().stamp),
+        (Tactile, lambda pad: pad.read().stamp),
+        (Battery, lambda battery: battery.read().stamp),
     ):
         found += [(sensor.name, partial(stamp, sensor)) for sensor in parts_of(robot, kind)]
     return found
@@ -123,5 +166,8 @@ SENSOR_CHECKS = (
     Check("cameras give images as described", cameras_give_images_as_described, (Camera,)),
     Check("lidars give ranges within theirs", lidars_give_ranges_within_theirs, (Lidar,)),
     Check("forces are finite", forces_are_finite, (ForceTorque,)),
+    Check("inertial units feel gravity", inertial_units_feel_gravity, (Imu,)),
+    Check("pads tell forces taxel by taxel", pads_tell_forces_taxel_by_taxel, (Tactile,)),
+    Check("batteries tell their charge", batteries_tell_their_charge, (Battery,)),
     Check("readings are stamped", readings_are_stamped, (Sensor,)),
 )

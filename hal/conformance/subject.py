@@ -9,7 +9,21 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hal.api import Arm, Camera, ForceTorque, Gripper, JointGroup, Lidar, MobileBase, Motion, Part, Robot
+from hal.api import (
+    Arm,
+    Battery,
+    Camera,
+    ForceTorque,
+    Gripper,
+    Imu,
+    JointGroup,
+    Lidar,
+    MobileBase,
+    Motion,
+    Part,
+    Robot,
+    Tactile,
+)
 from hal.conformance.requirement import require
 
 PartType = TypeVar("PartType", bound=Part)
@@ -27,6 +41,9 @@ MODEL_KINDS: Mapping[type[Part], tuple[str, ...]] = {
     Camera: ("cameras",),
     Lidar: ("lidars",),
     ForceTorque: ("force_torques",),
+    Imu: ("imus",),
+    Tactile: ("tactiles",),
+    Battery: ("batteries",),
 }
 """Kind of part → where the robot model lists such parts."""
 

@@ -198,6 +198,9 @@ def _modelled(model: RobotModel) -> list[str]:
         model.cameras,
         model.lidars,
         model.force_torques,
+        model.imus,
+        model.tactiles,
+        model.batteries,
     )
     return [name for kind in kinds for name in kind]
 

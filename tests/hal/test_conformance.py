@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import importlib
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.robot_model import compose_robot, load_robot_model
+from hal.api import Robot
+from hal.conformance import Check, settle
+from hal.conformance.base_checks import BASE_CHECKS
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from hal.conformance.room import empty_room
 from hal.pybullet import PyBulletRobot
@@ -26,15 +31,21 @@ def in_memory() -> MakeRobot:
     return lambda: driver(model)
 
 
-def in_pybullet(robot: str) -> MakeRobot:
-    model = load_robot_model(robot)
+def in_pybullet(robot: str, **parts: tuple[str, str]) -> MakeRobot:
+    """``parts``: more of them, name → part and the link that carries it."""
+    more = Document({"parts": {name: {"part": part, "mount": link} for name, (part, link) in parts.items()}})
+    model = compose_robot(robot, read_document(find_data("robot", robot)).merged(more))
     return lambda: PyBulletRobot(model, empty_room(), seed=1)
 
 
 ROBOTS = {
     "in memory": in_memory,
-    "diff_panda in pybullet": lambda: in_pybullet("diff_panda"),
-    "omni_ur5 in pybullet": lambda: in_pybullet("omni_ur5"),
+    "diff_panda in pybullet": lambda: in_pybullet(
+        "diff_panda",
+        imu=("imu", "base_link"),
+        pad=("tactile_pad", "panda_leftfinger"),
+        battery=("battery", "base_link"),
+    ),
 }
 
 
@@ -49,3 +60,18 @@ class TestConnected(PromisesOfAConnectedRobot):
 
 class TestConnecting(PromisesAboutConnecting):
     pass
+
+
+@pytest.fixture(scope="module")
+def omnidirectional() -> Iterator[Robot]:
+    with in_pybullet("omni_ur5")() as robot:
+        yield robot
+
+
+@pytest.mark.parametrize("check", BASE_CHECKS, ids=lambda check: check.name)
+def test_a_base_that_drives_sideways_keeps_its_promises(check: Check, omnidirectional: Robot) -> None:
+    assert check.why_not(omnidirectional) is None
+    try:
+        check.run(omnidirectional)
+    finally:
+        settle(omnidirectional)

@@ -51,6 +51,10 @@ def in_millimetres(image: Any) -> Any:
     return replace(image, depth=1000 * image.depth)
 
 
+def in_multiples_of_gravity(reading: Any) -> Any:
+    return replace(reading, linear_acceleration=reading.linear_acceleration / 9.81)
+
+
 BROKEN: list[tuple[str, Break]] = [
     ("sleeping takes the time asked", a_clock_that_oversleeps_short_sleeps),
     ("time never goes back", a_clock_that_goes_back),
@@ -61,5 +65,8 @@ BROKEN: list[tuple[str, Break]] = [
     ("cameras give images as described", of("head_camera", "capture", lambda do: in_millimetres(do()))),
     ("lidars give ranges within theirs", of("lidar", "scan", lambda do: replace(do(), range_max=1.0))),
     ("forces are finite", of("wrist_force_torque", "wrench", lambda do: replace(do(), force=np.full(3, np.nan)))),
+    ("inertial units feel gravity", of("imu", "read", lambda do: in_multiples_of_gravity(do()))),
+    ("pads tell forces taxel by taxel", of("pad", "read", lambda do: replace(do(), shear=np.zeros((2, 2))))),
+    ("batteries tell their charge", of("battery", "read", lambda do: replace(do(), charge=100.0))),
     ("readings are stamped", of("lidar", "scan", lambda do: replace(do(), stamp=0.0))),
 ]

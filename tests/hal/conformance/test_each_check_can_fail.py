@@ -10,20 +10,27 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.robot_model import RobotModel, compose_robot
 from hal.api import Arm
 from hal.conformance import CHECKS, LIFE_CHECKS
 from tests.hal.conformance import broken_commands, broken_connections, broken_readings, broken_stops
 from tests.hal.conformance.changed_robot import Break, Make, changed, failing, of, wrapped
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "driver_in_memory"
+ADDED = {
+    "imu": ("imu", "base_link"),
+    "pad": ("tactile_pad", "panda_leftfinger"),
+    "battery": ("battery", "base_link"),
+}
 BROKEN = [*broken_readings.BROKEN, *broken_commands.BROKEN, *broken_stops.BROKEN, *broken_connections.BROKEN]
 
 
 @pytest.fixture(scope="module")
 def small_model() -> RobotModel:
-    """With cameras of few pixels: thousands of pictures are taken here."""
-    model = load_robot_model("diff_panda")
+    """With a sensor of each kind, and cameras of few pixels: thousands of pictures are taken here."""
+    parts = Document({"parts": {name: {"part": part, "mount": link} for name, (part, link) in ADDED.items()}})
+    model = compose_robot("small", read_document(find_data("robot", "diff_panda")).merged(parts))
     cameras = {
         name: replace(camera, intrinsics=replace(camera.intrinsics, width=8, height=6))
         for name, camera in model.cameras.items()

