@@ -18,7 +18,14 @@ from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.isolated_robot import IsolatedRobot
 from hal.hardware.remote_time import RemoteTime
 from hal.hardware.robot import HardwareRobot
-from hal.hardware.sensors import HardwareCamera, HardwareForceTorque, HardwareLidar, HardwareSensor
+from hal.hardware.sensors import (
+    HardwareBattery,
+    HardwareCamera,
+    HardwareForceTorque,
+    HardwareImu,
+    HardwareLidar,
+    HardwareSensor,
+)
 from hal.hardware.stop_latch import StopLatch
 from hal.hardware.streamed_arm import StreamedArm
 from hal.hardware.streamed_joints import StreamedJointGroup
@@ -37,9 +44,11 @@ __all__ = [
     "GripperChannel",
     "GripperParameters",
     "GripperReading",
+    "HardwareBattery",
     "HardwareCamera",
     "HardwareForceTorque",
     "HardwareGripper",
+    "HardwareImu",
     "HardwareLidar",
     "HardwarePart",
     "HardwareRobot",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import CameraModel, ForceTorqueModel, LidarModel
-from hal.api import Camera, ForceTorque, Lidar
+from bestman_bt.robot_model import BatteryModel, CameraModel, ForceTorqueModel, ImuModel, LidarModel
+from hal.api import Battery, BatteryReading, Camera, ForceTorque, Imu, ImuReading, Lidar
 from hal.hardware.fault import Fault
 from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.part_line import PartLine
@@ -96,5 +96,36 @@ class HardwareForceTorque(HardwareSensor, ForceTorque):
 
     def wrench(self) -> Wrench:
         """The latest wrench."""
+        self._line.check_reading()
+        return self._read()
+
+
+class HardwareImu(HardwareSensor, Imu):
+    """``read``: the latest reading; NoDataError where there is none."""
+
+    def __init__(self, name: str, model: ImuModel, latch: StopLatch, read: Callable[[], ImuReading]) -> None:
+        super().__init__(name, latch)
+        self._model, self._read = model, read
+
+    @property
+    def frame(self) -> str:
+        """The frame of the readings."""
+        return self._model.frame
+
+    def read(self) -> ImuReading:
+        """The latest reading."""
+        self._line.check_reading()
+        return self._read()
+
+
+class HardwareBattery(HardwareSensor, Battery):
+    """``read``: the latest reading; NoDataError where there is none."""
+
+    def __init__(self, name: str, model: BatteryModel, latch: StopLatch, read: Callable[[], BatteryReading]) -> None:
+        super().__init__(name, latch)
+        self._model, self._read = model, read
+
+    def read(self) -> BatteryReading:
+        """The latest reading."""
         self._line.check_reading()
         return self._read()

@@ -13,7 +13,19 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from hal.api import Clock, Gripper, JointGroup, Motion, MotionError, MotionStatus, Part, Robot, RobotError, Timer
+from hal.api import (
+    Clock,
+    Gripper,
+    JointGroup,
+    MobileBase,
+    Motion,
+    MotionError,
+    MotionStatus,
+    Part,
+    Robot,
+    RobotError,
+    Timer,
+)
 from hal.parts import SimulatedClock, interface_of
 from hal.replay.encoding import error_to_json, to_json
 
@@ -26,7 +38,8 @@ class RecordedRobot(Robot):
     """``robot``, connected, with everything that goes through it written to ``path`` until ``close``.
 
     One line of JSON each, compressed: first the description of the parts; then readings, commands, and how the motions
-    ended. Joints and grippers are looked at besides; what has noise is not, so that a run is the same without this.
+    ended. Joints, grippers and speeds are looked at besides; what has noise or adds
+    up is not, so that a run is the same without this.
     """
 
     def __init__(self, robot: Robot, path: Path) -> None:
@@ -87,11 +100,13 @@ class RecordedRobot(Robot):
         return self._robot.diagnostics()
 
     def sample(self) -> None:
-        """Write down where joints and grippers are, and which motions have ended."""
+        """Write down where joints and grippers are, how fast bases go, and which motions have ended."""
         for part in self._robot.parts.values():
             if isinstance(part, JointGroup):
                 self._try_to_read(part, "positions")
                 self._try_to_read(part, "velocities")
+            elif isinstance(part, MobileBase):
+                self._try_to_read(part, "velocity")
             elif isinstance(part, Gripper):
                 self._try_to_read(part, "width")
                 self._try_to_read(part, "state")

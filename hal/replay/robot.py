@@ -27,9 +27,15 @@ from hal.hardware import ConnectionFailedError
 from hal.parts import SimulatedClock, interface_of
 from hal.replay.encoding import error_from_json, from_json
 from hal.replay.matching import in_words, same_target
-from hal.replay.tape import RecordedCommand, Tape, read_tape
+from hal.replay.tape import Readings, RecordedCommand, Tape, read_tape
 
 SAME_MOMENT = 1e-6
+IMAGE_WAIT = 2.0
+"""Seconds by which an image may be taken earlier in the program than in the recording."""
+STREAM_PAUSE = 0.5
+"""Seconds without velocities or set-points after which the next one begins a stream of its own."""
+STREAM_SLACK = 1.0
+"""Seconds by which a stream may begin later in the program than in the recording."""
 LONGEST_GAP = 5.0
 """Seconds that a reading may be from the moment it is asked for; it is told as if it was made then."""
 
@@ -40,7 +46,8 @@ class ReplayRobot(Robot):
     A motion that agrees with the next one recorded of its part is accepted, and ends as that one did; the recording
     then goes on from there, so that a program that thinks longer or shorter stays with it. Any other is refused, in
     words.
-    Velocities and set-points are accepted where such were given, and change nothing.
+    Velocities and set-points are accepted where such were given, and change nothing; where the program begins to send
+    them, the recording goes on from where such began, and where it takes an image, from where the next one was taken.
     ``world``, ``seed`` and ``gui`` are those of simulated drivers, which this one has no use for.
     """
 
@@ -52,6 +59,10 @@ class ReplayRobot(Robot):
         self._offset = 0.0  # of the recording's time from the clock's
         self._used: dict[tuple[str, str], int] = {}
         self._motions: dict[str, ReplayedMotion] = {}
+        self._streamed: dict[tuple[str, str], float] = {}  # when the program last sent a velocity or set-point
+        self._stream_begun: dict[tuple[str, str], float] = {}  # where in the recording the present stream began
+
+        self._seen: dict[str, float] = {}  # camera → when its last image was taken
 
     # Description
 
@@ -94,7 +105,7 @@ class ReplayRobot(Robot):
         if self.tape.robot != self._model.name:
             raise ConnectionFailedError(f"this is a recording of {self.tape.robot!r}, not of {self._model.name!r}")
         self._offset = self.tape.start - self.clock.now()
-        self._used, self._motions = {}, {}
+        self._used, self._motions, self._streamed, self._stream_begun, self._seen = {}, {}, {}, {}, {}
         self.clock.step = lambda: None
         self._connected = True
 
@@ -152,9 +163,12 @@ class ReplayRobot(Robot):
 
     def _read(self, part: str, what: str) -> Any:
         self._check_connected(part)
-        found, moment = self.tape.readings.get((part, what)), self.moment()
+        found = self.tape.readings.get((part, what))
         if found is None:
             raise NoDataError(f"{part}: nobody has read {what}() in this recording")
+        if what == "capture":
+            self._go_on_to_image(part, found)
+        moment = self.moment()
         taken, told = found.at(moment, SAME_MOMENT)
         if abs(taken - moment) > LONGEST_GAP:
             raise NoDataError(
@@ -168,6 +182,13 @@ class ReplayRobot(Robot):
             return dataclasses.replace(value, stamp=value.stamp + shift)  # type: ignore[type-var]
         return value
 
+    def _go_on_to_image(self, camera: str, images: Readings) -> None:
+        """Images are few: the one that a program takes is the next one that was taken, if that is soon."""
+        taken = images.after(max(self._seen.get(camera, 0.0), self.moment() - SAME_MOMENT))
+        if taken is not None and taken - self.moment() <= IMAGE_WAIT:
+            self._seen[camera] = taken
+            self._offset = taken - self.clock.now()
+
     def _command(self, part: str, what: str, arguments: tuple[Any, ...], keywords: Mapping[str, Any]) -> Any:
         self._check_connected(part)
         if self._stopped:
@@ -179,6 +200,7 @@ class ReplayRobot(Robot):
             raise CommandRefusedError(f"{part} refused {what}: the recording holds no such command")
         if all(command.motion is None and command.refusal is None for command in recorded):
             self._supersede(part)
+            self._go_on_with_streams((part, what))
             return None
         used = self._used.get((part, what), 0)
         asked = in_words(what, arguments, keywords)
@@ -195,6 +217,18 @@ class ReplayRobot(Robot):
         self._supersede(part)
         self._motions[part] = motion = ReplayedMotion(self, command)
         return motion
+
+    def _go_on_with_streams(self, key: tuple[str, str]) -> None:
+        """A stream of commands that begins in the program begins in the recording, too."""
+        now, last = self.clock.now(), self._streamed.get(key, -LONGEST_GAP)
+        self._streamed[key] = now
+        if now - last <= STREAM_PAUSE:
+            return
+        earliest = max(self.moment() - STREAM_SLACK, self._stream_begun.get(key, 0.0) + SAME_MOMENT)
+        begin = next((time for time in self.tape.stream_starts(key, STREAM_PAUSE) if time >= earliest), None)
+        if begin is not None:
+            self._stream_begun[key] = begin
+            self._offset = begin - now
 
     def _check_connected(self, part: str) -> None:
         if not self._connected:

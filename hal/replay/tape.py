@@ -6,6 +6,7 @@ import bisect
 import contextlib
 import gzip
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,6 +30,11 @@ class Readings:
         """The newest until ``moment`` (and ``tolerance`` seconds more), or the first one if that is later."""
         index = max(0, bisect.bisect_right(self.times, moment + tolerance) - 1)
         return self.times[index], self.told[index]
+
+    def after(self, moment: float) -> float | None:
+        """When the first one after ``moment`` was told."""
+        index = bisect.bisect_right(self.times, moment)
+        return self.times[index] if index < len(self.times) else None
 
 
 @dataclass
@@ -57,6 +63,11 @@ class Tape:
     parts: Mapping[str, tuple[str, Mapping[str, Any]]]
     readings: Mapping[tuple[str, str], Readings]
     commands: Mapping[tuple[str, str], list[RecordedCommand]]
+
+    def stream_starts(self, key: tuple[str, str], pause: float) -> list[float]:
+        """When commands of one method of one part began to come, after none for ``pause`` seconds."""
+        times = [command.time for command in self.commands.get(key, [])]
+        return [time for before, time in zip([-math.inf, *times], times, strict=False) if time - before > pause]
 
 
 def read_tape(path: Path) -> Tape:

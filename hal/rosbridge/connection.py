@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, ClassVar
 
-from bestman_bt.messages import LaserScan, Wrench
 from hal.api import MotionErrorCode, Part
 from hal.hardware import (
     Connection,
     ConnectionFailedError,
     DrivenBase,
     Fault,
+    HardwareBattery,
     HardwareCamera,
     HardwareForceTorque,
+    HardwareImu,
     HardwareLidar,
     JointReading,
     RemoteTime,
@@ -35,10 +37,17 @@ STALE_TIME = 0.05
 """Seconds beyond the watchdog's after which one silent topic counts; where all are silent, the watchdog is first."""
 SENSOR_PERIODS = 4.0
 """Periods of a sensor after which its last reading counts as none."""
+SENSORS: Mapping[str, tuple[Any, str, Any, str, str]] = {
+    "lidar": (HardwareLidar, "scan", decoding.laser_scan, "sensor_msgs", "LaserScan"),
+    "force_torque": (HardwareForceTorque, "wrench", decoding.wrench, "geometry_msgs", "WrenchStamped"),
+    "imu": (HardwareImu, "readings", decoding.imu, "sensor_msgs", "Imu"),
+    "battery": (HardwareBattery, "state", decoding.battery, "sensor_msgs", "BatteryState"),
+}
+"""Kind of part that only tells → its class, its stream, how that is decoded, and what its messages are."""
 
 
 class RosbridgeConnection(Connection):
-    """A mobile base, joints, cameras, lidars and force-torque sensors behind one rosbridge server.
+    """A mobile base, joints, cameras, lidars, other sensors and batteries behind one rosbridge server.
 
     Odometry and joint states are watched: where they come late, or stay away while other messages come, nothing may
     move. What other sensors told is refused once it is too old. Images are asked for one at a time.
@@ -63,11 +72,12 @@ class RosbridgeConnection(Connection):
         self._driven: list[DrivenBase | StreamedJointGroup] = []
         makers: dict[str, tuple[Mapping[str, Any], Callable[[str], Part]]] = {
             "base": (self.model.bases, self._make_base),
-            "lidar": (self.model.lidars, self._make_lidar),
             "camera": (self.model.cameras, self._make_camera),
             "joint_group": (self.model.joint_groups, self._make_joints),
-            "force_torque": (self.model.force_torques, self._make_force_torque),
         }
+        sensors = (self.model.lidars, self.model.force_torques, self.model.imus, self.model.batteries)
+        for kind, there in zip(SENSORS, sensors, strict=True):
+            makers[kind] = (there, partial(self._make_sensor, kind, there))
         kinds = {name: kind for kind, (there, _) in makers.items() for name in self.settings.parts if name in there}
         if strange := [name for name in self.settings.parts if name not in kinds]:
             text = f"{self.name}: {', '.join(strange)} cannot be behind rosbridge; these kinds can: {', '.join(makers)}"
@@ -172,12 +182,6 @@ class RosbridgeConnection(Connection):
         self._driven.append(group)
         return group
 
-    def _make_lidar(self, name: str) -> HardwareLidar:
-        model, topic = self.model.lidars[name], self.options.topic("lidar", name, "scan")
-        scans: Stream[LaserScan] = self._stream(name, topic, decoding.laser_scan, SENSOR_PERIODS / model.rate)
-        self._listen(scans, "sensor_msgs", "LaserScan")
-        return HardwareLidar(name, model, self.latch, scans.read)
-
     def _make_camera(self, name: str) -> HardwareCamera:
         model = self.model.cameras[name]
         camera = RosCamera(name, model, self._link, self.clock, self._ros_time, self.options)
@@ -185,11 +189,13 @@ class RosbridgeConnection(Connection):
         self._listen(camera.info, "sensor_msgs", "CameraInfo", period=INFO_PERIOD)
         return HardwareCamera(name, model, self.latch, camera.take)
 
-    def _make_force_torque(self, name: str) -> HardwareForceTorque:
-        model, topic = self.model.force_torques[name], self.options.topic("force_torque", name, "wrench")
-        wrenches: Stream[Wrench] = self._stream(name, topic, decoding.wrench, self._stale_after)
-        self._listen(wrenches, "geometry_msgs", "WrenchStamped")
-        return HardwareForceTorque(name, model, self.latch, wrenches.read)
+    def _make_sensor(self, kind: str, models: Mapping[str, Any], name: str) -> Part:
+        make, stream_name, decode, package, message = SENSORS[kind]
+        longest_age = max(SENSOR_PERIODS / models[name].rate, self._stale_after)
+        stream = self._stream(name, self.options.topic(kind, name, stream_name), decode, longest_age)
+        self._listen(stream, package, message)
+        part: Part = make(name, models[name], self.latch, stream.read)
+        return part
 
     def _stream(self, part: str, topic: str, decode: Any, longest_age: float, header: Any = None) -> Stream[Any]:
         keywords = {} if header is None else {"header": header}

@@ -13,11 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, Pose2D, Twist2D, Wrench
+from hal.api import BatteryReading, ImuReading
 from hal.hardware import BaseReading
 
 Message = Mapping[str, Any]
 DEPTH_HEADER = struct.Struct("<iff")
 """Before the PNG of compressed_depth_image_transport: a format and two parameters of the quantisation."""
+_IMU_FIELDS = "angular_velocity", "linear_acceleration"
+CHARGING = 1
+"""Of the power supply states."""
 MILLIMETRES, METRES = "16UC1", "32FC1"
 
 
@@ -65,6 +69,21 @@ def wrench(message: Message, at: float) -> Wrench:
     """``geometry_msgs/WrenchStamped``."""
     force, torque = ([float(message["wrench"][what][axis]) for axis in "xyz"] for what in ("force", "torque"))
     return Wrench(np.array(force), np.array(torque), at)
+
+
+def imu(message: Message, at: float) -> ImuReading:
+    """``sensor_msgs/Imu``."""
+    turning, pushing = ([float(message[what][axis]) for axis in "xyz"] for what in _IMU_FIELDS)
+    return ImuReading(np.array(turning), np.array(pushing), at)
+
+
+def battery(message: Message, at: float) -> BatteryReading:
+    """``sensor_msgs/BatteryState``, whose current is negative where it is drawn; what it does not measure is null."""
+    charge, voltage, current = (message[what] for what in ("percentage", "voltage", "current"))
+    if charge is None or voltage is None:
+        raise ValueError("a battery should tell its charge and voltage")
+    charging = int(message["power_supply_status"]) == CHARGING
+    return BatteryReading(float(charge), float(voltage), -float(current or 0.0), charging, at)
 
 
 def joints(message: Message, names: Sequence[str]) -> tuple[list[float], list[float], list[float]] | None:

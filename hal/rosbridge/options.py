@@ -20,6 +20,8 @@ TOPICS: Mapping[str, Mapping[str, str]] = {
     },
     "joint_group": {"states": "/joint_states", "commands": "/{part}_controller/joint_trajectory"},
     "force_torque": {"wrench": "/{part}/wrench"},
+    "imu": {"readings": "/{part}/data"},
+    "battery": {"state": "/battery_state"},
 }
 """Kind of part → its streams → where they are if nothing is said."""
 

@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, Pose2D, RGBDImage, Twist2D, Wrench
+from hal.api import BatteryReading, ImuReading
 
 JPEG_QUALITY = 95
 PNG_COMPRESSION = 1
 INVERSE_DEPTH = 0
+CHARGING, DISCHARGING = 1, 2
 Message = dict[str, Any]
 
 
@@ -60,7 +62,7 @@ def transform(header: Message, child: str, pose: Pose2D) -> Message:
     return {"transforms": [{"header": header, "child_frame_id": child, "transform": moved}]}
 
 
-def laser_scan(header: Message, scan: LaserScan, rate: float) -> Message:
+def laser_scan(header: Message, scan: LaserScan) -> Message:
     """``sensor_msgs/LaserScan``."""
     count = len(scan.ranges)
     return {
@@ -69,7 +71,7 @@ def laser_scan(header: Message, scan: LaserScan, rate: float) -> Message:
         "angle_max": scan.angle_min + scan.angle_increment * (count - 1),
         "angle_increment": scan.angle_increment,
         "time_increment": 0.0,
-        "scan_time": 1.0 / rate,
+        "scan_time": 0.0,
         "range_min": scan.range_min,
         "range_max": scan.range_max,
         "ranges": [value if math.isfinite(value) else None for value in scan.ranges.tolist()],
@@ -81,6 +83,34 @@ def wrench(header: Message, told: Wrench) -> Message:
     """``geometry_msgs/WrenchStamped``."""
     both = {"force": told.force, "torque": told.torque}
     return {"header": header, "wrench": {n: dict(zip("xyz", v.tolist(), strict=True)) for n, v in both.items()}}
+
+
+def imu(header: Message, told: ImuReading) -> Message:
+    """``sensor_msgs/Imu`` without an orientation."""
+    unknown = [-1.0] + [0.0] * 8
+    return {
+        "header": header,
+        "orientation": _yaw(0.0),
+        "orientation_covariance": unknown,
+        "angular_velocity": dict(zip("xyz", told.angular_velocity.tolist(), strict=True)),
+        "angular_velocity_covariance": [0.0] * 9,
+        "linear_acceleration": dict(zip("xyz", told.linear_acceleration.tolist(), strict=True)),
+        "linear_acceleration_covariance": [0.0] * 9,
+    }
+
+
+def battery(header: Message, told: BatteryReading) -> Message:
+    """``sensor_msgs/BatteryState``: current is negative where it is drawn; what is not measured is null."""
+    unknown = dict.fromkeys(("temperature", "charge", "capacity", "design_capacity"))
+    return {
+        "header": header,
+        **unknown,
+        "percentage": told.charge,
+        "voltage": told.voltage,
+        "current": -told.current,
+        "power_supply_status": CHARGING if told.charging else DISCHARGING,
+        "present": True,
+    }
 
 
 def joint_states(header: Message, names: Sequence[str], columns: Sequence[Sequence[float]]) -> Message:

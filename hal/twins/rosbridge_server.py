@@ -5,13 +5,13 @@ from __future__ import annotations
 import functools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from hal.api import ForceTorque, JointGroup, Lidar, MobileBase
+from hal.api import JointGroup, MobileBase
 from hal.twins import ros_messages
 from hal.twins.errors import TwinError
 from hal.twins.faults import Faults
@@ -23,6 +23,13 @@ from hal.twins.world import TwinWorld
 PORT = 9090
 STATE_RATE, INFO_RATE = 50.0, 30.0
 IDLE = 0.5
+SENSORS: Mapping[str, tuple[str, str, str, str, Callable[[Message, Any], Message]]] = {
+    "lidar": ("scan", "scan", "sensor_msgs", "LaserScan", ros_messages.laser_scan),
+    "force_torque": ("wrench", "wrench", "geometry_msgs", "WrenchStamped", ros_messages.wrench),
+    "imu": ("read", "readings", "sensor_msgs", "Imu", ros_messages.imu),
+    "battery": ("read", "state", "sensor_msgs", "BatteryState", ros_messages.battery),
+}
+"""Kind of part that only tells → how it is read, its stream, what its messages are and how they are written."""
 
 
 @dataclass
@@ -35,7 +42,7 @@ class Output:
 
 
 class RosbridgeTwin:
-    """Serves bases, joint groups, lidars, force-torque sensors and cameras on ``address``.
+    """Serves bases, joint groups, cameras, lidars, other sensors and batteries on ``address``.
 
     Its clock is the machine's wall clock, which is not the client's. A camera takes pictures while somebody subscribes
     to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry again and again),
@@ -59,10 +66,12 @@ class RosbridgeTwin:
         self.faults = Faults()
         makers: tuple[tuple[Any, Callable[[str], None]], ...] = (
             (model.bases, self._add_base),
-            (model.lidars, self._add_lidar),
             (model.cameras, self._add_camera),
             (model.joint_groups, self._add_joints),
-            (model.force_torques, self._add_force_torque),
+            (model.lidars, functools.partial(self._add_sensor, "lidar", model.lidars)),
+            (model.force_torques, functools.partial(self._add_sensor, "force_torque", model.force_torques)),
+            (model.imus, functools.partial(self._add_sensor, "imu", model.imus)),
+            (model.batteries, functools.partial(self._add_sensor, "battery", model.batteries)),
         )
         for name in connection.parts:
             for there, add in makers:
@@ -146,18 +155,15 @@ class RosbridgeTwin:
         commands = self._declare("joint_group", name, "commands", "trajectory_msgs", "JointTrajectory")
         self._takers[commands] = joints.follow
 
-    def _add_lidar(self, name: str) -> None:
-        lidar, rate = self._world.robot.part(name, Lidar), self._model.lidars[name].rate
-        topic = self._declare("lidar", name, "scan", "sensor_msgs", "LaserScan")
-        self._outputs.append(
-            Output(rate, {topic: lambda: ros_messages.laser_scan(self._header(lidar.frame), lidar.scan(), rate)})
-        )
+    def _add_sensor(self, kind: str, models: Mapping[str, Any], name: str) -> None:
+        part, model = self._world.robot.parts[name], models[name]
+        read, stream, package, message, write = SENSORS[kind]
+        frame, rate = getattr(model, "frame", ""), min(model.rate, STATE_RATE)
 
-    def _add_force_torque(self, name: str) -> None:
-        sensor = self._world.robot.part(name, ForceTorque)
-        topic = self._declare("force_torque", name, "wrench", "geometry_msgs", "WrenchStamped")
-        make = {topic: lambda: ros_messages.wrench(self._header(sensor.frame), sensor.wrench())}
-        self._outputs.append(Output(min(self._model.force_torques[name].rate, STATE_RATE), make))
+        def make() -> Message:
+            return write(self._header(frame), getattr(part, read)())
+
+        self._outputs.append(Output(rate, {self._declare(kind, name, stream, package, message): make}))
 
     def _add_camera(self, name: str) -> None:
         model = self._model.cameras[name]

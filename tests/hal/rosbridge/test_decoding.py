@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import math
 import struct
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, Pose2D, RGBDImage, Twist2D
+from hal.api import BatteryReading, ImuReading
 from hal.rosbridge import decoding
 from hal.rosbridge.base import TransformOdometry
 from hal.twins import ros_messages
@@ -32,7 +34,7 @@ def test_odometry_comes_through() -> None:
 
 def test_a_scan_without_hits_is_infinite_where_json_says_null() -> None:
     scan = LaserScan(np.array([1.0, np.inf, 2.5, 0.1]), -1.0, 0.5, 0.2, 8.0, 0.0)
-    read = decoding.laser_scan(ros_messages.laser_scan({}, scan, 10.0), 3.0)
+    read = decoding.laser_scan(ros_messages.laser_scan({}, scan), 3.0)
     assert read.ranges.tolist() == [1.0, math.inf, 2.5, math.inf]  # the last one is nearer than it can measure
     assert (read.angle_min, read.angle_increment, read.stamp) == (-1.0, 0.5, 3.0)
 
@@ -96,3 +98,21 @@ def test_odometry_by_transforms_has_velocities_in_the_base_frame() -> None:
     assert reading.velocity.wz == pytest.approx(0.2)
     other = ros_messages.transform(version.header("base_link", 5.2), "camera", Pose2D(0, 0, 0))
     assert source.decode(other, 5.2) is None
+
+
+def test_a_battery_tells_what_is_drawn_and_whether_it_charges() -> None:
+    told = BatteryReading(0.8, 25.2, 3.5, False, 0.0)
+    message = ros_messages.battery({}, told)
+    assert message["current"] == -3.5
+    assert decoding.battery(message, 0.0) == told
+    assert decoding.battery(ros_messages.battery({}, dataclasses.replace(told, charging=True)), 0.0).charging
+    with pytest.raises(ValueError, match="charge"):
+        decoding.battery({**message, "percentage": None}, 0.0)
+
+
+def test_an_imu_keeps_its_axes() -> None:
+    told = ImuReading(np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 9.81]), 0.0)
+    read = decoding.imu(ros_messages.imu({}, told), 4.0)
+    assert read.angular_velocity.tolist() == [0.1, 0.2, 0.3]
+    assert read.linear_acceleration.tolist() == [1.0, 2.0, 9.81]
+    assert read.stamp == 4.0
