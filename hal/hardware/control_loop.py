@@ -16,10 +16,10 @@ REMEMBERED = 60_000
 REAL_TIME_PRIORITY = 20
 
 
-def take_real_time_priority() -> None:
-    """Put the calling thread before all others that have none, where the system allows it."""
+def take_real_time_priority(priority: int = REAL_TIME_PRIORITY) -> None:
+    """Put the calling thread before all others of a lower priority or none, where the system allows it."""
     with contextlib.suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(REAL_TIME_PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
 
 
 @dataclass(frozen=True)
