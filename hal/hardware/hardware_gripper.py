@@ -10,8 +10,7 @@ from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus, NoDataError
 from hal.hardware.channels import GripperChannel, GripperReading
 from hal.hardware.fault import Fault
-from hal.hardware.hardware_part import HardwarePart
-from hal.hardware.part_line import PartLine
+from hal.hardware.moving_part import MovingPart
 from hal.hardware.stop_latch import StopLatch
 from hal.parts import GripperCommandChecks, PartMotion
 
@@ -34,7 +33,7 @@ class GripperParameters:
     spare_time: float = 3.0
 
 
-class HardwareGripper(HardwarePart, Gripper):
+class HardwareGripper(MovingPart, Gripper):
     """A gripper over a channel. A loop of the connection calls ``cycle``; it alone speaks to the channel."""
 
     def __init__(
@@ -45,11 +44,10 @@ class HardwareGripper(HardwarePart, Gripper):
         latch: StopLatch,
         parameters: GripperParameters | None = None,
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, latch)
         self._model, self._channel = model, channel
         self._parameters = parameters or GripperParameters()
         self._checks = GripperCommandChecks(name, model, self._parameters.usual_force, self._parameters.usual_speed)
-        self._line = PartLine(name, latch)
         self._reading: GripperReading | None = None
         self._order: tuple[float, float, float] | None = None  # width, force, speed that are still to be sent
         self._halting = False
@@ -94,15 +92,8 @@ class HardwareGripper(HardwarePart, Gripper):
             self._order = (self._target, force, speed)
             return motion
 
-    def stop(self) -> None:
-        """Stay as it is: moving fingers halt, a grasp goes on pressing."""
-        with self._line.lock:
-            if self._line.connected:
-                self.brake()
-                self._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
-
     def brake(self) -> None:
-        """Halt the fingers, unless an object blocks them; fingers that have not begun to move yet are not blocked."""
+        """Halt the fingers; a grasp goes on pressing. Fingers that have not begun to move yet are not blocked."""
         parameters = self._parameters
         with self._line.lock:
             blocked = self._time > parameters.start_time and self._still_for >= parameters.still_time / 3
@@ -117,12 +108,6 @@ class HardwareGripper(HardwarePart, Gripper):
             self._closing = self._blocked = self._halting = False
             self._order = None
             self._line.open()
-
-    def detach(self) -> None:
-        """The controller disconnects: halt."""
-        with self._line.lock:
-            self.brake()
-            self._line.close()
 
     @property
     def resting(self) -> bool:

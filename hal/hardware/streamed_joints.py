@@ -9,8 +9,7 @@ from bestman_bt.robot_model import ArmModel, JointGroupModel
 from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
 from hal.hardware.channels import JointChannel
 from hal.hardware.fault import Fault
-from hal.hardware.hardware_part import HardwarePart
-from hal.hardware.part_line import PartLine
+from hal.hardware.moving_part import MovingPart
 from hal.hardware.stop_latch import StopLatch
 from hal.hardware.streaming import StreamingParameters
 from hal.parts import (
@@ -28,7 +27,7 @@ from hal.parts import (
 Array = NDArray[np.float64]
 
 
-class StreamedJointGroup(HardwarePart, JointGroup):
+class StreamedJointGroup(MovingPart, JointGroup):
     """Joints over a channel. A loop of the connection calls ``cycle`` once per ``period`` seconds.
 
     What a command asks for is decided under the part's lock; set-points are sent outside of it, so that a controller
@@ -44,11 +43,10 @@ class StreamedJointGroup(HardwarePart, JointGroup):
         period: float,
         parameters: StreamingParameters | None = None,
     ) -> None:
-        super().__init__(name)
+        super().__init__(name, latch)
         self._channel, self._period = channel, period
         self._parameters = parameters or StreamingParameters()
         self._checks = JointCommandChecks(name, model)
-        self._line = PartLine(name, latch)
         rest = np.zeros(len(self._checks.joint_names))
         self._position: Array = rest
         self._velocity: Array = rest
@@ -128,13 +126,6 @@ class StreamedJointGroup(HardwarePart, JointGroup):
             self._take_over(move, motion)
             return motion
 
-    def stop(self) -> None:
-        """Brake to rest within half a second, ending the motion under way."""
-        with self._line.lock:
-            if self._line.connected:
-                self.brake()
-                self._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
-
     def brake(self) -> None:
         """Come to rest within half a second."""
         with self._line.lock:
@@ -152,12 +143,6 @@ class StreamedJointGroup(HardwarePart, JointGroup):
             self._setpoints = Hold(self._position)
             self._astray = self._slip = 0.0
             self._line.open()
-
-    def detach(self) -> None:
-        """The controller disconnects: brake."""
-        with self._line.lock:
-            self.brake()
-            self._line.close()
 
     @property
     def resting(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import struct
 import time
+from collections.abc import Iterator
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
@@ -43,12 +44,16 @@ class RobotiqTwin:
         """Close the port."""
         self._server.close()
 
+    def _received(self, client: socket.socket) -> Iterator[bytes]:
+        """What comes over the wire, with the faults that it has."""
+        while chunk := client.recv(4096):
+            if not self.faults.wire.silent:
+                time.sleep(self.faults.wire.delay)
+                yield chunk
+
     def _attend_urcap(self, client: socket.socket) -> None:
         buffer = b""
-        while chunk := client.recv(4096):
-            if self.faults.wire.silent:
-                continue
-            time.sleep(self.faults.wire.delay)
+        for chunk in self._received(client):
             buffer += chunk
             *lines, buffer = buffer.split(b"\n")
             answers = b"".join(self._answer_line(line.decode("ascii", "replace").split()) for line in lines)
@@ -66,10 +71,7 @@ class RobotiqTwin:
 
     def _attend_modbus(self, client: socket.socket) -> None:
         buffer = b""
-        while chunk := client.recv(4096):
-            if self.faults.wire.silent:
-                continue
-            time.sleep(self.faults.wire.delay)
+        for chunk in self._received(client):
             buffer += chunk
             while len(buffer) >= 6 and len(buffer) >= (size := 6 + int.from_bytes(buffer[4:6], "big")):
                 frame, buffer = buffer[:size], buffer[size:]
