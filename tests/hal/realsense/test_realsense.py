@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,9 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from hal.api import Camera
-from hal.conformance import LIFE_CHECKS, Check
+from hal.conformance import Check
+from hal.conformance.promises import MakeRobot, PromisesAboutConnecting
+from hal.conformance.sensor_checks import SENSOR_CHECKS
 from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.realsense.sdk import realsense_sdk
 
@@ -105,13 +108,22 @@ def test_colour_and_registered_depth_come_in_metres_and_newly_taken(model: Robot
         assert camera.capture().rgb[100, 100].tolist() == list(COLOR)
 
 
-@pytest.mark.parametrize("check", LIFE_CHECKS, ids=lambda check: check.name)
-def test_it_keeps_its_promises_about_connections(check: Check, model: RobotModel) -> None:
-    robot = HardwareRobot(model)
-    if check.why_not(robot) is None:
-        check.run(robot)
-    else:
-        assert check.needs, f"{check.name} applies to every robot"
+@pytest.fixture(scope="module")
+def make_robot(model: RobotModel) -> MakeRobot:
+    return partial(HardwareRobot, model)
+
+
+class TestConnecting(PromisesAboutConnecting):
+    pass
+
+
+@pytest.mark.parametrize("check", SENSOR_CHECKS, ids=lambda check: check.name)
+def test_its_images_are_as_promised(check: Check, make_robot: MakeRobot) -> None:
+    with make_robot() as robot:
+        if check.why_not(robot) is None:
+            check.run(robot)
+        else:
+            assert Camera not in check.needs
 
 
 def test_a_camera_that_is_not_there_is_an_error_in_words(model: RobotModel, recording: Path) -> None:
