@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from behaviours.context import SkillContext
@@ -40,15 +41,19 @@ ROOM_TO_TURN = (-0.42, 0.45, 0.42)
 
 
 def postures_beside(
-    skills: SkillContext, held: HeldObject, posture: NDArray[np.float64], world: CollisionWorld
+    skills: SkillContext,
+    held: HeldObject,
+    posture: NDArray[np.float64],
+    world: CollisionWorld,
+    sights: Sequence[NDArray[np.float64]] = (),
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Joint positions (n,) in which what is held stands upright beside the mast, whichever way the hand has taken it.
 
     First those that leave the head camera's view free and do not stand out over the base, then others; each nearest to
     the present ones first. Only the present ones, if they are such. They are sought near these and near ``posture``.
-    ``world``: what they must be free in.
+    ``world``: what they must be free in. ``sights``: points (3,), base frame, that the camera should see as well.
     """
-    clear = _clear_of_view_and_turning(skills)
+    clear = _things_that_are_not_there(skills, (_lines(skills, [*IN_VIEW, *sights]), _fence()))
     now = skills.arm_positions()
     held_at = (skills.base_from_tool() @ held.tool_from_object).position
     is_beside = min(float(np.linalg.norm(held_at - place)) for place in BESIDE) < SAME_PLACE
@@ -75,12 +80,24 @@ def _nearest(postures: list[NDArray[np.float64]], now: NDArray[np.float64]) -> l
     return sorted(postures, key=lambda positions: float(np.abs(positions - now).max()))[:ENOUGH]
 
 
-def _clear_of_view_and_turning(skills: SkillContext) -> CollisionWorld:
-    """The world of things that are not there: lines of sight, and a fence about the base."""
+def out_of_sight(skills: SkillContext, point: NDArray[np.float64]) -> CollisionWorld:
+    """In which the arm, with what it holds, is free where the head camera sees past it to a point (3,), base frame."""
+    return _things_that_are_not_there(skills, (_lines(skills, [point]),))
+
+
+def _things_that_are_not_there(skills: SkillContext, things: Sequence[SceneObstacle]) -> CollisionWorld:
+    return skills.arm_world(replace(skills.planning_scene(), obstacles=tuple(things), voxels=()))
+
+
+def _lines(skills: SkillContext, points: Sequence[ArrayLike]) -> SceneObstacle:
     eye = skills.camera.base_from_camera().position
-    sights = tuple(_line_of_sight(eye, np.array(point)) for point in IN_VIEW)
+    return SceneObstacle("sight", tuple(_line_of_sight(eye, np.asarray(point)) for point in points))
+
+
+def _fence() -> SceneObstacle:
+    """About the base."""
     back, front, side = ROOM_TO_TURN
-    fence = tuple(
+    boards = tuple(
         PlacedShape(Box(size), Pose(np.array(middle)))
         for size, middle in (
             ((0.2, 4.0, 3.0), (back - 0.1, 0.0, 1.5)),
@@ -89,8 +106,7 @@ def _clear_of_view_and_turning(skills: SkillContext) -> CollisionWorld:
             ((4.0, 0.2, 3.0), (0.0, -side - 0.1, 1.5)),
         )
     )
-    obstacles = (SceneObstacle("sight", sights), SceneObstacle("fence", fence))
-    return skills.arm_world(replace(skills.planning_scene(), obstacles=obstacles, voxels=()))
+    return SceneObstacle("fence", boards)
 
 
 def _line_of_sight(eye: NDArray[np.float64], point: NDArray[np.float64]) -> PlacedShape:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
-from behaviours.carrying import postures_beside
+from behaviours.carrying import out_of_sight, postures_beside
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
 from bestman_bt.manipulation.kinematics import cartesian_path
@@ -34,12 +34,21 @@ TURN = np.radians(15.0)
 class MoveArm(Skill):
     """Move the arm to a posture of the robot, around everything that is believed to be there."""
 
-    INPUT_PORTS: ClassVar = {"posture": PortInformation(str, description="a posture of the robot, such as carry")}
+    INPUT_PORTS: ClassVar = {
+        "posture": PortInformation(str, description="a posture of the robot, such as carry"),
+        "sight": PortInformation(
+            Pose,
+            required=False,
+            description="a place in the map that the head camera shall see past what is held",
+        ),
+    }
     DECLARATION = Declaration(effects=("posture({posture})",))
 
     def execute(self) -> Steps:
         """Plan and follow; at once done where the arm is there already."""
-        yield from _move_to(self, _postures(self, self.get_input("posture")))
+        place: Pose | None = self.get_input("sight")
+        sight = None if place is None else self.skills.map_from_base.inverse().apply(place.position[None])[0]
+        yield from _move_to(self, _postures(self, self.get_input("posture"), sight))
 
 
 class Retreat(Skill):
@@ -89,11 +98,12 @@ def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Step
             return
 
 
-def _postures(skill: Skill, name: str) -> list[list[NDArray[np.float64]]]:
+def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None) -> list[list[NDArray[np.float64]]]:
     """Joint positions (n,) to go to, the best choices first: the posture itself, or with something in the hand others.
 
     Tried in turn: the posture, then with its last joint turned, then the postures whose names begin with its name and
-    an underscore, in the same way; then any that hold it upright beside the robot.
+    an underscore, in the same way; then any that hold it upright beside the robot. ``sight``: a point (3,), base frame,
+    that the head camera shall see past what is held.
     """
     skills = skill.skills
     posture = _posture(skill, name)
@@ -103,10 +113,12 @@ def _postures(skill: Skill, name: str) -> list[list[NDArray[np.float64]]]:
     scene = skills.planning_scene()
     world, roomy = skills.arm_world(scene), skills.arm_world(_with_room(scene))
     upright = Upright(skills.algorithms.kinematics, held.tool_from_object, MAX_HELD_TILT)
+    past = None if sight is None else out_of_sight(skills, sight)
     tilted = not upright.satisfied(skills.arm_positions())
 
     def is_fit(positions: NDArray[np.float64]) -> bool:
-        return (tilted or upright.satisfied(positions)) and roomy.is_free(positions)
+        seen = past is None or past.is_free(positions)
+        return seen and (tilted or upright.satisfied(positions)) and roomy.is_free(positions)
 
     others = sorted(other for other in skills.robot.postures if other.startswith(f"{name}_"))
     for basic in (posture, *(_posture(skill, other) for other in others)):
@@ -115,7 +127,7 @@ def _postures(skill: Skill, name: str) -> list[list[NDArray[np.float64]]]:
         free = [turned for turned in _turned(skill, basic) if is_fit(turned)]
         if free:
             return [[min(free, key=lambda positions: _reach(skill, positions, held))]]
-    beside = postures_beside(skill.skills, held, posture, world)
+    beside = postures_beside(skills, held, posture, world, () if sight is None else (sight,))
     return [goals for goals in beside if goals] or [[posture]]
 
 

@@ -91,16 +91,27 @@ def place() -> Node:
 
 def put_down() -> Node:
     """Put what is held at the goal, from where the robot stands."""
+    past_the_arm = Sequence(
+        "past_the_arm",
+        [MoveArm(posture="carry", sight="{goal}"), *see_the_place()],  # which may have hidden it
+    )
     return Sequence(
         "put_down",
         [
-            LookAt(surface="{surface}", point="{goal}"),
-            FindPlacePose(object="{object}", surface="{surface}", goal="{goal}", pose="{place_pose}"),
+            Fallback("see_the_place", [Sequence("as_it_is_carried", see_the_place()), past_the_arm]),
             PlaceOn(object="{object}", pose="{place_pose}"),
             RetryUntilSuccessful("let_go", [Release(object="{object}", surface="{surface}")], num_attempts=3),
             Retreat(posture="carry"),
         ],
     )
+
+
+def see_the_place() -> list[Node]:
+    """Look at the goal, and find the pose there."""
+    return [
+        LookAt(surface="{surface}", point="{goal}"),
+        FindPlacePose(object="{object}", surface="{surface}", goal="{goal}", pose="{place_pose}"),
+    ]
 
 
 def put_aside() -> Node:
