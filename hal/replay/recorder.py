@@ -15,6 +15,7 @@ from typing import Any
 
 from hal.api import (
     Clock,
+    ForceTorque,
     Gripper,
     JointGroup,
     MobileBase,
@@ -38,8 +39,8 @@ class RecordedRobot(Robot):
     """``robot``, connected, with everything that goes through it written to ``path`` until ``close``.
 
     One line of JSON each, compressed: first the description of the parts; then readings, commands, and how the motions
-    ended. Joints, grippers and speeds are looked at besides; what has noise or adds
-    up is not, so that a run is the same without this.
+    ended. Joints, grippers and speeds are looked at besides; in simulation, what has
+    noise or adds up is not, so that a run is the same without this.
     """
 
     def __init__(self, robot: Robot, path: Path) -> None:
@@ -50,6 +51,7 @@ class RecordedRobot(Robot):
         self._commands = 0
         clock = robot.clock
         step = clock.time_step if isinstance(clock, SimulatedClock) else DEFAULT_TIME_STEP
+        self._simulated = isinstance(clock, SimulatedClock)
         self._write({"robot": robot.model.name, "start": clock.now(), "time_step": step, "parts": self._description()})
         self._parts = MappingProxyType({name: self._seen_through(part) for name, part in robot.parts.items()})
         self._timer: Timer | None = clock.every(SAMPLE_PERIOD, self.sample)
@@ -107,6 +109,10 @@ class RecordedRobot(Robot):
                 self._try_to_read(part, "velocities")
             elif isinstance(part, MobileBase):
                 self._try_to_read(part, "velocity")
+                if not self._simulated:
+                    self._try_to_read(part, "odometry")
+            elif isinstance(part, ForceTorque) and not self._simulated:
+                self._try_to_read(part, "wrench")
             elif isinstance(part, Gripper):
                 self._try_to_read(part, "width")
                 self._try_to_read(part, "state")
