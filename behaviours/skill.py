@@ -12,7 +12,7 @@ from py_trees.ports import PortInformation
 from behaviours.computation import Job
 from behaviours.context import SkillContext
 from behaviours.failure import Failure
-from bestman_bt.control import ControlHandle, ControlStatus
+from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, StatefulAction
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Pose, Pose2D
@@ -35,7 +35,8 @@ Steps: TypeAlias = Generator[Awaitable, Any, None]
 StepsTo: TypeAlias = Generator[Awaitable, Any, Result]
 """A part of a skill that takes time and hands a value back to ``yield from``."""
 
-ALGORITHM_ERRORS = (ManipulationError, PerceptionError)
+ALGORITHM_ERRORS = (ManipulationError, PerceptionError, *READING_ERRORS)
+"""What a skill may meet that computes, looks and reads; what it does not catch ends it with FAILURE and its code."""
 
 
 class SkillFailure(Exception):
@@ -176,7 +177,10 @@ class SkillCondition(Explained, Condition):
 
     def on_tick(self) -> int:
         """SUCCESS if the condition holds."""
-        refusal = self.check()
+        try:
+            refusal = self.check()
+        except READING_ERRORS as error:
+            refusal = error.code, str(error)
         return self.succeed() if refusal is None else self.explain(*refusal)
 
 

@@ -2,5 +2,14 @@
 
 from bestman_bt.control.handle import ControlError, ControlErrorCode, ControlHandle, ControlStatus
 from bestman_bt.control.pid import PID, PIDParameters
+from bestman_bt.control.reading import READING_ERRORS
 
-__all__ = ["PID", "ControlError", "ControlErrorCode", "ControlHandle", "ControlStatus", "PIDParameters"]
+__all__ = [
+    "PID",
+    "READING_ERRORS",
+    "ControlError",
+    "ControlErrorCode",
+    "ControlHandle",
+    "ControlStatus",
+    "PIDParameters",
+]

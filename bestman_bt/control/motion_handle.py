@@ -6,7 +6,8 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from bestman_bt.control.handle import ControlError, ControlErrorCode, ControlHandle, ControlStatus
-from hal.api import CommandRefusedError, Motion, MotionError, MotionErrorCode, MotionStatus, NotConnectedError
+from bestman_bt.control.reading import READING_ERRORS
+from hal.api import CommandRefusedError, Motion, MotionError, MotionErrorCode, MotionStatus
 
 Result = TypeVar("Result")
 
@@ -65,8 +66,8 @@ def start_motion(command: Callable[[], Motion], result: Callable[[], Result] | N
     """Give a command and wrap its motion; a command that is refused becomes a handle that has failed."""
     try:
         return MotionHandle(command(), result)
-    except (CommandRefusedError, NotConnectedError) as error:
+    except (CommandRefusedError, *READING_ERRORS) as error:
         refused: ControlHandle[Result] = ControlHandle()
-        disconnected = isinstance(error, NotConnectedError)
-        refused.fail(ControlErrorCode.DISCONNECTED if disconnected else ControlErrorCode.REFUSED, str(error))
+        read = isinstance(error, READING_ERRORS)
+        refused.fail(ControlErrorCode.DISCONNECTED if read else ControlErrorCode.REFUSED, str(error))
         return refused

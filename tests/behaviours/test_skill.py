@@ -7,10 +7,11 @@ from typing import Any, ClassVar
 import pytest
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Skill, SkillFailure, Steps
+from behaviours.skill import Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime import Session
+from hal.pybullet.reading_line import SensorFault
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
 
 
@@ -34,6 +35,24 @@ class Think(Skill):
             case "bug":
                 raise ZeroDivisionError("a mistake in the code")
         return 42
+
+
+class Feel(Skill):
+    """Reads the wrist."""
+
+    def execute(self) -> Steps:
+        assert self.skills.wrist_wrench is not None
+        self.skills.wrist_wrench.contact()
+        yield from ()
+
+
+class Felt(SkillCondition):
+    """Reads the wrist, too."""
+
+    def check(self) -> tuple[str, str] | None:
+        assert self.skills.wrist_wrench is not None
+        self.skills.wrist_wrench.contact()
+        return None
 
 
 class Tidy(Skill):
@@ -60,7 +79,7 @@ class TryTwice(Skill):
 
 
 def load(robot: Session, body: str) -> Tree:
-    for leaf in (Think, Tidy, TryTwice):
+    for leaf in (Think, Feel, Felt, Tidy, TryTwice):
         if leaf.__name__ not in robot.setup.registry:
             robot.setup.registry.register(leaf)
     return robot.load(tree_of(body))
@@ -94,6 +113,20 @@ def test_code_and_words_of_a_failure_are_written_and_success_clears_them(bystand
 def test_an_algorithm_that_finds_nothing_fails_the_skill(bystander: Session) -> None:
     assert tick(load(bystander, '<Think trouble="no way"/>'), 100) == FAILURE
     assert failures_of(bystander) == [("failed", "there is no way")]
+
+
+@pytest.mark.parametrize("leaf", ["Feel", "Felt"])
+def test_a_silent_sensor_fails_whoever_reads_it(bystander: Session, leaf: str) -> None:
+    sensor = bystander.robot.parts["wrist_force_torque"]
+    assert tick(load(bystander, f"<{leaf}/>"), 50) == SUCCESS
+    sensor.line.fault = SensorFault.SILENT
+    try:
+        assert tick(load(bystander, f"<{leaf}/>"), 50) == FAILURE
+    finally:
+        sensor.line.fault = None
+    ((code, words),) = failures_of(bystander)
+    assert code == "no_data"
+    assert "wrist_force_torque" in words
 
 
 def test_failures_are_recorded_in_their_order_with_path_and_time(bystander: Session) -> None:

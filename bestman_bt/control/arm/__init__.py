@@ -6,6 +6,7 @@ from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonito
 from bestman_bt.control.arm.follow_guide import FollowGuide
 from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
 from bestman_bt.control.arm.guarded_move import GuardedMoveParameters, GuardedOutcome
+from bestman_bt.control.arm.impedance import ImpedanceController, ImpedanceParameters
 from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
 from bestman_bt.control.arm.tool_stream import ToolStreamParameters
 
@@ -19,6 +20,8 @@ __all__ = [
     "FollowedMotion",
     "GuardedMoveParameters",
     "GuardedOutcome",
+    "ImpedanceController",
+    "ImpedanceParameters",
     "JointAxis",
     "JointAxisEstimator",
     "JointAxisParameters",

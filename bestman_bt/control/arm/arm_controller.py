@@ -22,10 +22,11 @@ from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.control.arm.tool_stream import ToolStream, ToolStreamParameters
 from bestman_bt.control.handle import ControlErrorCode, ControlHandle
 from bestman_bt.control.motion_handle import start_motion
+from bestman_bt.control.reading import READING_ERRORS
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.messages import JointKind, JointTrajectory
 from bestman_bt.sensing.force_torque import WristWrench
-from hal.api import Arm, Clock, CommandRefusedError, JointLimits, NotConnectedError, Timer
+from hal.api import Arm, Clock, CommandRefusedError, JointLimits, Timer
 
 Guard = Callable[[], str | None]
 
@@ -211,9 +212,13 @@ class _Watch:
         self._timer = clock.every(period, self._tick)
 
     def _tick(self) -> None:
-        objection = None if self._handle.done else self._guard()
+        code = self._code
+        try:
+            objection = None if self._handle.done else self._guard()
+        except READING_ERRORS as error:
+            code, objection = ControlErrorCode.DISCONNECTED, str(error)
         if objection is not None:
-            self._handle.fail(self._code, objection)
+            self._handle.fail(code, objection)
             self._arm.stop()
         if self._handle.done and self._timer is not None:
             self._timer.cancel()
@@ -237,9 +242,12 @@ class _Stream:
     def _tick(self) -> None:
         try:
             going = self._action.tick()
-        except (CommandRefusedError, NotConnectedError) as error:
+        except CommandRefusedError as error:
             self.end(ControlErrorCode.STOPPED, str(error))
             return
+        except READING_ERRORS as error:
+            self._handle.fail(ControlErrorCode.DISCONNECTED, str(error))
+            going = False
         if not going:
             if self._timer is not None:
                 self._timer.cancel()

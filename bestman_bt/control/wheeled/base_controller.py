@@ -9,13 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.control.reading import READING_ERRORS
 from bestman_bt.control.wheeled.progress import ProgressWatch
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.local_planning import PathFollower, RotateToHeading
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, NoDataError, NotConnectedError, Timer
+from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, Timer
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,7 @@ class BaseController:
                     self._advance(self._action)
             except CommandRefusedError as error:
                 self._end(ControlErrorCode.STOPPED, str(error), aborted=True)
-            except (NotConnectedError, NoDataError) as error:
+            except READING_ERRORS as error:
                 self._end(ControlErrorCode.DISCONNECTED, str(error))
 
     def _localise(self) -> None:

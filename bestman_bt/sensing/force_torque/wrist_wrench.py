@@ -11,7 +11,7 @@ from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose, Wrench
 from bestman_bt.robot_model import payload
 from bestman_bt.sensing.joint_state import JointStateSensor
-from hal.api import Clock, ForceTorque, Timer
+from hal.api import Clock, ForceTorque, RobotError, Timer
 
 GRAVITY = 9.81
 
@@ -99,13 +99,21 @@ class WristWrench:
         return np.concatenate([force, np.cross(self._payload.centre, force)])
 
     def _gather(self) -> None:
-        reading = self._sensor.wrench()
+        try:
+            reading = self._sensor.wrench()
+        except RobotError:
+            self._end_taring()  # who reads it next hears why
+            return
         weight = self._weight(self._base_from_sensor())
         self._readings.append(np.concatenate([reading.force, reading.torque]) - weight)
         parameters = self._parameters
-        if len(self._readings) * parameters.tare_period >= parameters.tare_time and self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        if len(self._readings) * parameters.tare_period >= parameters.tare_time:
+            self._end_taring()
             readings = np.array(self._readings)
             if np.abs(readings - readings.mean(axis=0))[:, :3].max() <= parameters.still:
                 self._offset, self._tared = readings.mean(axis=0), True
+
+    def _end_taring(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None

@@ -7,6 +7,7 @@ import pytest
 
 from bestman_bt.control import ControlErrorCode, ControlStatus
 from bestman_bt.messages import JointTrajectory, Pose2D
+from hal.pybullet.reading_line import SensorFault
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
 
@@ -36,6 +37,26 @@ def test_a_guarded_move_through_free_space_goes_its_whole_way(stand_before):
     assert not moved.result.touched
     went = np.linalg.norm(scene.truth.frame_pose("panda_grasptarget").position - start)
     assert went == pytest.approx(0.1, abs=0.005)
+
+
+def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
+    scene = tared(stand_before(*DRAWER, flip=True))
+    sensor = scene.robot.parts["wrist_force_torque"]
+    moving = scene.arm.move_until(scene.handle.outward, 0.05, 0.1, 8.0)
+    scene.robot.clock.sleep(0.5)
+    sensor.line.fault = SensorFault.SILENT
+    scene.robot.clock.sleep(0.1)
+    assert moving.status is ControlStatus.FAILED
+    assert moving.error.code is ControlErrorCode.DISCONNECTED
+    assert "wrist_force_torque" in moving.error.text
+    scene.robot.clock.sleep(0.3)
+    assert np.abs(scene.robot.parts["arm"].velocities()).max() < 0.02
+    offset = scene.wrist.tared
+    scene.wrist.tare()
+    scene.robot.clock.sleep(0.1)
+    assert not scene.wrist.taring, "there is nothing to learn from"
+    assert scene.wrist.tared == offset
+    sensor.line.fault = None
 
 
 def swing(scene, joint: int, by: float, duration: float) -> JointTrajectory:
