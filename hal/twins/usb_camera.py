@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
@@ -18,6 +18,7 @@ class UsbCameraTwin(RosbridgeTwin):
     reached_by: ClassVar[str] = "rosbridge"
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
-        options = CONNECTIONS.resolve(self.reached_by).options_type()  # type: ignore[attr-defined]
+        driver: Any = CONNECTIONS.resolve(self.reached_by)
+        options = driver.options_type()
         usual = dataclasses.replace(connection, driver=self.reached_by, options=options)
         super().__init__(usual, model, world, address)
