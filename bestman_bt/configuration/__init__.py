@@ -1,9 +1,9 @@
 """YAML to checked frozen dataclasses, and where shipped data lies."""
 
 from bestman_bt.configuration.checked import check, override
-from bestman_bt.configuration.data import data_names, data_root, find_data, own_objects, own_parts
+from bestman_bt.configuration.data import beside, data_names, data_root, find_data, own_objects, own_parts, user_folders
 from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
 from bestman_bt.configuration.task import (
     GoalConfig,
@@ -22,11 +22,13 @@ __all__ = [
     "GoalConfig",
     "OpeningConfig",
     "Problem",
+    "ProblemCollector",
     "RunConfig",
     "TaskConfig",
     "TidyConfig",
     "TolerancesConfig",
     "algorithm_parameters",
+    "beside",
     "check",
     "data_names",
     "data_root",
@@ -44,4 +46,5 @@ __all__ = [
     "read_document",
     "read_run",
     "task_of_tree",
+    "user_folders",
 ]

@@ -63,7 +63,7 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
     """
     suffixes = _FOLDERS[kind][1]
     text = str(name)
-    if isinstance(name, Path) or "/" in text or "\\" in text or Path(text).suffix in suffixes:
+    if isinstance(name, Path) or _is_path(kind, text):
         path = Path(name)
         if path.is_file():
             return path
@@ -75,6 +75,20 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
         message = f"unknown {kind} {text!r}; {suggestion(text, data_names(kind))}"
     place = asked_by or Problem(text, None, "", "")
     raise ConfigurationError([Problem(place.source, place.line, place.field, message)])
+
+
+def beside(file: Path, kind: str, name: str) -> str:
+    """What ``name`` means where ``file`` says it: a path is counted from that file's folder, a bare name is kept."""
+    return str(file.parent / name) if _is_path(kind, name) else name
+
+
+def user_folders() -> dict[str, Path]:
+    """Kind → the folder in which bare names also find what the user has added."""
+    return {kind: _user_folder(kind) for kind in _OF_USERS}
+
+
+def _is_path(kind: str, text: str) -> bool:
+    return "/" in text or "\\" in text or Path(text).suffix in _FOLDERS[kind][1]
 
 
 def _folders(kind: str) -> list[Path]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True)
@@ -36,3 +37,23 @@ class ConfigurationError(ValueError):
         return ConfigurationError(
             replace(problem, field=f"{outer}.{problem.field}" if problem.field else outer) for problem in self.problems
         )
+
+
+@dataclass
+class ProblemCollector:
+    """Gathers the faults of several steps, so that one that fails does not hide what is wrong elsewhere."""
+
+    problems: list[Problem] = field(default_factory=list)
+
+    @contextmanager
+    def step(self) -> Iterator[None]:
+        """Note the faults of a ConfigurationError that the body raises, and go on behind it."""
+        try:
+            yield
+        except ConfigurationError as error:
+            self.problems += error.problems
+
+    def raise_if_any(self) -> None:
+        """Raise ConfigurationError with all that was gathered, each once."""
+        if self.problems:
+            raise ConfigurationError(dict.fromkeys(self.problems))

@@ -14,8 +14,8 @@ import yaml
 
 from bestman_bt.configuration.checked import check, override
 from bestman_bt.configuration.data import find_data
-from bestman_bt.configuration.document import Document, FieldPath, Origins, parse_value, read_document
-from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.document import Document, FieldPath, parse_value, read_document
+from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
 
@@ -29,7 +29,7 @@ class RunConfig:
     ``name``: of the task, in results and folders. ``scene_settings``, ``robot_settings``: dotted keys → values for
     ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API; ``recording``: the
     run folder that the driver ``replay`` plays.
-    ``origins``: where the task's fields were written, for messages; not part of the run.
+    ``written``: the task as it was written and where, for messages; not part of the run.
     """
 
     name: str
@@ -40,11 +40,11 @@ class RunConfig:
     recording: str = ""
     scene_settings: Mapping[str, Any] = field(default_factory=dict)
     robot_settings: Mapping[str, Any] = field(default_factory=dict)
-    origins: Origins = field(default_factory=dict, init=False, repr=False, compare=False)
+    written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
 
     def problem(self, path: FieldPath, message: str) -> Problem:
         """A fault of the task's field at ``path``, with the file and line, or the option, that gave it."""
-        origins = {(): (f"task {self.name}", None), **self.origins}
+        origins = {(): (f"task {self.name}", None), **self.written.origins}
         return Document({}, origins).problem(path, message)
 
 
@@ -68,27 +68,36 @@ def load_run(
     choices = {"tree": tree, "scene": scene, "robot": robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}
     command_line = Document(dict(source), {(key,): (f"--{key} {value}", None) for key, value in source.items()})
-    document = with_default_algorithms(_nothing()) if task is None else task_document(task)
+    faults = ProblemCollector()
+    document, known, given = _nothing(), task is None, list(plugins)
+    values: dict[str, Any] = {}
+    with faults.step():
+        document = with_default_algorithms(document) if task is None else task_document(task)
+        known = True
     document = document.merged(command_line)
-    values = parse_settings(settings)
+    for setting in settings:
+        with faults.step():
+            values |= parse_settings([setting])
     inner = {kind: _below(values, kind) for kind in ("scene", "robot")}
-    document = override(
-        document, TaskConfig, {k: v for k, v in values.items() if not k.startswith(("scene.", "robot."))}
-    )
-    merged = check_task(document)
-    merged = dataclasses.replace(merged, plugins=(*merged.plugins, *plugins))
-    problems: list[Problem] = []
+    merged: TaskConfig | None = None
+    if known:
+        with faults.step():
+            own = {key: value for key, value in values.items() if not key.startswith(("scene.", "robot."))}
+            document = override(document, TaskConfig, own)
+        with faults.step():
+            merged = check_task(document)
     for kind in choices:
-        try:
-            find_data(kind, getattr(merged, kind), document.problem((kind,), ""))
-        except ConfigurationError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
+        with faults.step():
+            if isinstance(document.data.get(kind), str):
+                find_data(kind, document.data[kind], document.problem((kind,), ""))
+    if merged is None or faults.problems:  # otherwise plug-ins are told of where they are loaded
+        faults.problems += [Problem(f"--plugin {p}", None, "", "no such file") for p in given if not Path(p).is_file()]
+        raise ConfigurationError(dict.fromkeys(faults.problems))
+    merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given))
     name = Path(str(merged.tree if task is None else task)).stem
     run = RunConfig(name, merged, seed, driver, record, "", inner["scene"], inner["robot"])
     run = check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)
-    return _remembering(run, document.origins)
+    return _remembering(run, document)
 
 
 def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
@@ -124,11 +133,11 @@ def read_run(path: Path) -> RunConfig:
     run = check(document, RunConfig)
     task = document.below("task")
     check_task(task)
-    return _remembering(run, task.origins)
+    return _remembering(run, task)
 
 
-def _remembering(run: RunConfig, origins: Origins) -> RunConfig:
-    object.__setattr__(run, "origins", dict(origins))
+def _remembering(run: RunConfig, written: Document) -> RunConfig:
+    object.__setattr__(run, "written", written)
     return run
 
 

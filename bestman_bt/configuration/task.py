@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field
 
 from bestman_bt.configuration.checked import check
-from bestman_bt.configuration.data import data_names, find_data
+from bestman_bt.configuration.data import beside, data_names, find_data
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import (
@@ -152,8 +152,19 @@ class TaskConfig:
 
 
 def task_document(name_or_path: str | Path) -> Document:
-    """The document of a task with the default algorithms below it; raises ConfigurationError."""
-    return with_default_algorithms(read_document(find_data("task", name_or_path)))
+    """The document of a task with the default algorithms below it; raises ConfigurationError.
+
+    Paths that it names are counted from its file.
+    """
+    path = find_data("task", name_or_path)
+    document = read_document(path)
+    for kind in ("tree", "scene", "robot"):
+        if isinstance(document.data.get(kind), str):
+            document.data[kind] = beside(path, kind, document.data[kind])
+    plugins = document.data.get("plugins")
+    if isinstance(plugins, list):
+        document.data["plugins"] = [str(path.parent / name) if isinstance(name, str) else name for name in plugins]
+    return with_default_algorithms(document)
 
 
 def with_default_algorithms(task: Document) -> Document:

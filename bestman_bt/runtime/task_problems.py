@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 from xml.etree import ElementTree
 
 from bestman_bt.configuration import Problem, RunConfig
 from bestman_bt.configuration.document import FieldPath
-from bestman_bt.configuration.task import GoalConfig
+from bestman_bt.configuration.quantity import parse_quantity
+from bestman_bt.configuration.task import GoalConfig, OpeningConfig
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
@@ -23,11 +25,7 @@ def task_problems(config: RunConfig, world: World, known: WorldModel, robot: Rob
     for index, goal in enumerate(task.goals):
         yield from _goal_problems(config, ("goals", index), goal, world, known)
     if task.opening is not None:
-        leaves = [f"{piece.name}/{leaf.name}" for piece in world.furniture for leaf in piece.model.articulations]
-        if task.opening.articulation not in leaves:
-            message = f"the scene has no door or drawer {task.opening.articulation!r}"
-            remedy = suggestion(task.opening.articulation, leaves)
-            yield config.problem(("opening", "articulation"), f"{message}; {remedy}")
+        yield from _opening_problems(config, task.opening, world)
     if task.tidy is not None:
         for index, name in enumerate(task.tidy.objects):
             yield from _unknown(config, ("tidy", "objects", index), name, known.models, "the robot knows no object")
@@ -40,6 +38,33 @@ def task_problems(config: RunConfig, world: World, known: WorldModel, robot: Rob
         yield from _unknown(config, ("lift", "object"), task.lift.object, known.models, "the robot knows no object")
         yield from _unknown(config, ("lift", "source"), task.lift.source, _surfaces(known), "the map has no surface")
     yield from _contact_problems(config, world, known, robot)
+
+
+def _opening_problems(config: RunConfig, asked: OpeningConfig, world: World) -> Iterator[Problem]:
+    """An unknown door or drawer, and how far it shall be open: in a unit of its joint, and where that can be."""
+    leaves = {f"{piece.name}/{leaf.name}": leaf for piece in world.furniture for leaf in piece.model.articulations}
+    leaf = leaves.get(asked.articulation)
+    if leaf is None:
+        message = f"the scene has no door or drawer {asked.articulation!r}"
+        yield config.problem(
+            ("opening", "articulation"), f"{message}; {suggestion(asked.articulation, list(leaves))}"
+        )
+        return
+    dimension, scale, unit = (
+        ("angle", math.degrees(1.0), " deg") if leaf.kind == "revolute" else ("length", 100.0, " cm")
+    )
+    written = config.written.data.get("opening") or {}
+    for name, value in (("at_least", asked.at_least), ("at_most", asked.at_most)):
+        if value is None:
+            continue
+        try:
+            parse_quantity(written.get(name, value), dimension)
+        except ValueError as error:
+            yield config.problem(("opening", name), f"{asked.articulation!r} has a {leaf.kind} joint: {error}")
+            continue
+        if not 0.0 <= value <= leaf.upper:
+            limits = f"opens from 0 to {scale * leaf.upper:.4g}{unit}, got {scale * value:.4g}{unit}"
+            yield config.problem(("opening", name), f"{asked.articulation!r} {limits}")
 
 
 def _goal_problems(
