@@ -9,6 +9,7 @@ from bestman_bt.robot_model.model import (
     BaseModel,
     GripperModel,
     JointGroupModel,
+    LegModel,
     RobotModel,
 )
 from bestman_bt.robot_model.payload import Payload, payload
@@ -30,6 +31,7 @@ __all__ = [
     "GripperModel",
     "ImuModel",
     "JointGroupModel",
+    "LegModel",
     "LidarModel",
     "MimicJoint",
     "Payload",

@@ -24,7 +24,7 @@ from bestman_bt.robot_model.joint_limits import write_limits
 from bestman_bt.robot_model.load_limits import load_problems
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.mounting import mount_place, mount_problems
-from bestman_bt.robot_model.part_config import ArmPart, JointGroupPart
+from bestman_bt.robot_model.part_config import JointedPart
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
 from bestman_bt.robot_model.robot_config import RobotConfig
 from bestman_bt.robot_model.urdf_elements import fixed_joint
@@ -124,7 +124,7 @@ def _postures(config: RobotConfig, document: Document, placed: Mapping[str, Plac
     if problems:
         raise ConfigurationError(problems)
     for part in placed.values():
-        if isinstance(part.config, ArmPart | JointGroupPart):
+        if isinstance(part.config, JointedPart):
             for state, positions in part.config.states.items():
                 for joint, position in zip(part.config.joints, positions, strict=True):
                     postures.setdefault(state, {}).setdefault(joint, position)
@@ -134,7 +134,7 @@ def _postures(config: RobotConfig, document: Document, placed: Mapping[str, Plac
 def _limit_problems(
     document: Document, field: tuple[str, str, str], config: Any, positions: tuple[float, ...]
 ) -> list[Problem]:
-    if not isinstance(config, ArmPart | JointGroupPart):
+    if not isinstance(config, JointedPart):
         return []
     rows = zip(config.joints, positions, config.limits.lower, config.limits.upper, strict=True)
     return [

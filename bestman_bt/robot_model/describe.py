@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model.describe_legs import legged_base_model
 from bestman_bt.robot_model.describe_sensors import (
     battery_model,
     camera_model,
@@ -24,6 +25,7 @@ from bestman_bt.robot_model.part_config import (
     BasePart,
     GripperPart,
     JointGroupPart,
+    LeggedBasePart,
     StructurePart,
     SuctionPart,
 )
@@ -79,6 +81,9 @@ def describe(
         match part.config:
             case BasePart() as base:
                 bases[part_name] = _base(base, urdf, base_frame, part, placed)
+            case LeggedBasePart() as walker:
+                outline = _footprint(urdf, base_frame, part, placed)
+                bases[part_name] = legged_base_model(walker, part.root, outline, urdf)
             case ArmPart() as arm:
                 hand = tools.get(part_name)
                 arms[part_name] = ArmModel(

@@ -82,7 +82,7 @@ def link_poses(elements: list[ET.Element], positions: Mapping[str, float], links
     def pose(link: str) -> Pose:
         if link not in poses:
             joint = joints.get(link)
-            poses[link] = Pose() if joint is None else pose(parent_of(joint)) @ _joint_pose(joint, positions)
+            poses[link] = Pose() if joint is None else pose(parent_of(joint)) @ joint_pose(joint, positions)
         return poses[link]
 
     for link in links:
@@ -100,7 +100,8 @@ def _middle(elements: list[ET.Element], link: str) -> NDArray[np.float64]:
     return points.mean(axis=0) if len(points) else np.zeros(3)
 
 
-def _joint_pose(joint: ET.Element, positions: Mapping[str, float]) -> Pose:
+def joint_pose(joint: ET.Element, positions: Mapping[str, float]) -> Pose:
+    """Of a joint's child link in its parent link; a joint without a position is at zero."""
     placed = origin_pose(joint)
     position = positions.get(joint.get("name", ""), 0.0)
     if position == 0.0 or joint.get("type") == "fixed":

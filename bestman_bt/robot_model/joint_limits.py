@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from bestman_bt.robot_model.finger_linkage import all_positions
-from bestman_bt.robot_model.part_config import ArmPart, BasePart, GripperPart, JointGroupPart
+from bestman_bt.robot_model.part_config import BasePart, GripperPart, JointedPart, JointGroupPart
 from bestman_bt.robot_model.placed_part import PlacedPart
 
 FOLLOWER_SLACK = 0.1
@@ -17,7 +17,7 @@ def write_limits(part: PlacedPart) -> None:
     """The URDF's own joint limits become those of the part's description."""
     config = part.config
     limits: dict[str, tuple[float, float, float, float]] = {}  # lower, upper, velocity, effort
-    if isinstance(config, ArmPart | JointGroupPart):
+    if isinstance(config, JointedPart):
         each = config.limits
         rows = zip(each.lower, each.upper, each.velocity, each.effort, strict=True)
         limits = dict(zip(config.joints, rows, strict=True))
@@ -39,7 +39,7 @@ def write_limits(part: PlacedPart) -> None:
         limit = element.find("limit")
         limit = ET.SubElement(element, "limit") if limit is None else limit
         lower, upper, velocity, effort = row_or_none
-        if element.get("type") == "continuous" and isinstance(config, ArmPart | JointGroupPart):
+        if element.get("type") == "continuous" and isinstance(config, JointedPart):
             element.set("type", "revolute")  # its description says how far the cables let it turn
         if element.get("type") == "continuous":
             limit.attrib.pop("lower", None)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from bestman_bt.configuration import Document, Problem
 from bestman_bt.robot_model.model import RobotModel
-from bestman_bt.robot_model.part_config import ArmPart, BasePart
+from bestman_bt.robot_model.part_config import ArmPart, BasePart, LeggedBasePart
 from bestman_bt.robot_model.payload import payload
 from bestman_bt.robot_model.placed_part import PlacedPart
 
@@ -16,7 +16,7 @@ def load_problems(model: RobotModel, placed: Mapping[str, PlacedPart], document:
     problems = []
     whole = payload(model, model.base_frame).mass
     for name, part in placed.items():
-        limit = part.config.payload if isinstance(part.config, ArmPart | BasePart) else None
+        limit = part.config.payload if isinstance(part.config, ArmPart | BasePart | LeggedBasePart) else None
         if limit is None:
             continue
         if isinstance(part.config, ArmPart):

@@ -111,8 +111,32 @@ class GripperModel:
 
 
 @dataclass(frozen=True)
+class LegModel:
+    """A leg; metres in the frame of the trunk. Its hip turns about x, its thigh and its knee about y.
+
+    ``joint_names``: hip, thigh, knee; limits (3,) in radians, rad/s and N m. ``hip``: where the hip's axis is,
+    ``thigh_offset``: from there sideways (y) to the thigh. ``foot_link``: a ball of ``foot_radius``.
+    """
+
+    joint_names: tuple[str, str, str]
+    foot_link: str
+    hip: tuple[float, float, float]
+    thigh_offset: float
+    thigh_length: float
+    calf_length: float
+    foot_radius: float
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    velocity: tuple[float, ...]
+    effort: tuple[float, ...]
+
+
+@dataclass(frozen=True)
 class BaseModel:
-    """A wheeled base; metres, m/s, rad/s, m/s², N m. ``kind``: ``differential``, ``skid`` or ``steered``.
+    """A base on wheels or legs; metres, m/s, rad/s, m/s², N m.
+
+    ``kind``: ``differential``, ``skid``, ``steered`` or ``legged``: that one has no wheels but ``legs`` (front right,
+    front left, rear right, rear left), and its ``trunk_link`` is ``stand_height`` above the floor when it stands.
 
     ``wheel_joints``: left and right in turns, or, steered, as ``steering_joints``; ``wheel_places``: (x, y) of each in
     the base frame. ``turning_slip``: how much wider than ``track`` it behaves when it turns. ``footprint``: corners
@@ -138,11 +162,14 @@ class BaseModel:
     steering_joints: tuple[str, ...] = ()
     steering_torque: float = 0.0
     steering_speed: float = 0.0
+    legs: tuple[LegModel, ...] = ()
+    trunk_link: str = ""
+    stand_height: float = 0.0
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """All driven joints: wheels, then steering."""
-        return self.wheel_joints + self.steering_joints
+        """All driven joints: wheels, then steering, or those of the legs."""
+        return self.wheel_joints + self.steering_joints + tuple(joint for leg in self.legs for joint in leg.joint_names)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from bestman_bt.configuration import Document, Problem
 from bestman_bt.messages import Pose
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model.part_config import ArmPart, BasePart, StructurePart
+from bestman_bt.robot_model.part_config import ArmPart, BasePart, LeggedBasePart, StructurePart
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.robot_config import MountedPart
 from bestman_bt.robot_model.urdf_elements import child_of
@@ -46,7 +46,7 @@ def mount_problems(
         if mounted.mount is None:
             return []
         return [document.problem(field, "the first part is the root and is mounted on nothing")]
-    if part is not None and isinstance(part.config, BasePart):
+    if part is not None and isinstance(part.config, BasePart | LeggedBasePart):
         return [document.problem(("parts", name), "a base stands on the floor: it has to be the first part")]
     if mounted.mount is None:
         message = f"'mount' is missing: the link that carries the part; there are {', '.join(links)}"

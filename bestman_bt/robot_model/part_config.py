@@ -67,6 +67,33 @@ class BasePart(PartConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
+class LeggedBasePart(PartConfig):
+    """A base on four legs: a trunk, the link ``root``, with legs of three joints: hip, thigh, knee.
+
+    ``joints``: of the front right, front left, rear right and rear left leg in turns; ``feet``: the link at the end of
+    each, a ball of ``foot_radius``. ``stand_height``: of the trunk's frame above the floor: below it the composer adds
+    the link ``base_footprint``. ``limits``, ``states``, ``rotor_inertia``: as of a joint group. ``payload``: what it
+    may carry by its maker's word.
+    """
+
+    kind: Literal["legged_base"]
+    joints: tuple[str, ...]
+    feet: tuple[str, ...]
+    foot_radius: PositiveLength
+    foot_friction: Friction
+    stand_height: PositiveLength
+    limits: JointLimitsConfig
+    rotor_inertia: Inertia = 0.0
+    states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
+    payload: Mass | None = None
+    max_vx: Speed
+    max_vy: Speed
+    max_wz: AngularSpeed
+    max_acceleration: Acceleration
+    max_angular_acceleration: AngularAcceleration
+
+
+@dataclass(frozen=True, kw_only=True)
 class StructurePart(PartConfig):
     """Links without joints of their own: a column, a mast, a shelf. ``top``: the link that carries other parts."""
 
@@ -150,8 +177,12 @@ class JointGroupPart(PartConfig):
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
 
 
+JointedPart: TypeAlias = ArmPart | JointGroupPart | LeggedBasePart
+"""Parts whose description gives limits and states of their ``joints``."""
+
 AnyPart: TypeAlias = (
     BasePart
+    | LeggedBasePart
     | StructurePart
     | ArmPart
     | GripperPart
@@ -167,6 +198,7 @@ AnyPart: TypeAlias = (
 
 PART_KINDS: dict[str, type[AnyPart]] = {
     "base": BasePart,
+    "legged_base": LeggedBasePart,
     "structure": StructurePart,
     "arm": ArmPart,
     "gripper": GripperPart,

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model.finger_linkage import joint_pose
 from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.model import RobotModel
 
@@ -21,8 +23,8 @@ class Payload:
     centre: NDArray[np.float64]
 
 
-def payload(model: RobotModel, link: str) -> Payload:
-    """All that hangs on ``link``, itself included, with every joint beyond it at zero.
+def payload(model: RobotModel, link: str, positions: Mapping[str, float] | None = None) -> Payload:
+    """All that hangs on ``link``, itself included, its joints at ``positions`` by name, all others at zero.
 
     Joints of a parallel hand open to both sides alike and leave the centre where it is.
     """
@@ -32,7 +34,9 @@ def payload(model: RobotModel, link: str) -> Payload:
     for joint in robot.findall("joint"):
         parent, child = joint.find("parent"), joint.find("child")
         if parent is not None and child is not None:
-            children.setdefault(parent.get("link", ""), []).append((child.get("link", ""), origin_pose(joint)))
+            children.setdefault(parent.get("link", ""), []).append(
+                (child.get("link", ""), joint_pose(joint, positions or {}))
+            )
     mass, moment = 0.0, np.zeros(3)
     beyond = [(link, Pose())]
     while beyond:

@@ -20,16 +20,19 @@ from bestman_bt.robot_model.missing_inertia import add_rotor_inertia, complete_i
 from bestman_bt.robot_model.part_config import (
     PART_KINDS,
     AnyPart,
-    ArmPart,
     BasePart,
     GripperPart,
+    JointedPart,
     JointGroupPart,
+    LeggedBasePart,
 )
 from bestman_bt.robot_model.part_fields import ContactConfig, PadConfig
 from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, shape
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
 WIDTH_TOLERANCE = 1e-3
+FOOTPRINT = "base_footprint"
+"""The link on the floor below the trunk of a legged base."""
 _NAME_FIELDS = (
     "root",
     "tip",
@@ -41,6 +44,7 @@ _NAME_FIELDS = (
     "caster_links",
     "joints",
     "finger_links",
+    "feet",
     "cup",
     "may_touch",
 )
@@ -88,6 +92,10 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
     config: AnyPart = check(document, PART_KINDS[kind])
     subtree = _elements(name, config, document, path.parent)
     elements, root, mimics = subtree.elements, subtree.root, subtree.mimics
+    if isinstance(config, LeggedBasePart):
+        below = (0.0, 0.0, config.stand_height)
+        elements = [link(FOOTPRINT), fixed_joint(f"{FOOTPRINT}_joint", FOOTPRINT, root, below), *elements]
+        root = FOOTPRINT
     elements += _added_frames(config)
     names = {element.get("name", "") for element in elements}
     _check_names(config, document, names)
@@ -129,7 +137,7 @@ def _opening(
 
 
 def _add_rotors(config: AnyPart, elements: list[ET.Element], mimics: tuple[MimicJoint, ...]) -> None:
-    if not isinstance(config, GripperPart | BasePart | JointGroupPart) or config.rotor_inertia == 0.0:
+    if not isinstance(config, GripperPart | BasePart | JointGroupPart | LeggedBasePart) or config.rotor_inertia == 0.0:
         return
     joints = config.wheel_joints if isinstance(config, BasePart) else config.joints
     turned = {*joints, *(mimic.joint for mimic in mimics)}
@@ -203,7 +211,7 @@ def _check_names(config: AnyPart, document: Document, names: set[str]) -> None:
             if count != expected:
                 message = f"should have {expected} entries, one per joint, got {count}"
                 problems.append(document.problem(("limits", each.name), message))
-    if isinstance(config, ArmPart | JointGroupPart):
+    if isinstance(config, JointedPart):
         for state, positions in config.states.items():
             if len(positions) != len(config.joints):
                 message = f"should have {len(config.joints)} positions, one per joint, got {len(positions)}"

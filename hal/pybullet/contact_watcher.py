@@ -28,6 +28,7 @@ class ContactWatcher:
             for index in (
                 *(built.links[link] for link in base.caster_links),
                 *(built.joints[joint] for joint in base.wheel_joints),
+                *(built.links[leg.foot_link] for leg in base.legs),
             )
         )
         self._running: dict[tuple[str, str], ContactIncident] = {}

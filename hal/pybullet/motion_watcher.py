@@ -53,6 +53,9 @@ class MotionWatcher:
         for group in groups:
             slots = simulation.slots(group.joint_names)
             lower[slots], upper[slots], speed[slots] = group.lower, group.upper, group.velocity
+        for leg in (leg for base in model.bases.values() for leg in base.legs):
+            slots = simulation.slots(leg.joint_names)
+            lower[slots], upper[slots], speed[slots] = leg.lower, leg.upper, leg.velocity
         for gripper in model.grippers.values():
             slots = simulation.slots(gripper.joint_names)
             lower[slots], upper[slots] = gripper.joint_range

@@ -9,7 +9,7 @@ from zlib import crc32
 
 import numpy as np
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import RobotModel, payload
 from bestman_bt.scene import World
 from hal.api import NotConnectedError, Part, Robot
 from hal.parts.simulated_clock import SimulatedClock
@@ -23,6 +23,7 @@ from hal.pybullet.gripper import SimulatedGripper
 from hal.pybullet.honesty_record import HonestyRecord
 from hal.pybullet.imu import SimulatedImu
 from hal.pybullet.joint_group import SimulatedJointGroup
+from hal.pybullet.legged_base import SimulatedLeggedBase
 from hal.pybullet.lidar import SimulatedLidar
 from hal.pybullet.monitor import HonestyMonitor
 from hal.pybullet.parameters import PhysicsParameters
@@ -40,6 +41,7 @@ SimulatedPart = (
     | SimulatedGripper
     | SimulatedImu
     | SimulatedJointGroup
+    | SimulatedLeggedBase
     | SimulatedLidar
     | SimulatedSuction
     | SimulatedTactile
@@ -109,6 +111,13 @@ class PyBulletRobot(Robot):
             raise NotConnectedError("the robot is not connected: ask for its record before disconnect()")
         return self._monitor.record()
 
+    def close_truth(self) -> None:
+        """Everybody who evaluates has a view of the truth: whoever opens one from now on is counted. NotConnectedError.
+
+        The first step of time closes it, too; a judged run closes it before its tree is loaded.
+        """
+        self.simulation.client.close_truth()
+
     # Life
 
     def connect(self) -> None:
@@ -119,7 +128,7 @@ class PyBulletRobot(Robot):
         client.connect(self._gui)
         try:
             simulation = Simulation(client, self._model, self._world, self._parameters)
-            self._monitor = HonestyMonitor(simulation)
+            self._monitor = HonestyMonitor(simulation, self._world)
             for part in self._parts.values():
                 part.attach(simulation)
         except BaseException:
@@ -185,8 +194,8 @@ class PyBulletRobot(Robot):
             self.simulation.step()
 
     def _first_step(self) -> None:
-        """Time begins to run under somebody's control: from now on, whoever opens a view of the truth is counted."""
-        self.simulation.client.start_running()
+        """Time begins to run under somebody's control."""
+        self.close_truth()
         self._clock.step = self._step
         self._step()
 
@@ -200,8 +209,13 @@ class PyBulletRobot(Robot):
     def _make_parts(self) -> dict[str, SimulatedPart]:
         model, parameters, stopped = self._model, self._parameters, self._is_stopped
         parts: dict[str, SimulatedPart] = {}
+        imus = {name: SimulatedImu(name, imu, self._generator(name)) for name, imu in model.imus.items()}
         for name, base in model.bases.items():
-            parts[name] = SimulatedBase(name, base, parameters, stopped, self._generator(name))
+            if base.legs:
+                body = payload(model, base.trunk_link, model.postures.get("home"))
+                parts[name] = SimulatedLeggedBase(name, base, parameters, stopped, next(iter(imus.values())), body)
+            else:
+                parts[name] = SimulatedBase(name, base, parameters, stopped, self._generator(name))
         for name, arm in model.arms.items():
             parts[name] = SimulatedArm(name, arm, parameters, stopped)
         for name, gripper in model.grippers.items():
@@ -215,8 +229,7 @@ class PyBulletRobot(Robot):
             parts[name] = SimulatedLidar(name, lidar, self._generator(name))
         for name, sensor in model.force_torques.items():
             parts[name] = SimulatedForceTorque(name, sensor, self._generator(name))
-        for name, imu in model.imus.items():
-            parts[name] = SimulatedImu(name, imu, self._generator(name))
+        parts |= imus
         for name, pad in model.tactiles.items():
             parts[name] = SimulatedTactile(name, pad, self._generator(name))
         for name, battery in model.batteries.items():

@@ -191,6 +191,8 @@ def _set_up_robot(
             client.changeDynamics(robot, joints[joint], lateralFriction=friction)
             # Without the anchor a locked wheel creeps: a swing of the arm moves the base by 7 mm and 1.8 degrees.
             client.changeDynamics(robot, joints[joint], frictionAnchor=1)
+        for leg in base.legs:
+            client.changeDynamics(robot, links[leg.foot_link], lateralFriction=base.wheel_friction)
     posture = next((model.postures[name] for name in parameters.initial_postures if name in model.postures), {})
     for joint, position in posture.items():
         client.resetJointState(robot, joints[joint], position)

@@ -45,7 +45,7 @@ def test_composing_takes_less_than_fifty_milliseconds() -> None:
     assert sorted(seconds)[len(seconds) // 2] < 0.05
 
 
-@pytest.mark.parametrize("name", data_names("robot"))
+@pytest.mark.parametrize("name", sorted({*data_names("robot")} - {"a1"}))  # a walker that carries nothing
 def test_shipped_robots_have_what_skills_and_postures_need(name: str) -> None:
     robot = load_robot_model(name)
     assert {"home", "carry", "look"} <= set(robot.postures)
