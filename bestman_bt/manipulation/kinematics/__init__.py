@@ -9,6 +9,7 @@ from bestman_bt.manipulation.kinematics.arc_path import (
     arc_path,
     arc_path_through,
 )
+from bestman_bt.manipulation.kinematics.arm_dynamics import ArmDynamics
 from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
 from bestman_bt.manipulation.kinematics.damped_least_squares import DampedLeastSquares, DampedLeastSquaresParameters
@@ -38,6 +39,7 @@ __all__ = [
     "AllSolutionsParameters",
     "ArcPath",
     "ArcPathParameters",
+    "ArmDynamics",
     "CartesianPath",
     "DampedLeastSquares",
     "DampedLeastSquaresParameters",

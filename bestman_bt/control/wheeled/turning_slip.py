@@ -1,0 +1,80 @@
+"""How much wider the track of a base seems when it turns: measured in turns on the spot, against a gyroscope.
+
+A. Mandow et al., "Experimental kinematics for wheeled skid-steer mobile robots", 2007: wheels that are dragged over the
+floor make the base turn as if its track were wider, by a factor that holds for one floor, load and speed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bestman_bt.messages import wrap_angle
+from bestman_bt.sensing.inertial import GyroHeading
+from hal.api import Clock, MobileBase
+
+
+@dataclass(frozen=True)
+class TurningSlipParameters:
+    """``angle``: radians that the base turns each way by its odometry, ``speed``: share of its top speed of turning.
+
+    ``rest``: seconds at rest before each turn, in which the gyroscope's bias is learned.
+    """
+
+    angle: float = 2.0 * math.pi
+    speed: float = 0.5
+    rest: float = 1.0
+
+
+@dataclass(frozen=True)
+class TurningSlip:
+    """``value``: for ``turning_slip`` of the base's description. ``left``, ``right``: of the two ways to turn.
+
+    ``before``: radians by which the odometry was off in the mean of both turns, as it is now.
+    """
+
+    value: float
+    left: float
+    right: float
+    before: float
+
+
+def measure_turning_slip(
+    base: MobileBase,
+    gyro: GyroHeading,
+    clock: Clock,
+    present: float,
+    parameters: TurningSlipParameters | None = None,
+) -> TurningSlip:
+    """Turn a base left and right; ``present``: the factor that its odometry counts with now.
+
+    It takes the base for itself and lets time pass until it is done. The floor, the load and the speed should be those
+    of its work. Raises as the base's commands do.
+    """
+    p = parameters or TurningSlipParameters()
+    ways = [_turn(base, gyro, clock, side * p.angle, p) for side in (1.0, -1.0)]
+    left, right = (present * counted / turned for counted, turned in ways)
+    before = sum(abs(counted - turned) for counted, turned in ways) / 2.0
+    return TurningSlip((left + right) / 2.0, left, right, before)
+
+
+def _turn(
+    base: MobileBase, gyro: GyroHeading, clock: Clock, angle: float, p: TurningSlipParameters
+) -> tuple[float, float]:
+    """What the odometry counted and what the gyroscope felt, radians, of one turn."""
+    gyro.begin()
+    clock.sleep(p.rest)
+    gyro.level()
+    heading, counted = base.odometry().theta, 0.0
+    speed = math.copysign(p.speed * base.description.max_wz, angle)
+    brake = speed**2 / (2.0 * base.description.max_angular_acceleration)
+    while abs(counted) < abs(angle) - brake:
+        base.set_velocity(0.0, 0.0, speed)
+        clock.sleep(0.05)
+        counted, heading = counted + wrap_angle(base.odometry().theta - heading), base.odometry().theta
+    base.set_velocity(0.0, 0.0, 0.0)
+    clock.sleep(abs(speed) / base.description.max_angular_acceleration + 1.0)
+    counted += wrap_angle(base.odometry().theta - heading)
+    turned = gyro.heading
+    gyro.end()
+    return counted, turned

@@ -1,0 +1,53 @@
+"""How far a base has turned, by its gyroscope."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hal.api import Clock, Imu, Timer
+
+
+class GyroHeading:
+    """Sums up the rate about ``axis`` (3,), the vertical in the frame of the inertial unit, between begin and end."""
+
+    def __init__(self, imu: Imu, clock: Clock, axis: tuple[float, float, float] = (0.0, 0.0, 1.0)) -> None:
+        self._imu, self._clock = imu, clock
+        self._axis: NDArray[np.float64] = np.array(axis) / np.linalg.norm(axis)
+        self._bias = self._heading = self._summed = 0.0
+        self._stamp = self._began = 0.0
+        self._timer: Timer | None = None
+
+    @property
+    def heading(self) -> float:
+        """Radians since ``begin`` or ``level``, without end; counter-clockwise positive."""
+        return self._heading
+
+    def begin(self) -> None:
+        """Begin to count, at rest: until ``level`` all that is felt is bias."""
+        self.end()
+        self._bias = self._heading = self._summed = 0.0
+        self._stamp = self._began = self._imu.read().stamp
+        self._timer = self._clock.every(1.0 / 240.0, self._take)
+
+    def level(self) -> None:
+        """What was felt since ``begin`` was bias: from now on it is taken away, and the heading is 0."""
+        if self._stamp > self._began:
+            self._bias = self._summed / (self._stamp - self._began)
+        self._heading = 0.0
+
+    def end(self) -> None:
+        """Count no further; idempotent."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _take(self) -> None:
+        reading = self._imu.read()
+        elapsed = reading.stamp - self._stamp
+        if elapsed <= 0.0:
+            return
+        self._stamp = reading.stamp
+        turned = float(reading.angular_velocity @ self._axis) * elapsed
+        self._summed += turned
+        self._heading += turned - self._bias * elapsed
