@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from behaviours.failure import Failure
-from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunConfig
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.evaluation.audit import Audit, audit
@@ -28,22 +28,25 @@ Watcher = Callable[[Session, Tree], Callable[[], None]]
 
 
 class _Observers:
-    """What looks at the simulation from outside; made right after connecting, before time runs."""
+    """What looks at the simulation from outside; made right after connecting. Later, nobody gets a view for free."""
 
-    def __init__(self, folder: Path | None, judge: Path | None) -> None:
-        self._folder, self._judge = folder, judge
+    def __init__(self, folder: Path | None, judge: Path | None, prepare_robot: Callable[[Robot], None] | None) -> None:
+        self._folder, self._judge, self._prepare_robot = folder, judge, prepare_robot
         self.robot: PyBulletRobot | None = None
         self.truth: GroundTruth | None = None
         self.scene: SceneRecorder | None = None
         self.pictures: Pictures | None = None
 
     def attach(self, robot: Robot) -> None:
+        if self._prepare_robot is not None:
+            self._prepare_robot(robot)
         if isinstance(robot, PyBulletRobot):
             self.robot = robot
             self.truth = GroundTruth(robot)
             self.scene = SceneRecorder(robot)
             if self._folder is not None:
                 self.pictures = Pictures(robot, self.truth, self._folder)
+            robot.close_truth()
         elif self._judge is not None:
             self.truth = RemoteTruth(self._judge)
 
@@ -56,8 +59,15 @@ class _Observers:
 
 def prepare_episode(config: RunConfig) -> Setup:
     """Check everything that a judged run needs; nothing is started. Raises as ``prepare``."""
-    find_judge(config)
-    return prepare(config)
+    faults = ProblemCollector()
+    with faults.step():
+        find_judge(config)
+    try:
+        setup = prepare(config)
+    except ConfigurationError as error:
+        faults.problems += error.problems
+    faults.raise_if_any()
+    return setup
 
 
 def run_episode(
@@ -67,17 +77,19 @@ def run_episode(
     watch: Watcher | None = None,
     gui: bool = False,
     twin_judge: Path | None = None,
+    prepare_robot: Callable[[Robot], None] | None = None,
 ) -> RunResult:
     """Run a task once and judge it.
 
     ``folder``: receives ``result.json``, ``transitions.btlog`` and, where the configuration asks for it,
     ``recording.rrd`` (of a simulated run) and the readings that the driver ``replay`` plays; ``pictures``: also
     ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without one, nobody
-    judges a robot that is not simulated here. Raises as ``prepare_episode``, before anything is started.
+    judges a robot that is not simulated here. ``prepare_robot``: called right after connecting, the last moment to make
+    a view of the truth whose reads are not counted. Raises as ``prepare_episode``, before anything is started.
     """
     setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     judge = find_judge(setup.config)
-    observers = _Observers(folder if pictures else None, twin_judge)
+    observers = _Observers(folder if pictures else None, twin_judge, prepare_robot)
     wall_start = time.perf_counter()
     with ExitStack() as stack:
         session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))

@@ -95,12 +95,13 @@ class PhysicsClient:
 
     After ``seal`` (the scene is built), ``counts`` holds resets, constraints, tampering and reads of ground truth.
     Joint states of the robot are encoders and free. Every other pose is ground truth: read it through ``reader``.
+    Until ``close_truth``, the parts of the simulation and the evaluation take what they need without being counted.
     """
 
     def __init__(self) -> None:
         self._id = -1
         self._sealed = False
-        self._running = False
+        self._closed = False
         self._robot: int | None = None
         self._bound: set[str] = set()
         self.counts: Counter[str] = Counter()
@@ -140,13 +141,13 @@ class PhysicsClient:
         self._sealed = True
         self._unbind()
 
-    def start_running(self) -> None:
-        """Time runs under the caller's control: readers opened from now on are counted."""
-        self._running = True
+    def close_truth(self) -> None:
+        """All who may look and act past the Robotics API have their functions: what is taken from now on is counted."""
+        self._closed = True
 
     def reader(self, purpose: ReadPurpose) -> Reader:
-        """A view of ground truth; each of its reads is counted if it is opened after time began to run."""
-        return Reader(self, purpose, trusted=not self._running)
+        """A view of ground truth; each of its reads is counted if it is opened after ``close_truth``."""
+        return Reader(self, purpose, trusted=not self._closed)
 
     def note(self, name: str, arguments: tuple[Any, ...] = (), keywords: dict[str, Any] | None = None) -> None:
         """Count a call of a guarded function, if it is one that an honest run does not make."""
@@ -174,13 +175,22 @@ class PhysicsClient:
             self.calls[name] += 1
 
     def note_truth_read(self, what: str) -> None:
-        """Count a look at the truth that needs no call of pybullet, once time runs."""
-        if self._running:
+        """Count a look at the truth that needs no call of pybullet, after ``close_truth``."""
+        if self._closed:
             self.counts["truth_reads"] += 1
             self.calls[what] += 1
 
     def function(self, name: str) -> Callable[..., Any]:
-        """Pybullet's function ``name``, bound to this server."""
+        """Pybullet's function ``name``, bound to this server; its calls are free if it is taken before ``close_truth``.
+
+        For parts that act on the world by what they are: a latch, a suction cup.
+        """
+        if not self._closed:
+            return self._bind(name)
+        counted: Callable[..., Any] = getattr(self, name)
+        return counted
+
+    def _bind(self, name: str) -> Callable[..., Any]:
         if not self.connected:
             raise NotConnectedError("the simulation is not connected; call connect() first")
         return functools.partial(_FUNCTIONS[name], physicsClientId=self._id)
@@ -188,7 +198,7 @@ class PhysicsClient:
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name.startswith("_") or name not in _FUNCTIONS:
             raise AttributeError(f"pybullet has no function {name!r}")
-        bound = self.function(name)
+        bound = self._bind(name)
         if self._sealed and name in GUARDED:
             bound = self._counted(name, bound)
         self._bound.add(name)
@@ -226,6 +236,6 @@ class Reader:
         if not self.trusted:
             counted: Callable[..., Any] = getattr(self._client, name)
             return counted
-        bound = self._client.function(name)
+        bound = self._client._bind(name)
         self.__dict__[name] = bound
         return bound

@@ -28,6 +28,8 @@ class ContactRenewal:
     def __init__(self, simulation: Simulation, fingers: Sequence[str], turn: float) -> None:
         self._simulation, self._fingers = simulation, tuple(fingers)
         self._reader: Reader = simulation.client.reader(ReadPurpose.SENSOR)
+        # Taken before the truth is closed: it changes nothing that touches, and is no tampering.
+        self._set_filter = simulation.client.function("setCollisionFilterGroupMask")
         self._least = math.cos(turn / len(self._fingers) / 2.0)
         self._next = 0
         self._renewed_at = self._pose()
@@ -51,6 +53,5 @@ class ContactRenewal:
 
     def _renew(self, finger: str) -> None:
         """Setting the filter that it has anyway makes Bullet forget and find again what a link touches."""
-        built, client = self._simulation.built, self._simulation.client
-        renew = client.function("setCollisionFilterGroupMask")  # changes nothing that touches: not tampering
-        renew(built.robot, built.links[finger], DEFAULT_FILTER, EVERYTHING)
+        built = self._simulation.built
+        self._set_filter(built.robot, built.links[finger], DEFAULT_FILTER, EVERYTHING)

@@ -11,46 +11,43 @@ from hal.pybullet.client import GUARDED, JOINT_MOTORS, PhysicsClient
 
 MOTORS = JOINT_MOTORS | {"stepSimulation"}
 
+_watched: dict[int, PhysicsClient] = {}
+
 
 class RawCallGuard:
-    """Stands in front of pybullet's functions from ``install`` to ``remove``; each robot in a process has its own.
+    """Counts for one robot, from ``install`` to ``remove``, the calls that do not come from its client.
 
     It sees calls that name its physics server by ``physicsClientId``, or that mean it by default (server 0). What
-    it cannot see (functions taken from the module earlier) the watchers see by its effects.
+    it cannot see (functions taken before this package was imported) the watchers see by its effects.
     """
 
     def __init__(self, client: PhysicsClient) -> None:
-        self._client = client
-        self._installed: dict[str, tuple[Callable[..., Any], Callable[..., Any]]] = {}
-        self._active = False
+        self._client, self._server = client, client.id
 
     def install(self) -> None:
         """Begin to count; idempotent."""
-        if self._active:
-            return
-        self._active = True
-        for name in GUARDED | MOTORS:
-            original = getattr(pybullet, name, None)
-            if original is not None:
-                guard = self._guard(name, original)
-                self._installed[name] = (guard, original)
-                setattr(pybullet, name, guard)
+        _watched[self._server] = self._client
 
     def remove(self) -> None:
-        """Put the functions back; one that another guard stands before stays in the row and lets calls through."""
-        self._active = False
-        for name, (guard, original) in self._installed.items():
-            if getattr(pybullet, name) is guard:
-                setattr(pybullet, name, original)
-        self._installed.clear()
+        """Count no more; idempotent."""
+        _watched.pop(self._server, None)
 
-    def _guard(self, name: str, original: Callable[..., Any]) -> Callable[..., Any]:
-        def guarded(*arguments: Any, **keywords: Any) -> Any:
-            if self._active and keywords.get("physicsClientId", 0) == self._client.id:
-                if name in MOTORS:
-                    self._client.note_tampering(name)
-                else:
-                    self._client.note(name, arguments, keywords)
-            return original(*arguments, **keywords)
 
-        return guarded
+def _guard(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
+    def guarded(*arguments: Any, **keywords: Any) -> Any:
+        client = _watched.get(keywords.get("physicsClientId", 0))
+        if client is not None:
+            if name in MOTORS:
+                client.note_tampering(name)
+            else:
+                client.note(name, arguments, keywords)
+        return original(*arguments, **keywords)
+
+    return guarded
+
+
+# Once and for good, when this package is imported: so what a plug-in takes from the module before a robot connects
+# ("from pybullet import resetJointState") is guarded as well.
+for _name in GUARDED | MOTORS:
+    if hasattr(pybullet, _name):
+        setattr(pybullet, _name, _guard(_name, getattr(pybullet, _name)))

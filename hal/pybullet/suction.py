@@ -37,6 +37,7 @@ class SimulatedSuction(Gripper):
         self._checks = GripperCommandChecks(name, model, least_width=0.0)
         self._connection = Connection(name, stopped)
         self._reader: Reader | None = None
+        self._apply: Callable[..., None] | None = None
         self._cup = -1
         self._force = 0.0  # N, asked for; 0: the pump is off
         self._asked = model.max_width
@@ -85,6 +86,7 @@ class SimulatedSuction(Gripper):
         """At rest, the pump off."""
         self._connection.attach(simulation)
         self._reader = simulation.client.reader(ReadPurpose.SENSOR)
+        self._apply = simulation.client.function("applyExternalForce")  # of a declared cup: not the audit's tampering
         self._cup = simulation.built.links[self._model.finger_links[0]]
         self._force = self._sealed_for = 0.0
         self._asked = self._model.max_width
@@ -94,7 +96,7 @@ class SimulatedSuction(Gripper):
     def detach(self) -> None:
         """Let go."""
         self._connection.detach()
-        self._reader = None
+        self._reader = self._apply = None
 
     def _control(self) -> None:
         motion = self._connection.motion
@@ -106,17 +108,16 @@ class SimulatedSuction(Gripper):
 
     def _suck(self) -> None:
         touched = self._touched() if self._force > 0.0 else None
-        if touched is None:
+        if touched is None or self._apply is None:
             self._sealed_for = 0.0
             return
         body, link, point, axis = touched
         self._sealed_for += self._parameters.time_step
         force = self._force * min(1.0, self._sealed_for / BUILD_UP)
         simulation = self._connection.simulation
-        apply = simulation.client.function("applyExternalForce")  # of a declared cup: not the audit's tampering
         pull = tuple(-force * value for value in axis)
-        apply(body, link, pull, point, pybullet.WORLD_FRAME)
-        apply(simulation.built.robot, self._cup, tuple(-value for value in pull), point, pybullet.WORLD_FRAME)
+        self._apply(body, link, pull, point, pybullet.WORLD_FRAME)
+        self._apply(simulation.built.robot, self._cup, tuple(-value for value in pull), point, pybullet.WORLD_FRAME)
 
     def _touched(self) -> tuple[int, int, Vector, Vector] | None:
         """The body and link that the rim lies flat on, the middle of the contact, and the axis out of the cup."""

@@ -10,6 +10,7 @@ from bestman_bt.engine import RUNNING, Tree
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.runtime import Session, Setup
+from hal.api import Robot
 from hal.pybullet import GroundTruth, PyBulletRobot, SceneRecorder, SceneSnapshot
 
 
@@ -39,12 +40,15 @@ class Track:
 def record(task: str, seed: int) -> Track:
     """Run a task once; nothing is drawn meanwhile, so that the run is the same as without a film."""
     setup = prepare_episode(load_run(task, seed=seed))
+    views: list[tuple[SceneRecorder, GroundTruth]] = []
     moments: list[Moment] = []
 
-    def watch(session: Session, tree: Tree) -> Callable[[], None]:
-        robot = session.robot
+    def prepare_robot(robot: Robot) -> None:
         assert isinstance(robot, PyBulletRobot)
-        scene, truth = SceneRecorder(robot), GroundTruth(robot)
+        views.append((SceneRecorder(robot), GroundTruth(robot)))
+
+    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+        ((scene, truth),) = views
 
         def look() -> None:
             openings = {name: truth.articulation_position(name) for name in truth.articulation_names}
@@ -53,7 +57,7 @@ def record(task: str, seed: int) -> Track:
         look()
         return look
 
-    result = run_episode(setup, watch=watch)
+    result = run_episode(setup, watch=watch, prepare_robot=prepare_robot)
     return Track(setup, result, tuple(moments))
 
 

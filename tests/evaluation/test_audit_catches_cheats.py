@@ -13,7 +13,7 @@ from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.api import Arm, MobileBase
 from hal.pybullet import ContactIncident, GroundTruth, HonestyRecord, PyBulletRobot
-from hal.pybullet.client import ReadPurpose
+from hal.pybullet.client import _FUNCTIONS, ReadPurpose
 
 
 @pytest.fixture
@@ -105,7 +105,7 @@ def test_a_teleported_object_is_counted(robot, cup, judge) -> None:
 
 def test_a_teleport_past_every_wrapper_is_seen_by_its_effect(robot, cup, server, judge) -> None:
     """Through a function that was taken from the module before any guard stood there."""
-    hidden = _unguarded(robot, "resetBasePositionAndOrientation")
+    hidden = _unguarded("resetBasePositionAndOrientation")
     hidden(cup, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0], physicsClientId=server)
     judged = judge()
     assert robot.simulation.client.counts["resets"] == 0
@@ -115,8 +115,8 @@ def test_a_teleport_past_every_wrapper_is_seen_by_its_effect(robot, cup, server,
 def test_a_creeping_object_is_seen(robot, cup, server, judge) -> None:
     """Moved by 0.05 mm in each step: no jump is large, their sum is."""
     move, read = (
-        _unguarded(robot, "resetBasePositionAndOrientation"),
-        _unguarded(robot, "getBasePositionAndOrientation"),
+        _unguarded("resetBasePositionAndOrientation"),
+        _unguarded("getBasePositionAndOrientation"),
     )
     for _ in range(60):
         position, quaternion = read(cup, physicsClientId=server)
@@ -127,7 +127,7 @@ def test_a_creeping_object_is_seen(robot, cup, server, judge) -> None:
 
 def test_a_teleported_joint_is_seen(robot, server, judge) -> None:
     joint = robot.simulation.built.joints["panda_joint1"]
-    hidden = _unguarded(robot, "resetJointState")
+    hidden = _unguarded("resetJointState")
     hidden(robot.simulation.built.robot, joint, 0.5, physicsClientId=server)
     judged = judge()
     assert judged.teleports >= 1
@@ -135,13 +135,13 @@ def test_a_teleported_joint_is_seen(robot, server, judge) -> None:
 
 
 def test_a_teleported_robot_is_seen(robot, server, judge) -> None:
-    hidden = _unguarded(robot, "resetBasePositionAndOrientation")
+    hidden = _unguarded("resetBasePositionAndOrientation")
     hidden(robot.simulation.built.robot, [0.5, 0.5, 0.2], [0.0, 0.0, 0.0, 1.0], physicsClientId=server)
     assert judge().teleports >= 1
 
 
 def test_moved_furniture_is_seen(robot, server, judge) -> None:
-    hidden = _unguarded(robot, "resetBasePositionAndOrientation")
+    hidden = _unguarded("resetBasePositionAndOrientation")
     hidden(robot.simulation.built.furniture["table"], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], physicsClientId=server)
     judged = judge()
     assert any("table, which is fixed, has moved" in finding for finding in judged.findings)
@@ -167,7 +167,7 @@ def test_a_constraint_between_hand_and_object_is_counted(robot, cup, judge) -> N
 
 def test_a_constraint_past_every_wrapper_is_seen(robot, cup, server, judge) -> None:
     built = robot.simulation.built
-    hidden = _unguarded(robot, "createConstraint")
+    hidden = _unguarded("createConstraint")
     _fix(lambda *a, **k: hidden(*a, **k, physicsClientId=server), built.robot, built.links["panda_hand"], cup)
     assert judge().grasp_constraints == 1
 
@@ -194,7 +194,7 @@ def test_an_object_that_follows_an_open_hand_is_seen(robot, cup, judge) -> None:
 
 
 def test_an_object_that_hangs_in_the_air_is_seen(robot, cup, server, judge) -> None:
-    hidden, push = _unguarded(robot, "resetBasePositionAndOrientation"), _unguarded(robot, "applyExternalForce")
+    hidden, push = _unguarded("resetBasePositionAndOrientation"), _unguarded("applyExternalForce")
     hidden(cup, [0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0], physicsClientId=server)
     for _ in range(240):
         push(cup, -1, [0.0, 0.0, 0.2 * 9.81], [0.0, 0.0, 0.0], pybullet.LINK_FRAME, physicsClientId=server)
@@ -221,7 +221,7 @@ def test_tampering_through_the_module_is_counted(function, arguments, server, ju
 
 
 def test_a_heavier_or_stickier_object_is_seen_whoever_made_it_so(robot, cup, server, judge) -> None:
-    hidden = _unguarded(robot, "changeDynamics")
+    hidden = _unguarded("changeDynamics")
     hidden(cup, -1, mass=0.01, physicsClientId=server)
     judged = judge()
     assert judged.tampering >= 1
@@ -243,8 +243,8 @@ def test_driving_into_a_wall_is_a_collision(robot, judge) -> None:
 def test_deep_overlap_is_measured(robot, cup, server, judge) -> None:
     """The cup, pushed 1 cm into the table by a teleport."""
     read, hidden = (
-        _unguarded(robot, "getBasePositionAndOrientation"),
-        _unguarded(robot, "resetBasePositionAndOrientation"),
+        _unguarded("getBasePositionAndOrientation"),
+        _unguarded("resetBasePositionAndOrientation"),
     )
     position, quaternion = read(cup, physicsClientId=server)
     hidden(cup, np.subtract(position, [0.0, 0.0, 0.01]).tolist(), quaternion, physicsClientId=server)
@@ -256,14 +256,14 @@ def test_deep_overlap_is_measured(robot, cup, server, judge) -> None:
 
 def test_a_joint_beyond_its_limit_is_seen(robot, server, judge) -> None:
     built = robot.simulation.built
-    hidden = _unguarded(robot, "resetJointState")
+    hidden = _unguarded("resetJointState")
     hidden(built.robot, built.joints["panda_joint4"], 0.2, physicsClientId=server)
     assert judge().joint_limit_violations >= 1
 
 
 def test_a_joint_beyond_its_speed_is_seen(robot, server, judge) -> None:
     built = robot.simulation.built
-    hidden = _unguarded(robot, "setJointMotorControl2")
+    hidden = _unguarded("setJointMotorControl2")
     hidden(
         built.robot, built.joints["panda_joint1"], pybullet.VELOCITY_CONTROL, targetVelocity=4.0, force=500.0,
         physicsClientId=server,
@@ -279,16 +279,26 @@ def test_motors_driven_past_the_robotics_api_are_counted(robot, server, judge) -
     assert judge().tampering == 1
 
 
-def test_the_guard_leaves_when_the_robot_disconnects() -> None:
-    before = pybullet.resetJointState
-    with PyBulletRobot(load_robot_model("diff_panda"), draw_world(load_scene("kitchen"), 7)):
-        assert pybullet.resetJointState is not before
-    assert pybullet.resetJointState is before
+def test_who_uses_pybullet_beside_the_robot_or_after_it_is_not_counted(robot, judge) -> None:
+    other = pybullet.connect(pybullet.DIRECT)
+    try:
+        pybullet.setGravity(0.0, 0.0, -1.0, physicsClientId=other)
+        client = robot.simulation.client
+        counted = only(judge())
+        server = client.id
+        robot.disconnect()
+        assert pybullet.connect(pybullet.DIRECT) == server
+        pybullet.setGravity(0.0, 0.0, -1.0, physicsClientId=server)
+        pybullet.disconnect(physicsClientId=server)
+    finally:
+        pybullet.disconnect(physicsClientId=other)
+    assert counted == set()
+    assert client.counts["tampering"] == 0
 
 
-def _unguarded(robot: PyBulletRobot, name: str) -> Callable:
-    """The function as a cheat would have it who took it from the module before the robot connected."""
-    return robot._guard._installed[name][1]
+def _unguarded(name: str) -> Callable:
+    """The function as a cheat would have it who took it from the module before the simulation was imported."""
+    return _FUNCTIONS[name]
 
 
 def _fix(create: Callable, robot: int, hand: int, body: int) -> None:

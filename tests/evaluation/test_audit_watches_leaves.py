@@ -1,0 +1,168 @@
+"""Doors and drawers that are opened by other means than a hand: each is caught, by the call and by what it does."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import pybullet
+import pytest
+
+from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.scene import World, draw_world, load_scene
+from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet.client import _FUNCTIONS, ReadPurpose
+
+# As a plug-in takes them: before any robot connects.
+getBasePositionAndOrientation = pybullet.getBasePositionAndOrientation
+resetJointState, setJointMotorControl2 = pybullet.resetJointState, pybullet.setJointMotorControl2
+
+DOOR = "fridge/upper_door"
+STEP = 1 / 240
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return draw_world(load_scene("fridge_room"), 3)
+
+
+@pytest.fixture
+def robot(world: World) -> Iterator[PyBulletRobot]:
+    with PyBulletRobot(load_robot_model("diff_panda"), world) as robot:
+        robot.clock.sleep(STEP)
+        yield robot
+
+
+@pytest.fixture
+def door(robot: PyBulletRobot) -> tuple[int, int]:
+    return robot.simulation.built.articulations[DOOR]
+
+
+@pytest.fixture
+def hidden(robot: PyBulletRobot) -> Callable[[str], Callable[..., Any]]:
+    """Functions as a cheat has them who took them before the simulation was imported: only effects are seen."""
+    return lambda name: partial(_FUNCTIONS[name], physicsClientId=robot.simulation.client.id)
+
+
+def judged(robot: PyBulletRobot, seconds: float = 0.1) -> Audit:
+    robot.clock.sleep(seconds)
+    return audit(robot.honesty_record())
+
+
+def says(verdict: Audit, words: str) -> bool:
+    return any(DOOR in finding and words in finding for finding in verdict.findings)
+
+
+def test_doors_that_nobody_touches_are_not_accused(robot) -> None:
+    verdict = judged(robot)
+    assert verdict.honest
+    assert verdict.findings == ()
+
+
+def test_a_door_that_is_reset_open_is_seen(robot, door, hidden) -> None:
+    hidden("resetJointState")(*door, 1.5)
+    verdict = judged(robot)
+    assert verdict.teleports == 1
+    assert says(verdict, "without a velocity")
+
+
+def test_a_reset_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:
+    resetJointState(*door, 1.5, physicsClientId=robot.simulation.client.id)
+    assert robot.simulation.client.counts["resets"] == 1
+
+
+def test_a_door_that_creeps_open_is_seen(robot, door, hidden) -> None:
+    for count in range(24):
+        hidden("resetJointState")(*door, 5e-6 * (count + 1))
+        robot.clock.sleep(STEP)
+    assert judged(robot).teleports >= 1
+
+
+@pytest.mark.parametrize("force", [500.0, 6.0], ids=["strong", "no stronger than the friction"])
+def test_a_motor_on_the_hinge_is_seen(robot, door, hidden, force) -> None:
+    hidden("setJointMotorControl2")(*door, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=force)
+    verdict = judged(robot)
+    assert robot.simulation.client.counts["tampering"] == 0
+    assert verdict.tampering >= 1
+    assert says(verdict, "driven")
+
+
+def test_a_motor_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:
+    server = robot.simulation.client.id
+    setJointMotorControl2(*door, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=500, physicsClientId=server)
+    assert robot.simulation.client.counts["tampering"] == 1
+
+
+def test_what_the_wrapper_hands_out_during_a_run_is_counted(robot, door) -> None:
+    client = robot.simulation.client
+    client.function("resetJointState")(*door, 1.5)
+    client.function("getBasePositionAndOrientation")(door[0])
+    assert client.counts == {"resets": 1, "truth_reads": 1}
+    assert judged(robot).teleports >= 1
+
+
+def test_a_motor_among_the_effort_controls_is_seen(robot, door, hidden) -> None:
+    motor = hidden("setJointMotorControl2")
+    robot.simulation.effort_controls.append(
+        lambda: motor(*door, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=500.0)
+    )
+    assert judged(robot).tampering >= 1
+
+
+@pytest.mark.parametrize("steps", [1, 24])
+def test_a_torque_that_nothing_exerts_is_seen(robot, door, hidden, steps) -> None:
+    for _ in range(steps):
+        hidden("setJointMotorControl2")(*door, pybullet.TORQUE_CONTROL, force=30.0)
+        robot.clock.sleep(STEP)
+    assert says(judged(robot), "nothing pressed on it")
+
+
+@pytest.mark.parametrize("friction", [0.0, 3.0], ids=["oiled", "half as stiff"])
+def test_a_hinge_without_its_friction_is_seen(robot, door, hidden, friction) -> None:
+    """A door that got a push (seen as well) slides against less than its model's friction."""
+    hidden("setJointMotorControl2")(*door, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=friction)
+    hidden("resetJointState")(*door, 0.1, 0.5)
+    robot.clock.sleep(STEP)
+    assert says(judged(robot), f"slides against {friction:.2f}")
+
+
+def test_a_heavy_flap_may_fall_by_its_weight(world) -> None:
+    """A door whose hinge lies: nothing presses on it, and it gains speed."""
+    fridge = next(piece for piece in world.furniture if piece.name == "fridge")
+    lying = tuple(
+        dataclasses.replace(leaf, axis=(1.0, 0.0, 0.0), friction=0.1, mass=20.0) for leaf in fridge.model.articulations
+    )
+    ajar = {leaf.name: 0.3 for leaf in lying}
+    piece = dataclasses.replace(fridge, model=dataclasses.replace(fridge.model, articulations=lying), open=ajar)
+    with PyBulletRobot(load_robot_model("diff_panda"), dataclasses.replace(world, furniture=(piece,))) as robot:
+        truth = GroundTruth(robot)
+        verdict = judged(robot, 0.3)
+        assert abs(truth.articulation_position(DOOR) - 0.3) > 0.05
+        assert verdict.tampering == 0
+
+
+def test_a_monitor_that_is_kept_from_the_steps_is_noticed(robot) -> None:
+    robot.simulation.step_observers.clear()
+    assert judged(robot).tampering > 0
+
+
+def test_a_read_that_was_taken_from_the_module_early_is_counted(robot, door) -> None:
+    getBasePositionAndOrientation(door[0], physicsClientId=robot.simulation.client.id)
+    assert judged(robot).ground_truth_reads == 1
+
+
+def test_the_truth_is_closed_as_soon_as_those_who_evaluate_have_it(world) -> None:
+    """Before the first step: what leaves do while their tree is loaded is counted."""
+    with PyBulletRobot(load_robot_model("diff_panda"), world) as robot:
+        early = GroundTruth(robot)
+        robot.close_truth()
+        late = robot.simulation.client.reader(ReadPurpose.SENSOR)
+        assert early.trusted
+        assert not late.trusted
+        early.articulation_position(DOOR)
+        assert robot.simulation.client.counts["truth_reads"] == 0
+        late.getBasePositionAndOrientation(robot.simulation.built.furniture["fridge"])
+        assert robot.simulation.client.counts["truth_reads"] == 1
