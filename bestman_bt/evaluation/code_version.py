@@ -11,6 +11,7 @@ from pathlib import Path
 import yaml
 
 from bestman_bt.configuration import RunConfig, data_root, dump_run
+from bestman_bt.evaluation.named_files import named_files
 from bestman_bt.evaluation.versions import versions
 
 _PACKAGES = ("bestman_bt", "behaviours", "hal")
@@ -28,11 +29,16 @@ def code_fingerprint() -> str:
 
 
 def config_fingerprint(config: RunConfig) -> str:
-    """Twelve hexadecimal digits over a run's configuration but its seed, and the files of a user that it names."""
-    digest = hashlib.sha256(dump_run(replace(config, seed=0)).encode())
-    for name in (config.task.tree, config.task.scene, config.task.robot, *config.task.plugins):
-        if Path(name).is_file():
-            digest.update(Path(name).read_bytes())
+    """Twelve hexadecimal digits over a run's configuration but its seed, and the files of a user that it names.
+
+    Also over what those files name: furniture, objects, parts, meshes, included trees, policies.
+    """
+    task = config.task
+    names = {kind: Path(getattr(task, kind)).name for kind in ("tree", "scene", "robot")}
+    plain = replace(task, plugins=tuple(Path(plugin).name for plugin in task.plugins), **names)
+    digest = hashlib.sha256(dump_run(replace(config, task=plain, seed=0)).encode())
+    for path in named_files(yaml.safe_load(dump_run(config))):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:12]
 
 

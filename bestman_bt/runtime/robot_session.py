@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
-from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.configuration import RunConfig, find_data, load_run
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
@@ -200,7 +201,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         computation=InlineComputation(clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),
-        policies=find_policy,
+        policies=partial(find_policy, tree=find_data("tree", config.task.tree)),
     )
 
 

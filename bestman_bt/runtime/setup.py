@@ -11,17 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, find_data
-from bestman_bt.engine import Node, NodeRegistry, Tree, build_tree, load_tree
+from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, find_data
+from bestman_bt.engine import Node, NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals
 from bestman_bt.runtime.task_problems import task_problems
-from bestman_bt.scene import World, draw_world, load_scene, semantic_map
+from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, WorldModel
 
 START_POSITION_ERROR = 0.03
@@ -55,27 +56,53 @@ def prepare(config: RunConfig) -> Setup:
 
     Raises ConfigurationError, TreeLoadError or SceneError.
     """
-    registry = node_registry(config.task.plugins)
-    robot_model = load_robot_model(config.task.robot, config.robot_settings)
-    scene = load_scene(config.task.scene, config.scene_settings)
+    faults = ProblemCollector()
+    registry: NodeRegistry | None = None
+    robot_model: RobotModel | None = None
+    scene: SceneConfig | None = None
+    with faults.step():
+        registry = node_registry(config.task.plugins)
+    with faults.step():
+        robot_model = load_robot_model(config.task.robot, config.robot_settings)
+    with faults.step():
+        scene = load_scene(config.task.scene, config.scene_settings)
+    faults.problems += _driver_problems(config)
+    if robot_model is not None:
+        faults.problems += _robot_problems(config, robot_model)
+        with faults.step():
+            _prepare_algorithms(config, robot_model)
+    if robot_model is None or scene is None:
+        raise ConfigurationError(dict.fromkeys(faults.problems))
     world = draw_world(scene, config.seed)
     world_model = WorldModel(
         map=semantic_map(world), models=dict(scene.models), base=_told_start(world.robot_start, config.seed)
     )
+    faults.problems += task_problems(config, world, world_model, robot_model)
+    with faults.step():
+        make_localizer(config, world_model.map)
+    with faults.step():
+        make_local_planner(config)
+    if registry is None:
+        raise ConfigurationError(dict.fromkeys(faults.problems))
     setup = Setup(config, registry, robot_model, world, world_model)
-    problems = [*_driver_problems(config), *_robot_problems(setup)]
-    problems += task_problems(config, world, world_model, robot_model)
-    if problems:
-        raise ConfigurationError(problems)
-    load_for(setup)
+    try:
+        faults.problems += policy_problems(load_for(setup), find_data("tree", config.task.tree))
+    except TreeLoadError as error:
+        if not faults.problems:
+            raise
+        faults.problems += [
+            Problem(p.file, p.line or None, p.field, f"<{p.node}>: {p.message}") for p in error.problems
+        ]
+    faults.raise_if_any()
+    return setup
+
+
+def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
     algorithms = make_algorithms(config, robot_model)
     try:
         algorithms.detection.prepare()
     except PerceptionError as error:
         raise ConfigurationError([config.problem(("algorithms", "detection"), str(error))]) from error
-    make_localizer(config, world_model.map)
-    make_local_planner(config)
-    return setup
 
 
 def load_for(setup: Setup, tree: str | Path | Node | None = None, **options: Any) -> Tree:
@@ -108,9 +135,8 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
         yield Problem("driver", None, "", "replay needs a recording, and no other driver has a use for one")
 
 
-def _robot_problems(setup: Setup) -> Iterable[Problem]:
+def _robot_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
     """The skills command one part of each of these kinds."""
-    model = setup.robot_model
     needed = {
         "mobile base": model.bases,
         "arm": model.arms,
@@ -122,7 +148,7 @@ def _robot_problems(setup: Setup) -> Iterable[Problem]:
     connected = {part for connection in model.connections.values() for part in connection.parts}
     for kind, parts in needed.items():
         if not parts:
-            yield Problem(str(setup.config.task.robot), None, "parts", f"the skills need a {kind}, this robot has none")
-        elif setup.config.driver == "hardware" and not connected & set(parts):
+            yield Problem(str(config.task.robot), None, "parts", f"the skills need a {kind}, this robot has none")
+        elif config.driver == "hardware" and not connected & set(parts):
             message = f"the skills need a {kind}, and none of {', '.join(parts)} is behind a connection"
-            yield Problem(str(setup.config.task.robot), None, "connections", message)
+            yield Problem(str(config.task.robot), None, "connections", message)

@@ -46,9 +46,7 @@ def _opening_problems(config: RunConfig, asked: OpeningConfig, world: World) -> 
     leaf = leaves.get(asked.articulation)
     if leaf is None:
         message = f"the scene has no door or drawer {asked.articulation!r}"
-        yield config.problem(
-            ("opening", "articulation"), f"{message}; {suggestion(asked.articulation, list(leaves))}"
-        )
+        yield config.problem(("opening", "articulation"), f"{message}; {suggestion(asked.articulation, list(leaves))}")
         return
     dimension, scale, unit = (
         ("angle", math.degrees(1.0), " deg") if leaf.kind == "revolute" else ("length", 100.0, " cm")

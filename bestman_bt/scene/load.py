@@ -9,7 +9,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.configuration import ConfigurationError, Document, Problem, check, find_data, override, read_document
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Document,
+    Problem,
+    beside,
+    check,
+    find_data,
+    override,
+    read_document,
+)
 from bestman_bt.messages import ObjectModel
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.furniture_file import read_furniture
@@ -59,7 +68,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
 
 
 def _extended(path: Path, below: tuple[Path, ...]) -> Document:
-    document = read_document(path)
+    document = _from_its_folder(read_document(path), path)
     base_name = document.data.get("extends")
     if not isinstance(base_name, str):
         return document
@@ -76,6 +85,19 @@ def _extended(path: Path, below: tuple[Path, ...]) -> Document:
     if problems:
         raise ConfigurationError(problems)
     return base.merged(document)
+
+
+def _from_its_folder(document: Document, path: Path) -> Document:
+    """The document with the paths that it names counted from its file."""
+    data = copy.deepcopy(document.data)
+    if isinstance(data.get("extends"), str):
+        data["extends"] = beside(path, "scene", data["extends"])
+    for field, kind in (("furniture", "furniture"), ("objects", "object"), ("goals", "object")):
+        placements = data.get(field)
+        for placement in placements.values() if isinstance(placements, dict) else ():
+            if isinstance(placement, dict) and isinstance(placement.get("model"), str):
+                placement["model"] = beside(path, kind, placement["model"])
+    return replace(document, data=data)
 
 
 def _without_absent(document: Document) -> Document:
@@ -96,6 +118,7 @@ def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
             furniture[piece] = read_furniture(standing.model, document.problem(("furniture", piece, "model"), ""))
         except ConfigurationError as error:
             problems += error.problems
+    named_otherwise = {placement.model for key, placement in file.objects.items() if key != Path(placement.model).stem}
     # goals first: an object of the scene that bears the name of a goal's model decides what it means
     for field, key, model in [
         *(("goals", goal, placement.model) for goal, placement in file.goals.items()),
@@ -103,9 +126,11 @@ def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
     ]:
         try:
             found = read_object(model, document.problem((field, key, "model"), ""))
-            models[found.name if field == "goals" else key] = found
             if field == "goals":
                 goal_models[key] = found
+                if model in named_otherwise:
+                    continue  # two equal models of one thing could not be told apart
+            models[found.name if field == "goals" else key] = found
         except ConfigurationError as error:
             problems += error.problems
     scene = SceneConfig(name, file, furniture, models, goal_models)
