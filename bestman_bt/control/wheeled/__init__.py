@@ -1,5 +1,12 @@
 """Control of wheeled bases."""
 
 from bestman_bt.control.wheeled.base_controller import BaseController, BaseControllerParameters
+from bestman_bt.control.wheeled.turning_slip import TurningSlip, TurningSlipParameters, measure_turning_slip
 
-__all__ = ["BaseController", "BaseControllerParameters"]
+__all__ = [
+    "BaseController",
+    "BaseControllerParameters",
+    "TurningSlip",
+    "TurningSlipParameters",
+    "measure_turning_slip",
+]

@@ -1,0 +1,130 @@
+"""An arm that gives way does so as a spring of the stiffness that was asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pybullet
+import pytest
+
+from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control.arm import ImpedanceController, ImpedanceParameters
+from bestman_bt.manipulation.kinematics import ArmDynamics, DampedLeastSquares
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.scene import World
+from hal.api import Arm
+from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
+
+
+class Pushed:
+    """A robot at its posture ``home`` whose tool is pushed by ``force`` (3,) N in the map, in every step."""
+
+    def __init__(self, robot: PyBulletRobot, parameters: ImpedanceParameters) -> None:
+        self.robot, self.arm, self.truth = robot, robot.part("arm", Arm), GroundTruth(robot)
+        model = robot.model
+        kinematics = DampedLeastSquares(model, "arm")
+        hand = {j: q for g in model.grippers.values() for j, q in g.joint_positions(g.max_width).items()}
+        dynamics = ArmDynamics(model, model.arms["arm"], hand)
+        self.controller = ImpedanceController(self.arm, robot.clock, kinematics, dynamics, parameters)
+        self.force = np.zeros(3)
+        self._tool = model.arms["arm"].tool_frame
+        simulation = robot.simulation
+        holder, _ = simulation.built.frames.get(self._tool, (self._tool, None))
+        link = simulation.built.links[holder]
+
+        def push() -> None:
+            at, force = self.tool.position.tolist(), self.force.tolist()
+            simulation.client.applyExternalForce(simulation.built.robot, link, force, at, pybullet.WORLD_FRAME)
+
+        simulation.effort_controls.append(push)
+
+    @property
+    def tool(self) -> Pose:
+        return self.truth.frame_pose(self._tool)
+
+
+@pytest.fixture
+def pushed() -> Callable[..., Pushed]:
+    robots = []
+
+    def make(parameters: ImpedanceParameters, name: str = "diff_panda") -> Pushed:
+        robot = PyBulletRobot(
+            load_robot_model(name),
+            World("floor", 0, (), (), (), Pose2D(), {}),
+            parameters=PhysicsParameters(initial_postures=("home",)),
+        )
+        robot.connect()
+        robots.append(robot)
+        return Pushed(robot, parameters)
+
+    yield make
+    for robot in robots:
+        robot.disconnect()
+
+
+@pytest.mark.parametrize(("name", "stiffness"), [("diff_panda", 400.0), ("diff_panda", 800.0), ("omni_ur5", 400.0)])
+def test_a_force_moves_the_tool_by_force_over_stiffness(pushed, name: str, stiffness: float) -> None:
+    it = pushed(ImpedanceParameters(stiffness=stiffness), name)
+    handle = it.controller.hold()
+    it.robot.clock.sleep(0.5)
+    start = it.tool.position
+    for axis in range(3):
+        it.force = 15.0 * np.eye(3)[axis]
+        it.robot.clock.sleep(1.2)
+        assert it.tool.position - start == pytest.approx(it.force / stiffness, abs=0.2 * 15.0 / stiffness)
+    it.force = np.zeros(3)
+    it.robot.clock.sleep(1.2)
+    assert it.tool.position == pytest.approx(start, abs=0.001)
+    assert handle.status is ControlStatus.RUNNING
+
+
+def test_a_moved_target_pulls_the_tool_along_without_overshooting_much(pushed) -> None:
+    it = pushed(ImpedanceParameters())
+    it.controller.hold()
+    start, highest = it.tool.position[2], 0.0
+    target = it.controller.target
+    it.controller.move_target(Pose(target.position + np.array([0.0, 0.0, 0.05]), target.quaternion))
+    for _ in range(40):
+        it.robot.clock.sleep(0.05)
+        highest = max(highest, it.tool.position[2] - start)
+    assert it.tool.position[2] - start == pytest.approx(0.05, abs=0.002)
+    assert highest < 0.057
+
+
+def test_cancelling_makes_the_arm_stiff_where_it_is(pushed) -> None:
+    it = pushed(ImpedanceParameters())
+    handle = it.controller.hold()
+    it.robot.clock.sleep(0.3)
+    handle.cancel()
+    it.robot.clock.sleep(0.5)
+    start = it.tool.position
+    it.force = np.array([0.0, 15.0, 0.0])
+    it.robot.clock.sleep(0.5)
+    assert handle.status is ControlStatus.CANCELED
+    assert np.linalg.norm(it.tool.position - start) < 0.005
+
+
+def test_a_stop_of_the_robot_ends_it(pushed) -> None:
+    it = pushed(ImpedanceParameters())
+    handle = it.controller.hold()
+    it.robot.clock.sleep(0.2)
+    it.robot.stop()
+    it.robot.clock.sleep(0.2)
+    assert handle.error is not None
+    assert handle.error.code is ControlErrorCode.STOPPED
+
+
+def test_an_arm_that_is_thrown_about_is_braked(pushed) -> None:
+    it = pushed(ImpedanceParameters(speed_share=0.2))
+    handle = it.controller.hold()
+    it.force = np.array([0.0, 300.0, 0.0])
+    it.robot.clock.sleep(0.5)
+    assert handle.error is not None
+    assert handle.error.code is ControlErrorCode.TRACKING
+
+
+def test_parameters_that_mean_nothing_are_refused() -> None:
+    with pytest.raises(ValueError, match="stiffness"):
+        ImpedanceParameters(stiffness=0.0)
