@@ -1,12 +1,14 @@
 """Where a piece of furniture really stands: measured by the front panel of a closed door or drawer.
 
 The map is off by centimetres and degrees. A front whose borders were seen is off by millimetres, and the map knows
-where on the piece that front is.
+where on the piece that front is. A single front that stands out may be open, or the map may be wrong: fronts in one
+plane, as on the map, are shut, and tell where the piece stands even where the map is wrong by much more.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +25,10 @@ SLACK = 0.01
 POSITION_ERROR = 0.008
 HEADING_ERROR = math.radians(0.4)
 """How well a piece is known once a front of it was measured, metres and radians."""
+SAME_PLACE = 0.015
+"""Metres within which two shut fronts tell the same place of a piece."""
+MISPLACED = 0.16
+"""Metres, each axis, that a piece may stand from its place on the map where two of its fronts tell so."""
 
 
 def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
@@ -39,8 +45,38 @@ def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
             return
 
 
+def believe_shut_fronts(world: WorldModel, furniture: str, handles: Iterable[Handle]) -> None:
+    """Correct where the map has a piece that two fronts in one plane show to be farther off than the map may be."""
+    piece = world.map.furniture[furniture]
+    if piece.position_error <= POSITION_ERROR:
+        return
+    seen = list(handles)
+    told = [[pose for handle in seen if (pose := _told(piece, leaf, handle)) is not None] for leaf in piece.leaves]
+    agreed = [
+        one
+        for index, places in enumerate(told)
+        for one in places
+        if any(_same(one, other) for others in told[index + 1 :] for other in others)
+    ]
+    if not agreed:
+        return
+    # Two that stand open as far as each other look like shut ones of a nearer piece: the farthest back counts.
+    pose = max(agreed, key=lambda place: float(_off(piece, place)[0]))
+    off = np.abs(_off(piece, pose)).max()
+    if off > MISPLACED or _turned(piece, pose) > piece.heading_error + HEADING_ERROR or _explained(piece, pose):
+        return
+    placed = replace(piece, pose=pose, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
+    world.map = world.map.with_furniture(placed)
+
+
 def _measured(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
     """Where the piece stands if the handle is on this leaf and that is shut; None if it is not, as far as is known."""
+    pose = _told(piece, leaf, handle)
+    return pose if pose is not None and _explained(piece, pose) else None
+
+
+def _told(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | None:
+    """Where the piece would stand if the handle were on this leaf and that shut; None if the panel is not its front."""
     front = leaf.shapes[0]
     if handle.panel is None or handle.panel_size is None or not isinstance(front.shape, Box):
         return None
@@ -51,8 +87,24 @@ def _measured(piece: MapFurniture, leaf: MapLeaf, handle: Handle) -> Pose2D | No
     theta = math.atan2(-float(outward[1]), -float(outward[0]))
     face = front.pose.position[:2] - np.array([front.shape.size[0] / 2, 0.0])
     x, y = handle.panel.position[:2] - Pose2D(theta=theta).apply(face[None])[0]
-    off = np.abs(piece.pose.inverse().apply(np.array([[x, y]]))[0])
-    turned = abs(wrap_angle(theta - piece.pose.theta))
-    if off.max() > math.sqrt(2.0) * piece.position_error + SLACK or turned > piece.heading_error + HEADING_ERROR:
-        return None
     return Pose2D(float(x), float(y), theta)
+
+
+def _explained(piece: MapFurniture, pose: Pose2D) -> bool:
+    """Whether the map's error explains that the piece stands at ``pose``."""
+    near = np.abs(_off(piece, pose)).max() <= math.sqrt(2.0) * piece.position_error + SLACK
+    return bool(near) and _turned(piece, pose) <= piece.heading_error + HEADING_ERROR
+
+
+def _off(piece: MapFurniture, pose: Pose2D) -> NDArray[np.float64]:
+    """Metres (2,) from the piece's place on the map, in its frame: x backwards."""
+    off: NDArray[np.float64] = piece.pose.inverse().apply(np.array([pose.xy]))[0]
+    return off
+
+
+def _turned(piece: MapFurniture, pose: Pose2D) -> float:
+    return abs(wrap_angle(pose.theta - piece.pose.theta))
+
+
+def _same(one: Pose2D, other: Pose2D) -> bool:
+    return one.distance_to(other) < SAME_PLACE and abs(wrap_angle(one.theta - other.theta)) < 2.0 * HEADING_ERROR

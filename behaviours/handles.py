@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.furniture_place import believe_place
+from behaviours.furniture_place import believe_place, believe_shut_fronts
 from behaviours.leaf import Leaf, find_leaf
 from behaviours.leaf_seen import opening_seen, opening_since
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
@@ -57,9 +57,9 @@ class DetectHandle(Skill):
         )
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
         articulation: str = self.get_input("articulation") or ""
-        leaf = find_leaf(skills, articulation) if articulation else None
-        if leaf is not None:
-            seen = self._on_leaf(leaf, seen)
+        if articulation:
+            believe_shut_fronts(skills.world, find_leaf(skills, articulation).furniture.name, seen)
+            seen = self._on_leaf(find_leaf(skills, articulation), seen)
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
         for name in chosen:

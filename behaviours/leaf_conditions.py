@@ -8,7 +8,7 @@ from typing import ClassVar
 from py_trees.ports import PortInformation
 
 from behaviours.leaf import find_leaf
-from behaviours.skill import SkillCondition, SkillFailure
+from behaviours.skill import SkillCondition
 
 
 class IsOpen(SkillCondition):
@@ -23,14 +23,12 @@ class IsOpen(SkillCondition):
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""
         name: str = self.get_input("articulation")
-        try:
-            leaf = find_leaf(self.skills, name).leaf
-        except SkillFailure as failure:
-            return failure.code, str(failure)
+        at_least, at_most = self.get_input("at_least"), self.get_input("at_most")
+        leaf = find_leaf(self.skills, name).leaf
         position = self.skills.world.articulations.get(name, 0.0)
         unit = "rad" if leaf.kind == "revolute" else "m"
-        if position < self.get_input("at_least"):
+        if position < at_least:
             return "not_open", f"{name} is open by {position:.2f} {unit} only"
-        if position > self.get_input("at_most"):
+        if position > at_most:
             return "not_closed", f"{name} is open by {position:.2f} {unit}"
         return None

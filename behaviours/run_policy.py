@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar
 
 import numpy as np
@@ -10,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import hand_contacts
 from behaviours.policy_motion import CLOSED, PolicyMotion
-from behaviours.skill import Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.policy import (
     Observation,
@@ -61,6 +62,20 @@ class RunPolicy(Skill):
     }
     OUTPUT_PORTS: ClassVar = {"chunks": PortInformation(int, required=False, description="how many were carried out")}
 
+    # Of an object only where one is given; of the effects the one that ``success`` asks for.
+    DECLARATION = Declaration(
+        pre=("visible({object})",),
+        effects=("tool_at({goal})", "holding({object})"),
+        recovery={
+            "object_not_found": "DetectObject first",
+            "hand_full": "put down what is held: FindPlacePose, PlaceOn, Release",
+            "workspace": "stand where the policy's box holds the goal: FindStandPose, NavigateTo",
+            "collision": "come from another posture: Retreat, MoveArm",
+            "stalled": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
+            "timeout": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
+        },
+    )
+
     motion: PolicyMotion | None = None
     """What moves while the skill runs, for those who record it."""
 
@@ -68,10 +83,10 @@ class RunPolicy(Skill):
         """Ask, check, move, look again while it moves."""
         policy = self.skills.policies(self.get_input("policy"))
         try:
-            goal = self._goal()
+            timeout, goal = self._timeout(), self._goal()
             box = self._check(policy.specification, goal)
             yield from self._open_hand(policy.specification)
-            deadline = self.skills.clock.now() + self.get_input("timeout")
+            deadline = self.skills.clock.now() + timeout
             self.motion = motion = PolicyMotion(self.skills, box, deadline)
             try:
                 yield from self._run(policy, motion, goal)
@@ -112,6 +127,12 @@ class RunPolicy(Skill):
             self.set_output("chunks", done)
         self._believe_held(motion, goal)
         self.feedback_message = f"{done} chunks"
+
+    def _timeout(self) -> float:
+        timeout: float = self.get_input("timeout")
+        if not 0.0 < timeout < math.inf:
+            raise SkillFailure("bad_input", f"timeout is {timeout}; a finite number of seconds above 0 is accepted")
+        return timeout
 
     def _goal(self) -> Pose | None:
         map_from_goal: Pose | None = self.get_input("goal")

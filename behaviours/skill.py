@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
 
@@ -13,7 +13,7 @@ from behaviours.computation import Job
 from behaviours.context import SkillContext
 from behaviours.failure import Failure
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
-from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, StatefulAction
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
@@ -61,7 +61,7 @@ class Declaration:
     recovery: Mapping[str, str] = field(default_factory=dict)
 
 
-class Explained:
+class Explained(Node):
     """Shared by skills and conditions: the context, and failures that are told with a code and in words."""
 
     OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
@@ -72,26 +72,31 @@ class Explained:
     @property
     def skills(self) -> SkillContext:
         """The robot's controllers, algorithms and beliefs."""
-        context = self.context  # type: ignore[attr-defined]
+        context = self.context
         if not isinstance(context, SkillContext):
             raise TypeError(f"skills need a SkillContext as the tree's context, not {type(context).__name__}")
         return context
 
+    def get_input(self, port: str) -> Any:
+        """The value of a port; SkillFailure (``bad_input``) for a number that is none, in a pose or a list, too."""
+        value = super().get_input(port)
+        if any(math.isnan(number) for number in _numbers(value)):
+            raise SkillFailure("bad_input", f"{port} is {value}; finite numbers are accepted")
+        return value
+
     def explain(self, code: str, why: str) -> int:
         """Record why the leaf fails; returns FAILURE."""
-        node: Any = self
-        node.feedback_message = why
-        node.set_output("error_code", code)
-        node.set_output("error_message", why)
-        self.skills.failures.append(Failure(node.path, code, why, self.skills.clock.now()))
+        self.feedback_message = why
+        self.set_output("error_code", code)
+        self.set_output("error_message", why)
+        self.skills.failures.append(Failure(self.path, code, why, self.skills.clock.now()))
         return FAILURE
 
     def succeed(self, why: str = "") -> int:
         """Clear the error outputs; returns SUCCESS."""
-        node: Any = self
-        node.feedback_message = why
-        node.set_output("error_code", "")
-        node.set_output("error_message", "")
+        self.feedback_message = why
+        self.set_output("error_code", "")
+        self.set_output("error_message", "")
         return SUCCESS
 
 
@@ -106,14 +111,6 @@ class Skill(Explained, StatefulAction):
     def execute(self) -> Steps:
         """Do the work: ``result = yield handle`` waits; raise SkillFailure to fail."""
         raise NotImplementedError(f"{type(self).__name__} does not define execute()")
-
-    def get_input(self, port: str) -> Any:
-        """The value of a port; SkillFailure (``bad_input``) for a number that is none."""
-        value = super().get_input(port)
-        numbers = [value] if isinstance(value, float) else _coordinates(value)
-        if any(math.isnan(number) for number in numbers):
-            raise SkillFailure("bad_input", f"{port} is {value}; finite numbers are accepted")
-        return value
 
     def compute(self, what: str, work: Any, *arguments: Any, **options: Any) -> Job[Any]:
         """Submit ``work(*arguments, **options)``; ``what`` names its configured cost."""
@@ -179,19 +176,23 @@ class SkillCondition(Explained, Condition):
         """SUCCESS if the condition holds."""
         try:
             refusal = self.check()
-        except READING_ERRORS as error:
+        except (SkillFailure, *READING_ERRORS) as error:
             refusal = error.code, str(error)
         return self.succeed() if refusal is None else self.explain(*refusal)
 
 
-def _coordinates(value: Any) -> list[float]:
-    """The numbers of a pose; none of anything else."""
+def _numbers(value: Any) -> Iterator[float]:
+    """The numbers of a value, however deep in lists; none of what has no numbers."""
     match value:
+        case float():
+            yield value
         case Pose():
-            return [*value.position.tolist(), *value.quaternion.tolist()]
+            yield from (*value.position.tolist(), *value.quaternion.tolist())
         case Pose2D():
-            return [value.x, value.y, value.theta]
-    return []
+            yield from (value.x, value.y, value.theta)
+        case list() | tuple():
+            for entry in value:
+                yield from _numbers(entry)
 
 
 def _outcome(pending: Awaitable) -> Any:

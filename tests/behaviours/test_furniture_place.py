@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from behaviours.furniture_place import HEADING_ERROR, POSITION_ERROR, believe_place
+from behaviours.furniture_place import HEADING_ERROR, POSITION_ERROR, believe_place, believe_shut_fronts
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import WorldModel
@@ -89,3 +89,41 @@ def test_what_was_measured_once_is_kept(believed) -> None:
     believe_place(believed, "drawer_chest", worse)
     assert believed.map.furniture["drawer_chest"] is measured
     assert np.allclose(measured.pose.xy, true.xy)
+
+
+LOWER = FRONT[2] - 0.261
+
+
+@pytest.mark.parametrize("off", [(0.10, 0.0), (-0.10, 0.0), (0.0, 0.10), (0.0, -0.10), (-0.10, 0.09)])
+def test_two_fronts_in_one_plane_tell_where_a_piece_stands_however_wrong_the_map_is(believed, off) -> None:
+    true = believed.map.furniture["drawer_chest"].pose @ Pose2D(*off, 0.02)
+    believe_shut_fronts(believed, "drawer_chest", [handle_on(true), handle_on(true, LOWER)])
+    piece = believed.map.furniture["drawer_chest"]
+    assert piece.pose.distance_to(true) < 1e-6
+    assert (piece.position_error, piece.heading_error) == (POSITION_ERROR, HEADING_ERROR)
+
+
+def test_the_fronts_in_one_plane_count_and_not_the_one_that_stands_out(believed) -> None:
+    true = believed.map.furniture["drawer_chest"].pose @ Pose2D(-0.10, 0.0, 0.0)
+    out = true @ Pose2D(-0.05, 0.0, 0.0)
+    lowest = LOWER - 0.261
+    believe_shut_fronts(believed, "drawer_chest", [handle_on(out), handle_on(true, LOWER), handle_on(true, lowest)])
+    assert believed.map.furniture["drawer_chest"].pose.distance_to(true) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("places", "heights"),
+    [
+        ([(-0.10, 0.0)], [FRONT[2]]),
+        ([(-0.10, 0.0), (-0.10, 0.0)], [FRONT[2], FRONT[2]]),
+        ([(-0.10, 0.0), (-0.13, 0.0)], [FRONT[2], LOWER]),
+        ([(-0.22, 0.0), (-0.22, 0.0)], [FRONT[2], LOWER]),
+        ([(0.02, 0.01), (0.02, 0.01)], [FRONT[2], LOWER]),
+    ],
+    ids=["one front", "one front twice", "not in one plane", "too far off", "within the map's error"],
+)
+def test_what_does_not_show_that_the_map_is_wrong_leaves_it_as_it_is(believed, places, heights) -> None:
+    before = believed.map.furniture["drawer_chest"]
+    seen = [handle_on(before.pose @ Pose2D(*off, 0.0), height) for off, height in zip(places, heights, strict=True)]
+    believe_shut_fronts(believed, "drawer_chest", seen)
+    assert believed.map.furniture["drawer_chest"] is before

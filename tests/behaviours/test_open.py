@@ -118,6 +118,18 @@ def test_a_drawer_whose_handle_slips_out_of_the_hand_is_believed_to_be_where_it_
         assert session.skills.world.articulations[DRAWER] == pytest.approx(left, abs=0.02)
 
 
+@pytest.mark.parametrize("off", [0.10, -0.10])
+def test_a_shut_drawer_of_a_chest_that_stands_ten_centimetres_nearer_or_farther_is_not_taken_for_open(off) -> None:
+    with drawer_session(start=BEFORE_IT) as (session, _):
+        world = session.skills.world
+        true = next(piece.actual for piece in session.setup.world.furniture if piece.name == "drawer_chest")
+        chest = world.map.furniture["drawer_chest"]
+        world.map = world.map.with_furniture(replace(chest, pose=true @ Pose2D(off, 0.0, 0.0)))
+        assert tick(session.load(tree_of(OPEN[: OPEN.index("<Open")] + "</Sequence>")), 200) == SUCCESS
+        assert world.articulations[DRAWER] == 0.0
+        assert world.map.furniture["drawer_chest"].pose.distance_to(true) < 0.01
+
+
 def test_a_handle_ten_centimetres_beside_where_the_map_says_is_found_and_pulled() -> None:
     with drawer_session() as (session, truth):
         world = session.skills.world

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
 
 import pytest
@@ -55,6 +56,19 @@ class Felt(SkillCondition):
         return None
 
 
+class Compared(SkillCondition):
+    """Reads numbers, one by one or in a list."""
+
+    INPUT_PORTS: ClassVar = {
+        "limit": PortInformation(float, required=False, default_value=0.0),
+        "limits": PortInformation(list, required=False),
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        self.get_input("limits")
+        return ("above", "it is above the limit") if self.get_input("limit") < 0.0 else None
+
+
 class Tidy(Skill):
     """Turns the head and notes when its ``finally`` clause ran."""
 
@@ -79,7 +93,7 @@ class TryTwice(Skill):
 
 
 def load(robot: Session, body: str) -> Tree:
-    for leaf in (Think, Feel, Felt, Tidy, TryTwice):
+    for leaf in (Think, Feel, Felt, Compared, Tidy, TryTwice):
         if leaf.__name__ not in robot.setup.registry:
             robot.setup.registry.register(leaf)
     return robot.load(tree_of(body))
@@ -127,6 +141,16 @@ def test_a_silent_sensor_fails_whoever_reads_it(bystander: Session, leaf: str) -
     ((code, words),) = failures_of(bystander)
     assert code == "no_data"
     assert "wrist_force_torque" in words
+
+
+@pytest.mark.parametrize("limits", [[0.0, math.nan], [[1.0], [math.nan]]], ids=["flat", "nested"])
+def test_a_condition_refuses_a_number_that_is_none_in_a_list_too(bystander: Session, limits: Any) -> None:
+    assert tick(load(bystander, "<Compared/>"), 2) == SUCCESS
+    tree = load(bystander, '<Compared limits="{limits}"/>')
+    tree.blackboard.set("limits", limits)
+    assert tick(tree, 2) == FAILURE
+    assert tick(load(bystander, '<Compared limit="nan"/>'), 2) == FAILURE
+    assert [code for code, _ in failures_of(bystander)] == ["bad_input"]
 
 
 def test_failures_are_recorded_in_their_order_with_path_and_time(bystander: Session) -> None:
