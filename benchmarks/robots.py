@@ -1,4 +1,6 @@
-"""Every base with every arm and every end effector: composed, loaded, standing, moving; prints a Markdown table.
+"""Every base with every arm and every end effector, and the walker alone: composed, loaded, standing, moving.
+
+It prints a Markdown table.
 
 ``python benchmarks/robots.py --markdown docs/combinations.md`` writes the page of the documentation. Times are of the
 processor, so that a loaded machine gives nearly the figures of an idle one.
@@ -18,12 +20,15 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import combine
+from bestman_bt.robot_model import RobotModel, combine, load_robot_model
 from bestman_bt.runtime.robot_trial import RobotTrial, TrialParameters, try_robot
 
 BASES = ("differential_base", "omni_base", "husky_base")
 ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5_arm")
 HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "suction")
+
+ALONE = ("a1", "-", "-")
+"""A robot whose base carries nothing."""
 
 HEAD = """# Combinations of parts
 
@@ -59,9 +64,10 @@ def main() -> int:
     parser.add_argument("--markdown", type=Path, help="write the page here")
     options = parser.parse_args()
     parameters, rows, passed = TrialParameters(), [], 0
-    for names in itertools.product(options.bases, options.arms, options.hands):
+    for names in [*itertools.product(options.bases, options.arms, options.hands), ALONE]:
+        compose: partial[RobotModel] = partial(load_robot_model, "a1") if names == ALONE else partial(combine, *names)
         try:
-            trial: RobotTrial | str = try_robot(partial(combine, *names), parameters, options.seed)
+            trial: RobotTrial | str = try_robot(compose, parameters, options.seed)
         except ConfigurationError as error:
             trial = str(error)
         passed += isinstance(trial, RobotTrial) and trial.passed

@@ -70,7 +70,7 @@ def walk(seed: int, film: Path | None = None) -> Walk:
             while not motion.done:
                 robot.clock.sleep(0.05)
                 lowest = min(lowest, float(truth.base_pose().position[2] - begin.position[2]))
-                if camera is not None and robot.clock.now() - began > 1.5 * len(pictures):
+                if camera is not None and robot.clock.now() - began > 1.1 * len(pictures):
                     at = truth.base_pose().apply(np.array([[0.0, 0.0, 0.15]]))[0]
                     beside = at + begin.rotation @ np.array([0.4, -1.0, 0.25])  # of the way that it set out on
                     view = Viewpoint(tuple(beside.tolist()), tuple(at.tolist()), 45.0)
