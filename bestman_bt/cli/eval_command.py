@@ -14,7 +14,7 @@ from bestman_bt.cli.eval_view import EvaluationView
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Settings
 from bestman_bt.cli.run_view import CONSOLE
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run
+from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, load_run
 from bestman_bt.evaluation.batch import run_batch
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.evaluation import Evaluation
@@ -94,15 +94,20 @@ def _suite(
     if suites:
         return load_suite(suites[0], episodes, seed, settings or ())
     entries = []
+    faults = ProblemCollector()
     for name in dict.fromkeys(tasks):
-        config = _config(name, seed or 0, scene, robot, settings, plugins)
-        prepare_episode(config)
-        entries.append(Entry(name, config, episodes or 10))
+        with faults.step():
+            config = _config(name, seed or 0, scene, robot, settings, plugins)
+            prepare_episode(config)
+            entries.append(Entry(name, config, episodes or 10))
+    faults.raise_if_any()
     return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries))
 
 
 def _evaluate_suite(suite: Suite, folder: Path | None, jobs: int, keep_old: bool, as_json: bool) -> dict[str, Any]:
     """Run what is not finished with a table on standard error; write ``summary.json`` and ``summary.md``."""
+    if folder is not None:
+        _refuse_other_suite(folder / "summary.json", suite)
     with Evaluation(suite, folder, keep_old) as evaluation:
         told = len(evaluation.notes)
         with EvaluationView(evaluation, CONSOLE) as view:
@@ -115,6 +120,17 @@ def _evaluate_suite(suite: Suite, folder: Path | None, jobs: int, keep_old: bool
             (folder / "summary.md").write_text(markdown(document), encoding="utf-8")
             CONSOLE.print(f"written: {folder / 'summary.md'}", highlight=False, soft_wrap=True)
     return document
+
+
+def _refuse_other_suite(summary: Path, suite: Suite) -> None:
+    """Two suites of one name would overwrite each other's figures."""
+    try:
+        file = json.loads(summary.read_text(encoding="utf-8"))["file"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # nothing is there, or nothing that tells
+    if file != suite.file:
+        message = f"holds the figures of another suite ({file or 'a shipped one'}); choose another folder with --out"
+        raise ConfigurationError([Problem(str(summary.parent), None, "", message)])
 
 
 def _evaluate(config: RunConfig, episodes: int, jobs: int, runs: Path | None) -> dict[str, Any]:

@@ -13,7 +13,18 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Driver, Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.cli.run_view import RunView, summary
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run, read_run, task_of_tree
+from bestman_bt.cli.validate_command import GIVEN
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Problem,
+    RunConfig,
+    data_names,
+    find_data,
+    load_run,
+    read_run,
+    task_of_tree,
+)
+from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
@@ -53,7 +64,10 @@ def command(
             config = _replayed(recording, tree, driver)
         else:
             config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record)
-        result = execute(prepare_episode(config), runs, pictures, gui, judge)
+        setup = prepare_episode(config)
+        for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=GIVEN):
+            print(warning, file=sys.stderr)
+        result = execute(setup, runs, pictures, gui, judge)
         tell(result.to_document())
     sys.exit(exit_code(result))
 
@@ -97,6 +111,9 @@ def _configuration(
     if tree is not None and task is None:
         task = task_of_tree(tree)
         if task is None:
+            if tree in data_names("task"):
+                message = f"is a task, not a tree: bestman-bt run --task {tree}"
+                raise ConfigurationError([Problem(tree, None, "", message)])
             scene, robot = scene or "kitchen", robot or "diff_panda"
     return load_run(
         task,

@@ -12,7 +12,10 @@ from bestman_bt.configuration import ConfigurationError, find_data
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
 
-GIVEN = ("object", "source", "target", "goal", "furniture", "front", "top", "inside", "views")
+GIVEN = (
+    *("object", "source", "target", "goal", "goals", "objects", "region_x", "region_y"),
+    *("articulation", "furniture", "at_least", "at_most", "front", "top", "inside", "views"),
+)
 """Root entries that a task, or ``bestman-bt look``, fills before the first tick."""
 
 

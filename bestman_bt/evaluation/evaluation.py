@@ -77,6 +77,7 @@ class Evaluation:
         return {
             "evaluation": self.suite.name,
             "description": self.suite.description,
+            "file": self.suite.file,
             "met": all(entry["met"] for entry in entries),
             "interrupted": self._interrupted,
             "episodes": sum(entry["episodes"] for entry in entries),

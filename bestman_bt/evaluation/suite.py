@@ -13,15 +13,22 @@ from bestman_bt.configuration import (
     ConfigurationError,
     Document,
     Problem,
+    ProblemCollector,
     RunConfig,
+    beside,
     check,
     data_names,
     find_data,
     load_run,
     read_document,
 )
-from bestman_bt.configuration.quantity import Factor, Number, WholeNumber
+from bestman_bt.configuration.quantity import Factor, WholeNumber
+from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.evaluation.predicates import metric_names
+from bestman_bt.registry import suggestion
+from bestman_bt.runtime.setup import tree_problems
+from bestman_bt.scene import SceneError
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 
@@ -39,8 +46,8 @@ class Successes:
 class Spread:
     """The largest median and 95th percentile of a metric that are accepted, in the metric's unit."""
 
-    median: Number | None = None
-    p95: Number | None = None
+    median: Factor | None = None
+    p95: Factor | None = None
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,8 @@ class EntryConfig:
     """One task of a suite.
 
     ``task``: its name or file; without it the entry's own name. ``tree``: in the place of the task's own.
-    ``settings``: ``key=value``, as ``--set``. Files are sought beside the suite's file first.
+    ``settings``: ``key=value``, as ``--set``. Paths are counted from the suite's file.
+    ``causes``: of a control, the error codes that its failures may have; none: any.
     ``episodes``: None takes the suite's. ``accuracy``: metric → limits, over the runs whose tree reported success.
     ``real_time_factor``: at least, per process.
     """
@@ -61,6 +69,7 @@ class EntryConfig:
     accuracy: Mapping[str, Spread] = field(default_factory=dict)
     real_time_factor: Factor | None = None
     plugins: tuple[str, ...] = ()
+    causes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,12 +105,15 @@ class Suite:
     name: str
     entries: tuple[Entry, ...]
     description: str = ""
+    file: str = ""
+    """The file of a user that it was read from; empty of a shipped suite, and where it was made of tasks."""
 
 
 def is_suite(name: str) -> bool:
-    """Whether it names a suite: a shipped one, or a file that holds ``tasks``."""
+    """Whether it names a suite: a shipped one, or a file that holds ``tasks`` or ``controls``, or nothing at all."""
     if Path(name).suffix == ".yaml" and Path(name).is_file():
-        return "tasks" in read_document(Path(name)).data
+        data = read_document(Path(name)).data
+        return not data or bool({"tasks", "controls"} & set(data))
     return name in data_names("evaluation")
 
 
@@ -114,35 +126,88 @@ def load_suite(
     """
     path = find_data("evaluation", name)
     document = read_document(path)
-    asked = check(document, SuiteConfig)
-    problems = list(_contradictions(document, asked))
-    seed = asked.first_seed if first_seed is None else first_seed
+    faults = ProblemCollector()
+    asked: SuiteConfig | None = None
+    with faults.step():
+        asked = check(document, SuiteConfig)
+        faults.problems += _contradictions(document, asked)
+    seed = first_seed if first_seed is not None else asked.first_seed if asked is not None else 0
     entries = []
-    for kind, of_kind in (("tasks", asked.tasks), ("controls", asked.controls)):
-        for key, entry in of_kind.items():
-            try:
-                config = load_run(
-                    _beside(path, entry.task or key),
-                    tree=None if entry.tree is None else _beside(path, entry.tree),
-                    seed=seed,
-                    settings=(*entry.settings, *settings),
-                    plugins=[_beside(path, plugin) for plugin in entry.plugins],
-                )
-                prepare_episode(config)
-            except ConfigurationError as error:
-                problems += error.within(kind, key).problems
+    for kind in ("tasks", "controls"):
+        written = document.data.get(kind)
+        for key in written if isinstance(written, dict) else ():
+            try:  # where the suite has faults elsewhere, this entry's are told all the same
+                entry = check(document.below(kind, key), EntryConfig)
+            except (ConfigurationError, TypeError):
                 continue
-            number = entry.episodes or episodes or asked.episodes
-            entries.append(Entry(key, config, number, entry, kind == "controls"))
-    if problems:
-        raise ConfigurationError(problems)
-    return Suite(Path(name).stem, tuple(entries), asked.description)
+            with faults.step():
+                config = _prepared(path, Entered(document, kind, key, entry), seed, tuple(settings))
+                number = entry.episodes or episodes or (asked.episodes if asked is not None else 1)
+                entries.append(Entry(key, config, number, entry, kind == "controls"))
+    faults.raise_if_any()
+    own = "" if str(name) in data_names("evaluation") else str(path.resolve())
+    return Suite(Path(name).stem, tuple(entries), asked.description if asked is not None else "", own)
 
 
-def _beside(suite: Path, name: str) -> str:
-    """The file of that name beside the suite's, if there is one; else the name as it is."""
-    file = suite.parent / name
-    return str(file) if file.is_file() else name
+@dataclass(frozen=True)
+class Entered:
+    """An entry where it is written."""
+
+    document: Document
+    kind: str
+    key: str
+    entry: EntryConfig
+
+    def problem(self, field: tuple[str | int, ...], message: str) -> Problem:
+        """A fault of a field of the entry."""
+        return self.document.problem((self.kind, self.key, *field), message)
+
+    def placed(self, problem: Problem) -> Problem:
+        """A fault that a run was said to have, at the line of the suite where it was given; those of files stay."""
+        if problem.line is not None:
+            return problem
+        fields: dict[str, tuple[str | int, ...]] = {"--tree": ("tree",)}
+        option, _, value = problem.source.partition(" ")
+        if option == "--set":
+            keys = [setting.partition("=")[0].strip() for setting in self.entry.settings]
+            key = value.partition("=")[0].strip()
+            if key not in keys:  # it was given on the command line
+                return problem
+            fields["--set"] = ("settings", keys.index(key))
+        elif option == "--plugin":
+            names = [Path(plugin).name for plugin in self.entry.plugins]
+            fields["--plugin"] = ("plugins", names.index(Path(value).name)) if Path(value).name in names else ()
+        told = problem.message if not problem.field or option in fields else f"{problem.field}: {problem.message}"
+        return self.problem(fields.get(option, ("task",) if self.entry.task else ()), told)
+
+
+def _prepared(path: Path, entered: Entered, seed: int, settings: tuple[str, ...]) -> RunConfig:
+    """The configuration of an entry's runs with everything checked; ConfigurationError names the suite's lines."""
+    entry = entered.entry
+    faults = ProblemCollector()
+    try:
+        config = load_run(
+            beside(path, "task", entry.task or entered.key),
+            tree=None if entry.tree is None else beside(path, "tree", entry.tree),
+            seed=seed,
+            settings=(*entry.settings, *settings),
+            plugins=[str(path.parent / plugin) for plugin in entry.plugins],
+        )
+        known = metric_names(config)
+        faults.problems += [
+            entered.problem(("accuracy", name), f"the task's judge measures no such thing; {suggestion(name, known)}")
+            for name in entry.accuracy
+            if name not in known
+        ]
+        prepare_episode(config)
+    except ConfigurationError as error:
+        faults.problems += [entered.placed(problem) for problem in error.problems]
+    except TreeLoadError as error:
+        faults.problems += tree_problems(error)
+    except SceneError as error:
+        faults.problems.append(entered.problem((), str(error)))
+    faults.raise_if_any()
+    return config
 
 
 def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]:
@@ -156,5 +221,7 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
                 yield document.problem(path, "one of 'at_least' and 'at_most' should be given")
             elif max(entry.successes.at_least or 0, entry.successes.at_most or 0) > entry.successes.of:
                 yield document.problem(path, f"more than all {entry.successes.of} are asked")
+            if entry.causes and kind == "tasks":
+                yield document.problem((kind, key, "causes"), "is for controls: a task shall not fail")
         for key in set(asked.tasks) & set(asked.controls) if kind == "controls" else ():
             yield document.problem((kind, key), "is the name of a task of this suite, too")

@@ -11,13 +11,14 @@ import numpy as np
 
 from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.interval import wilson_interval
-from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.result import Outcome, RunResult
 
 
 def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_time_s: float) -> dict[str, Any]:
     """The document that ``eval --json`` prints; ``results`` in the order of their seeds.
 
-    ``false_successes``: runs whose tree reported success while the predicate does not hold.
+    ``errors``: runs in which something raised. ``false_successes``: runs whose tree reported success while the
+    predicate does not hold.
     ``audit_clean``: no cheat in any run; a run that could not be audited is not clean. ``interval``: Wilson, 95 %.
     ``metrics``: median and 95th percentile over the runs that have the metric; ``accuracy``: over those of them whose
     tree reported success. ``causes``: error code → how many failed so, the most frequent
@@ -38,6 +39,7 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
         "interval": [round(bound, 4) for bound in wilson_interval(succeeded, len(results))],
         "audit_clean": not unclean,
         "unclean_seeds": unclean,
+        "errors": sum(result.outcome is Outcome.ERROR for result in results),
         "false_successes": sum(r.tree_status == "SUCCESS" and r.predicate is False for r in results),
         "failures": failures,
         "causes": dict(Counter(failure["error_code"] for failure in failures).most_common()),

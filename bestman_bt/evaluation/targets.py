@@ -20,7 +20,10 @@ class Target:
 
 
 def check_targets(asked: EntryConfig, summary: dict[str, Any]) -> list[Target]:
-    """Compare what ``summarize`` gives with what an entry asks; always also no false success and a clean audit."""
+    """Compare what ``summarize`` gives with what an entry asks.
+
+    Always also asked: that nothing raised, no false success and a clean audit.
+    """
     return list(_targets(asked, summary))
 
 
@@ -45,6 +48,11 @@ def _targets(asked: EntryConfig, summary: dict[str, Any]) -> Iterator[Target]:
         yield Target(
             "real-time factor", f"≥ {asked.real_time_factor:g}", f"{factor:.1f}", factor >= asked.real_time_factor
         )
+    if asked.causes:
+        other = [f"{count} {code}" for code, count in summary["causes"].items() if code not in asked.causes]
+        found = ", ".join(other) or "no other"
+        yield Target("causes", f"only {', '.join(asked.causes)}", found, not other)
+    yield Target("errors", "0", str(summary["errors"]), summary["errors"] == 0)
     false = summary["false_successes"]
     yield Target("false successes", "0", str(false), false == 0)
     clean = summary["audit_clean"]

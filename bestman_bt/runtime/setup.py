@@ -105,6 +105,11 @@ def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
         raise ConfigurationError([config.problem(("algorithms", "detection"), str(error))]) from error
 
 
+def tree_problems(error: TreeLoadError) -> list[Problem]:
+    """What is wrong with a tree, to be told with what is wrong with the rest of a configuration."""
+    return [Problem(p.file, p.line or None, f"<{p.node}> {p.field}".strip(), p.message) for p in error.problems]
+
+
 def load_for(setup: Setup, tree: str | Path | Node | None = None, **options: Any) -> Tree:
     """Load a tree with the nodes of a setup; raises TreeLoadError or ConfigurationError."""
     source = setup.config.task.tree if tree is None else tree

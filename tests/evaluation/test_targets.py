@@ -16,6 +16,8 @@ def summary(succeeded: int, episodes: int, **other: Any) -> dict[str, Any]:
         "episodes": episodes,
         "accuracy": {},
         "real_time_factor": 7.0,
+        "errors": 0,
+        "causes": {},
         "false_successes": 0,
         "audit_clean": True,
         "unclean_seeds": [],
@@ -53,3 +55,15 @@ def test_false_successes_and_cheats_are_missed_targets_of_every_entry() -> None:
     asked = EntryConfig(Successes(20, at_least=19), real_time_factor=6.0)
     found = summary(20, 20, false_successes=1, audit_clean=False, real_time_factor=5.9)
     assert missed(asked, found) == ["real-time factor", "false successes", "audit"]
+
+
+def test_a_run_that_raised_is_a_missed_target_even_of_a_control() -> None:
+    asked = EntryConfig(Successes(10, at_most=0))
+    assert missed(asked, summary(0, 10, errors=1)) == ["errors"]
+
+
+def test_a_control_that_fails_for_another_cause_than_it_should_is_missed() -> None:
+    asked = EntryConfig(Successes(10, at_most=0), causes=("grip_lost", "jammed"))
+    assert missed(asked, summary(0, 10, causes={"grip_lost": 7, "jammed": 3})) == []
+    (target,) = [t for t in check_targets(asked, summary(0, 10, causes={"no_stand": 2, "jammed": 8})) if not t.met]
+    assert (target.what, target.found) == ("causes", "2 no_stand")

@@ -33,6 +33,15 @@ _NEEDS = {
     "tidied": "tidy",
     "tool_at": "reach",
 }
+METRICS: dict[str, tuple[str, ...]] = {
+    "inside": (),
+    "lifted": ("lifted_mm",),
+    "opened": ("angle_deg", "opening_mm"),
+    "placed": ("place_error_mm", "tilt_deg", "yaw_error_deg"),
+    "tidied": ("outside_mm", "tidied_share"),
+    "tool_at": ("tool_error_mm", "tool_error_deg"),
+}
+"""What each predicate may measure; of several goals also one by one, the object's name behind."""
 
 Judge = Callable[[Session, GroundTruth, Clock], Verdict]
 
@@ -61,6 +70,14 @@ def find_judge(config: RunConfig) -> Judge | None:
         return joined(predicate(evidence) for predicate in predicates)
 
     return judge
+
+
+def metric_names(config: RunConfig) -> list[str]:
+    """What the judge of a task may measure."""
+    names = [name for predicate in config.task.predicates for name in METRICS.get(predicate, ())]
+    goals = config.task.goals if len(config.task.goals) > 1 else ()
+    objects = [o for goal in goals for o in ((goal.object,) if isinstance(goal.object, str) else goal.object)]
+    return [*names, *(f"{name}_{thing}" for name in METRICS["placed"] if name in names for thing in objects)]
 
 
 def _problems(config: RunConfig) -> Iterator[Problem]:

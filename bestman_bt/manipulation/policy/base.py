@@ -8,22 +8,13 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.manipulation.policy.errors import PolicyActionError, PolicyObservationError
-from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.messages import Pose
-
-
-class ActionSpace(StrEnum):
-    """What the columns of an action mean."""
-
-    JOINT_POSITIONS = "joint_positions"  # radians
-    JOINT_DELTAS = "joint_deltas"  # radians, each added to the positions after the action before
-    TOOL_TWIST = "tool_twist"  # vx, vy, vz (m/s), wx, wy, wz (rad/s) of the tool, in the base frame's directions
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,7 +36,9 @@ def _server(path: Path, values: Any) -> OpenpiPolicyParameters:
     try:
         for name in ("joint_names", "image_size"):
             if name in values:
+                if not isinstance(values[name], list):
+                    raise TypeError(f"{name} should be a list, got {values[name]!r}")
                 values[name] = tuple(values[name])
         return OpenpiPolicyParameters(**values)
-    except TypeError as error:
+    except (TypeError, PolicyModelError) as error:
         raise PolicyModelError(f"{path} does not describe a policy server: {error}") from error

@@ -92,8 +92,10 @@ class PolicyCard:
                 PolicyNormalization.from_dict(content["normalization"]),
                 dict(content.get("training", {})),
             )
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError) as error:
-            raise PolicyModelError(f"{path} does not describe a policy: {error!r}") from error
+        except KeyError as error:
+            raise PolicyModelError(f"{path} does not describe a policy: {error} is missing") from error
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError, TypeError, PolicyModelError) as error:
+            raise PolicyModelError(f"{path} does not describe a policy: {error}") from error
 
 
 class OnnxPolicy(Policy):

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from enum import StrEnum
 from typing import Any
 
 from bestman_bt.manipulation.policy.errors import PolicyModelError
+from bestman_bt.registry import suggestion
+
+
+class ActionSpace(StrEnum):
+    """What the columns of an action mean."""
+
+    JOINT_POSITIONS = "joint_positions"  # radians
+    JOINT_DELTAS = "joint_deltas"  # radians, each added to the positions after the action before
+    TOOL_TWIST = "tool_twist"  # vx, vy, vz (m/s), wx, wy, wz (rad/s) of the tool, in the base frame's directions
 
 
 @dataclass(frozen=True)
@@ -38,6 +49,11 @@ class PolicySpecification:
     workspace: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
     description: str = ""
 
+    def __post_init__(self) -> None:
+        faults = list(_faults(self))
+        if faults:
+            raise PolicyModelError(f"this is no policy specification: {'; '.join(faults)}")
+
     def to_dict(self) -> dict[str, Any]:
         """As plain values for JSON."""
         return asdict(self)
@@ -45,23 +61,26 @@ class PolicySpecification:
     @classmethod
     def from_dict(cls, values: Any) -> PolicySpecification:
         """The inverse of ``to_dict``; PolicyModelError names what is wrong."""
+        if not isinstance(values, dict):
+            raise PolicyModelError(f"this is no policy specification: it should hold fields, got {values!r}")
+        names = [option.name for option in fields(cls)]
+        unknown = [f"unknown field {name!r}; {suggestion(str(name), names)}" for name in values if name not in names]
+        missing = [f"{name} is missing" for name in ("joint_names", "space", "horizon", "dt") if name not in values]
+        if unknown or missing:
+            raise PolicyModelError(f"this is no policy specification: {'; '.join(unknown + missing)}")
+        joints, images, box = values["joint_names"], values.get("images", {}), values.get("workspace")
         try:
-            box = values.get("workspace")
-            corners = None if box is None else tuple(tuple(float(x) for x in corner) for corner in box)
-            if corners is not None and [len(corner) for corner in corners] != [3, 3]:
-                raise ValueError("workspace should be two corners of three numbers")
+            if not isinstance(joints, (list, tuple)):
+                raise ValueError(f"joint_names should be a list, got {joints!r}")
             known = {
                 **values,
-                "joint_names": tuple(str(name) for name in values["joint_names"]),
-                "space": str(values["space"]),
-                "horizon": int(values["horizon"]),
-                "dt": float(values["dt"]),
-                "images": {str(name): (int(size[0]), int(size[1])) for name, size in values.get("images", {}).items()},
-                "workspace": corners,
+                "joint_names": tuple(str(name) for name in joints),
+                "images": {str(name): (int(size[0]), int(size[1])) for name, size in images.items()},
+                "workspace": None if box is None else tuple(tuple(float(x) for x in corner) for corner in box),
             }
-            return cls(**known)
-        except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            raise PolicyModelError(f"this is no policy specification: {error!r} in {values!r}") from error
+        except (AttributeError, IndexError, TypeError, ValueError) as error:
+            raise PolicyModelError(f"this is no policy specification: {error}") from error
+        return cls(**known)
 
     def to_json(self) -> str:
         """As JSON text."""
@@ -74,3 +93,37 @@ class PolicySpecification:
             return cls.from_dict(json.loads(text))
         except json.JSONDecodeError as error:
             raise PolicyModelError(f"this is no policy specification: {error}") from error
+
+
+def _faults(given: PolicySpecification) -> Iterator[str]:
+    """What no policy can be like, in words."""
+    spaces = [space.value for space in ActionSpace]
+    if given.space not in spaces:
+        yield f"space: {suggestion(str(given.space), spaces)}, got {given.space!r}"
+    if not given.joint_names:
+        yield "joint_names should name at least one joint"
+    for name in ("horizon", "executed", "goal_size"):
+        value = getattr(given, name)
+        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+            yield f"{name} should be a whole number, 0 or more, got {value!r}"
+    for name, least in (("dt", "above"), ("open_width", "not below")):
+        value = getattr(given, name)
+        right = (
+            isinstance(value, (int, float)) and math.isfinite(value) and (value > 0 if least == "above" else value >= 0)
+        )
+        if not right:
+            yield f"{name} should be a finite number {least} 0, got {value!r}"
+    for camera, size in given.images.items():
+        if min(size) <= 0:
+            yield f"images of {camera!r} should have a height and a width above 0, got {size}"
+    box = given.workspace
+    if box is not None and (
+        [len(corner) for corner in box] != [3, 3]
+        or not all(math.isfinite(x) for corner in box for x in corner)
+        or not all(low < high for low, high in zip(*box, strict=True))
+    ):
+        yield f"workspace should be a lower and an upper corner of three numbers each, got {box}"
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value)

@@ -142,7 +142,7 @@ def test_the_specification_can_be_read_without_a_server(tmp_path: Path) -> None:
     ("field", "told"),
     [
         ("joint_name: [a, b]", "joint_name"),
-        ("joint_names: 3", "not iterable"),
+        ("joint_names: panda", "should be a list, got .panda."),
         ("space: joints", "joint_deltas"),
         ("timeout: 0", "timeout of a policy server should be above 0"),
     ],
