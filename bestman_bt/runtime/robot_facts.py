@@ -26,6 +26,7 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
             name: {
                 "drive": base.kind,
                 "wheels": len(base.wheel_joints),
+                "legs": len(base.legs),
                 "max_vx": base.max_vx,
                 "max_vy": base.max_vy,
                 "max_wz": base.max_wz,
@@ -45,7 +46,9 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
             for name, gripper in model.grippers.items()
         },
         "joint_groups": {name: len(group.joint_names) for name, group in model.joint_groups.items()},
-        "sensors": [*model.cameras, *model.lidars, *model.force_torques],
+        "sensors": [
+            *(*model.cameras, *model.lidars, *model.force_torques, *model.imus, *model.tactiles, *model.batteries)
+        ],
         "postures": list(model.postures),
     }
 
