@@ -58,6 +58,27 @@ class Stopwatch:
         setattr(owner, method, timed)
 
 
+def read_problems(path: Path) -> list[dict]:
+    """The list in the file; ValueError in words where it holds none."""
+    try:
+        problems = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} cannot be read: {error}") from error
+    if not isinstance(problems, list) or not problems:
+        raise ValueError(f"{path} should hold a list of problems, got {type(problems).__name__}")
+    return [problem if isinstance(problem, dict) else {"start": None, "goal": problem} for problem in problems]
+
+
+def fault(problem: dict) -> str:
+    """What keeps a problem from being one, in words; empty for a good one."""
+    for name in ("start", "goal"):
+        value = problem.get(name)
+        numbers = isinstance(value, list) and all(isinstance(x, (int, float)) for x in value)
+        if not numbers or len(value) != 7 or not np.isfinite(value).all():
+            return f"{name} should be 7 finite numbers, got {value}"
+    return ""
+
+
 def scene_of(problems: Path) -> list[Body]:
     world = problems.resolve().parent / "world.py"
     if not world.exists():
@@ -76,6 +97,10 @@ def solve(problems: list[dict], planner, model: CoalCollisionModel, bodies: list
     answers = []
     for number, problem in enumerate(problems):
         answer = {"id": problem.get("id", number), "path": None, "error": "", "checks": 0}
+        answer["error"] = fault(problem)
+        if answer["error"]:
+            answers.append(answer | {"plan_ms": 0.0, "simplify_ms": 0.0, "wall_ms": 0.0})
+            continue
         shortening.seconds = 0.0
         begin, wall = time.process_time(), time.perf_counter()
         for padding, world in zip(PADDINGS, worlds, strict=True):
@@ -120,6 +145,8 @@ def peer_figures(problems: list[dict], answers: list[dict], model: CoalCollision
     world, arm = model.world(table_and_shelf(PADDINGS[0], bodies)), model.robot.arms["arm"]
     ours, theirs, plan_ms = [], [], []
     for number, (problem, answer) in enumerate(zip(problems, answers, strict=True)):
+        if fault(problem):
+            continue
         found = ompl_simplified(problem["start"], problem["goal"], world, arm, seed + number + 1)
         plan_ms.append(found.plan_ms)
         if found.path is not None and answer["path"] is not None:
@@ -144,7 +171,10 @@ def main() -> None:
     parser.add_argument("--planner", default="portfolio", help="a name registered under motion_planning/")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    problems = json.loads(arguments.problems.read_text())
+    try:
+        problems = read_problems(arguments.problems)
+    except ValueError as error:
+        parser.error(str(error))
     bodies = scene_of(arguments.problems)
     model = CoalCollisionModel(fixed_panda())
     planner = ALGORITHMS.resolve(f"motion_planning/{arguments.planner}")()

@@ -25,6 +25,7 @@ from bestman_bt.manipulation.policy import (
     ExpertPolicy,
     Observation,
     Policy,
+    PolicyError,
     pose_vector,
 )
 from bestman_bt.messages import Pose
@@ -85,6 +86,8 @@ def main() -> None:
     parser.add_argument("--learned", action="store_true")
     parser.add_argument("--cameras", action="store_true")
     options = parser.parse_args()
+    if options.episodes < 1 or options.seed < 0:
+        parser.error(f"--episodes should be 1 or more and --seed 0 or more, got {options.episodes} and {options.seed}")
     recorder: DemonstrationRecorder | None = None
     kept = 0
     for seed in range(options.seed, options.seed + options.episodes):
@@ -93,7 +96,10 @@ def main() -> None:
             robot = prepare_episode(config).robot_model
             cameras = {"head": (480, 640), "wrist": (480, 640)} if options.cameras else {}
             frames = DemonstrationFormat(FPS, robot.arms["arm"].joint_names, True, 7, cameras, robot.name)
-            recorder = DemonstrationRecorder(options.folder, frames)
+            try:
+                recorder = DemonstrationRecorder(options.folder, frames)
+            except PolicyError as error:  # told before the first episode is simulated
+                parser.error(str(error))
         result = run_episode(config, watch=Frames(recorder, options.learned).watch)
         if result.success:
             recorder.end_episode(WORDS)

@@ -7,6 +7,7 @@ under ``meta`` is written anew after each episode, so that what has been recorde
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +23,7 @@ from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, Polic
 
 FILES_PER_FOLDER = 1000
 _NUMBERED = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+_CAMERA = re.compile(r"[A-Za-z0-9_-]+")
 _COUNTERS = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
 
@@ -46,6 +48,19 @@ class DemonstrationFormat:
     cameras: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     robot: str = ""
 
+    def __post_init__(self) -> None:
+        if isinstance(self.fps, bool) or not isinstance(self.fps, int) or self.fps <= 0:
+            raise DatasetError(f"fps should be a whole number above 0, got {self.fps!r}")
+        if not self.joint_names:
+            raise DatasetError("joint_names should name at least one joint")
+        if self.goal_size < 0:
+            raise DatasetError(f"goal_size should be 0 or more, got {self.goal_size}")
+        for name, (height, width) in self.cameras.items():
+            if not _CAMERA.fullmatch(name):
+                raise DatasetError(f"a camera's name becomes a folder's: letters, digits, _ and -, got {name!r}")
+            if min(height, width) <= 0 or height % 2 or width % 2:
+                raise DatasetError(f"camera {name!r} should have an even height and width above 0, got {height, width}")
+
     def numbers(self) -> dict[str, list[str]]:
         """The numeric features and the names of their entries."""
         joints = [*self.joint_names, *(["gripper_width"] if self.gripper else [])]
@@ -60,7 +75,8 @@ class DemonstrationFormat:
 class DemonstrationRecorder:
     """Writes episodes: ``add`` each frame, then ``end_episode``; ``discard`` forgets the frames since.
 
-    Raises DatasetError, PolicyObservationError for a frame that does not fit, MissingPolicyExtraError without pyarrow.
+    Raises DatasetError at once where the folder cannot be used and MissingPolicyExtraError without pyarrow, later
+    PolicyObservationError for a frame that does not fit.
     """
 
     def __init__(self, folder: str | Path, frames: DemonstrationFormat) -> None:
@@ -72,6 +88,12 @@ class DemonstrationRecorder:
         self._tasks: dict[str, int] = {}
         self._totals: dict[str, FeatureStatistics] = {}
         self._count = 0
+        _pyarrow()
+        try:
+            if self.folder.exists() and any(self.folder.iterdir()):
+                raise DatasetError(f"{self.folder} is not empty; a dataset needs a folder of its own")
+        except OSError as error:
+            raise DatasetError(f"{self.folder} cannot be a dataset's folder: {error.strerror}") from error
 
     def add(self, observation: Observation, action: ArrayLike, gripper_command: float | None = None) -> None:
         """One frame: what was seen, and what was commanded then: joint positions (n,) and the gripper's width."""
@@ -110,8 +132,6 @@ class DemonstrationRecorder:
         if not self._frames:
             raise DatasetError("an episode should have at least one frame")
         index, length = len(self._episodes), len(self._frames)
-        if index == 0 and self.folder.exists() and any(self.folder.iterdir()):
-            raise DatasetError(f"{self.folder} is not empty; a dataset needs a folder of its own")
         task_index = self._tasks.setdefault(task, len(self._tasks))
         columns: dict[str, Any] = {name: np.stack([frame[name] for frame in self._frames]) for name in self._frames[0]}
         steps = np.arange(length)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -103,10 +105,10 @@ def test_a_discarded_episode_leaves_nothing(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_in_use_is_not_written_to(tmp_path: Path) -> None:
     (tmp_path / "mine.txt").write_text("precious")
-    recorder = DemonstrationRecorder(tmp_path, FORMAT)
-    recorder.add(frame(0, 0), [0, 0], 0.08)
     with pytest.raises(DatasetError, match="not empty"):
-        recorder.end_episode("reach")
+        DemonstrationRecorder(tmp_path, FORMAT)
+    with pytest.raises(DatasetError, match="cannot be a dataset's folder: Not a directory"):
+        DemonstrationRecorder(tmp_path / "mine.txt", FORMAT)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
 
 
@@ -114,3 +116,18 @@ def test_a_folder_that_is_in_use_is_not_written_to(tmp_path: Path) -> None:
 def test_a_frame_that_does_not_fit_is_refused(tmp_path: Path, action: list[float]) -> None:
     with pytest.raises(PolicyObservationError, match="action should be 3 finite numbers"):
         DemonstrationRecorder(tmp_path, FORMAT).add(frame(0, 0), action, 0.08)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"fps": 0}, "fps should be a whole number above 0, got 0"),
+        ({"fps": float("nan")}, "fps should be"),
+        ({"joint_names": ()}, "at least one joint"),
+        ({"cameras": {"head": (-2, 4)}}, "an even height and width above 0"),
+        ({"cameras": {"../../head": (4, 4)}}, "letters, digits"),
+    ],
+)
+def test_a_format_that_no_dataset_can_have_is_refused(wrong: dict[str, Any], told: str) -> None:
+    with pytest.raises(DatasetError, match=told):
+        replace(FORMAT, **wrong)
