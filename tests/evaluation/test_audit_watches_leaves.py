@@ -5,14 +5,20 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import pybullet
 import pytest
 
+from bestman_bt.configuration import load_run
+from bestman_bt.engine import Tree
 from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.robot_model import load_robot_model
+from bestman_bt.runtime import Session
 from bestman_bt.scene import World, draw_world, load_scene
+from hal.api import Robot
 from hal.pybullet import GroundTruth, PyBulletRobot
 from hal.pybullet.client import _FUNCTIONS, ReadPurpose
 
@@ -166,3 +172,23 @@ def test_the_truth_is_closed_as_soon_as_those_who_evaluate_have_it(world) -> Non
         assert robot.simulation.client.counts["truth_reads"] == 0
         late.getBasePositionAndOrientation(robot.simulation.built.furniture["fridge"])
         assert robot.simulation.client.counts["truth_reads"] == 1
+
+
+def test_a_judged_run_closes_the_truth_before_its_first_tick(tmp_path: Path) -> None:
+    """Time has not run yet when ``watch`` is called, as it has not when leaves are loaded."""
+    views: list[GroundTruth] = []
+
+    def prepare_robot(robot: Robot) -> None:
+        assert isinstance(robot, PyBulletRobot)
+        views.append(GroundTruth(robot))
+
+    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+        assert isinstance(session.robot, PyBulletRobot)
+        views.append(GroundTruth(session.robot))
+        return lambda: None
+
+    tree = tmp_path / "nothing.xml"
+    tree.write_text('<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>')
+    config = load_run(tree=str(tree), scene="fridge_room", robot="diff_panda", seed=3)
+    run_episode(config, watch=watch, prepare_robot=prepare_robot)
+    assert [view.trusted for view in views] == [True, False]
