@@ -65,6 +65,8 @@ class Close(Skill):
         recovery={
             "no_push": "stand elsewhere: FindCloseStand, NavigateTo",
             "not_found": "it is open less, or farther, than believed: FindLookStand, DetectHandle",
+            "jammed": "push from elsewhere: FindCloseStand, NavigateTo; or pull what jams out again: Open",
+            "lost_contact": "it is not where it is believed to be: FindLookStand, DetectHandle, then Close",
         },
     )
 
@@ -74,6 +76,7 @@ class Close(Skill):
         if skills.world.held is not None:
             raise SkillFailure("hand_not_empty", f"the hand holds the {skills.world.held.name}")
         leaf, posture = find_leaf(skills, self.get_input("articulation")), self.get_input("posture")
+        leaf.check_opening("opening", self.get_input("opening"))
         plan: _Plan | None = yield self.compute("grasp_planning", self._plan, leaf)
         if plan is None:
             raise SkillFailure("no_push", f"the arm cannot push {leaf.articulation} shut from here")

@@ -45,8 +45,13 @@ def believe_place(world: WorldModel, furniture: str, handle: Handle) -> None:
             return
 
 
-def believe_shut_fronts(world: WorldModel, furniture: str, handles: Iterable[Handle]) -> None:
-    """Correct where the map has a piece that two fronts in one plane show to be farther off than the map may be."""
+def believe_shut_fronts(
+    world: WorldModel, furniture: str, handles: Iterable[Handle], explained_too: bool = False
+) -> None:
+    """Correct where the map has a piece that two fronts in one plane show to be farther off than the map may be.
+
+    ``explained_too``: also by less than that, and where the two are in two planes: the one farther back is shut.
+    """
     piece = world.map.furniture[furniture]
     if piece.position_error <= POSITION_ERROR:
         return
@@ -58,12 +63,16 @@ def believe_shut_fronts(world: WorldModel, furniture: str, handles: Iterable[Han
         for one in places
         if any(_same(one, other) for others in told[index + 1 :] for other in others)
     ]
+    if explained_too and sum(bool(places) for places in told) > 1:
+        agreed = [one for places in told for one in places]
     if not agreed:
         return
     # Two that stand open as far as each other look like shut ones of a nearer piece: the farthest back counts.
     pose = max(agreed, key=lambda place: float(_off(piece, place)[0]))
     off = np.abs(_off(piece, pose)).max()
-    if off > MISPLACED or _turned(piece, pose) > piece.heading_error + HEADING_ERROR or _explained(piece, pose):
+    if off > MISPLACED or _turned(piece, pose) > piece.heading_error + HEADING_ERROR:
+        return
+    if _explained(piece, pose) and not explained_too:
         return
     placed = replace(piece, pose=pose, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
     world.map = world.map.with_furniture(placed)

@@ -58,7 +58,9 @@ class DetectHandle(Skill):
         seen = [handle.seen_from(view.map_from_base) for handle in scene.handles]
         articulation: str = self.get_input("articulation") or ""
         if articulation:
-            believe_shut_fronts(skills.world, find_leaf(skills, articulation).furniture.name, seen)
+            # Whether a leaf is shut that was closed, its neighbours tell better than a map that was never measured.
+            closed = skills.world.articulations.get(articulation) == 0.0
+            believe_shut_fronts(skills.world, find_leaf(skills, articulation).furniture.name, seen, closed)
             seen = self._on_leaf(find_leaf(skills, articulation), seen)
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
@@ -83,8 +85,9 @@ class DetectHandle(Skill):
         found = [(handle, opening) for handle, opening in openings if opening is not None]
         if found:
             handle, opening = max(found, key=lambda entry: entry[0].confidence)
-            for known in skills.world.handles_of(leaf.furniture, leaf.leaf):
-                believed = skills.world.articulations.get(leaf.articulation, 0.0)
+            believed = skills.world.articulations.get(leaf.articulation, 0.0)
+            # A handle that was pushed shut unseen is where the map has it, and tells no more than that.
+            for known in skills.world.handles_of(leaf.furniture, leaf.leaf) if believed > 0.0 else ():
                 since = opening_since(leaf, believed, known.handle, handle)
                 opening = opening if since is None else since
             skills.world.believe_articulation(leaf.articulation, opening)

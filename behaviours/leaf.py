@@ -57,6 +57,14 @@ class Leaf:
         frame = self.furniture.pose.to_pose()
         return frame.apply(np.array([self.leaf.origin]))[0], frame.rotation @ np.array(self.leaf.axis)
 
+    def check_opening(self, port: str, opening: float) -> None:
+        """SkillFailure (``bad_input``) where the leaf cannot be open by so much, radians or metres."""
+        upper, unit = self.leaf.upper, "rad" if self.leaf.kind == "revolute" else "m"
+        if not 0.0 <= opening <= upper:
+            raise SkillFailure(
+                "bad_input", f"{port} is {opening}; {self.articulation} opens by 0 to {upper:.2f} {unit}"
+            )
+
     def lever(self, position: NDArray[np.float64]) -> float:
         """Metres that a point (3,) of the map moves per unit of the joint: distance from the hinge, or 1."""
         if self.leaf.kind == "prismatic":

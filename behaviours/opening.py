@@ -101,8 +101,12 @@ class Opening:
 
 
 def plan_opening(skills: SkillContext, articulation: str, belief: HandleBelief, asked: float) -> Opening:
-    """What the map says of the joint goes before what the handle's looks suggest; the true axis is felt later."""
+    """What the map says of the joint goes before what the handle's looks suggest; the true axis is felt later.
+
+    SkillFailure (``bad_input``) where the leaf cannot be open as far as asked.
+    """
     leaf = find_leaf(skills, articulation)
+    leaf.check_opening("opening", asked)
     start = skills.world.articulations.get(articulation, 0.0)
     end = min(asked + (DRAWER_MARGIN if leaf.leaf.kind == "prismatic" else DOOR_MARGIN), END_STOP * leaf.leaf.upper)
     further = max(end - start, STEP)

@@ -60,6 +60,19 @@ def test_a_drawer_that_jams_is_told_with_how_far_it_is_open(tmp_path) -> None:
         assert truth.articulation_position(DRAWER) > 0.20
 
 
+def test_a_drawer_that_jams_just_before_it_is_shut_is_seen_to_be_open() -> None:
+    with standing_open("open_drawer", DRAWER, "4 cm", (-0.2, 0.0, 0.0)) as (session, truth):
+        simulation, world = session.robot.simulation, session.skills.world
+        body, joint = simulation.built.articulations[DRAWER]
+        world.articulations[DRAWER] = 0.0  # as it was felt
+        is_shut = '<IsOpen articulation="{articulation}" at_most="0.01"/>'
+        look = f'<Sequence><MoveArm posture="look"/>{LOOK}{is_shut}</Sequence>'
+        assert why_not(session, look)[0] == "not_closed"
+        assert world.articulations[DRAWER] == pytest.approx(truth.articulation_position(DRAWER), abs=0.01)
+        simulation.client.resetJointState(body, joint, 0.0)
+        assert succeeds(session, look)
+
+
 def test_a_drawer_that_is_not_where_it_is_believed_to_be_is_told() -> None:
     with standing_open("open_drawer", DRAWER, "2 cm", (0.36, 0.33, -16.0)) as (session, _):
         session.skills.world.articulations[DRAWER] = 0.22

@@ -62,6 +62,20 @@ def test_a_drawer_is_opened_as_far_as_asked_and_seen_to_be_where_it_is(opened) -
     assert audited(session).honest
 
 
+@pytest.mark.parametrize("opening", ["-1", "80", "inf"])
+def test_a_drawer_is_not_opened_by_less_than_nothing_nor_farther_than_it_goes(opened, opening: str) -> None:
+    session, _ = opened
+    asked = f'articulation="{DRAWER}" opening="{opening}" handle="{next(iter(session.skills.world.handles))}"'
+    for leaf in (
+        f"<Open {asked}/>",
+        f'<FindOpenStand {asked} stand="{{s}}"/>',
+        f"<Close {asked[: asked.index('handle')]}/>",
+    ):
+        code, words = why_not(session, leaf)
+        assert code == "bad_input", words
+        assert f"{float(opening)}; {DRAWER} opens by 0 to" in words
+
+
 def test_a_drawer_that_slid_back_is_seen_to_be_open_less_than_it_was_felt(opened) -> None:
     session, truth = opened
     simulation = session.robot.simulation
@@ -118,16 +132,30 @@ def test_a_drawer_whose_handle_slips_out_of_the_hand_is_believed_to_be_where_it_
         assert session.skills.world.articulations[DRAWER] == pytest.approx(left, abs=0.02)
 
 
-@pytest.mark.parametrize("off", [0.10, -0.10])
-def test_a_shut_drawer_of_a_chest_that_stands_ten_centimetres_nearer_or_farther_is_not_taken_for_open(off) -> None:
+def with_chest_mapped(session: Session, x: float) -> Pose2D:
+    """Put the chest of the map so many metres farther back than it stands; returns where it stands."""
+    world = session.skills.world
+    true = next(piece.actual for piece in session.setup.world.furniture if piece.name == "drawer_chest")
+    mapped = replace(world.map.furniture["drawer_chest"], pose=true @ Pose2D(x, 0.0, 0.0))
+    world.map = world.map.with_furniture(mapped)
+    return true
+
+
+def test_a_drawer_of_a_chest_that_stands_ten_centimetres_nearer_is_opened_as_far_as_asked_and_that_is_told() -> None:
+    with drawer_session(start=BEFORE_IT) as (session, truth):
+        with_chest_mapped(session, 0.10)
+        tree = session.load(tree_of(OPEN.replace("<Open ", '<Open opened="{opened}" ')))
+        assert tick(tree, 600) == SUCCESS
+        assert truth.articulation_position(DRAWER) >= 0.20
+        assert tree.blackboard.get("opened") == pytest.approx(truth.articulation_position(DRAWER), abs=0.01)
+
+
+def test_the_handle_of_a_chest_that_stands_ten_centimetres_farther_is_found_and_its_drawer_shut() -> None:
     with drawer_session(start=BEFORE_IT) as (session, _):
-        world = session.skills.world
-        true = next(piece.actual for piece in session.setup.world.furniture if piece.name == "drawer_chest")
-        chest = world.map.furniture["drawer_chest"]
-        world.map = world.map.with_furniture(replace(chest, pose=true @ Pose2D(off, 0.0, 0.0)))
+        true = with_chest_mapped(session, -0.10)
         assert tick(session.load(tree_of(OPEN[: OPEN.index("<Open")] + "</Sequence>")), 200) == SUCCESS
-        assert world.articulations[DRAWER] == 0.0
-        assert world.map.furniture["drawer_chest"].pose.distance_to(true) < 0.01
+        assert session.skills.world.articulations[DRAWER] == 0.0
+        assert session.skills.world.map.furniture["drawer_chest"].pose.distance_to(true) < 0.01
 
 
 def test_a_handle_ten_centimetres_beside_where_the_map_says_is_found_and_pulled() -> None:
