@@ -10,7 +10,6 @@ from enum import StrEnum
 from typing import Any
 
 from bestman_bt.manipulation.policy.errors import PolicyModelError
-from bestman_bt.registry import suggestion
 
 
 class ActionSpace(StrEnum):
@@ -64,7 +63,7 @@ class PolicySpecification:
         if not isinstance(values, dict):
             raise PolicyModelError(f"this is no policy specification: it should hold fields, got {values!r}")
         names = [option.name for option in fields(cls)]
-        unknown = [f"unknown field {name!r}; {suggestion(str(name), names)}" for name in values if name not in names]
+        unknown = [f"unknown field {name!r}, known: {', '.join(names)}" for name in values if name not in names]
         missing = [f"{name} is missing" for name in ("joint_names", "space", "horizon", "dt") if name not in values]
         if unknown or missing:
             raise PolicyModelError(f"this is no policy specification: {'; '.join(unknown + missing)}")
@@ -99,7 +98,7 @@ def _faults(given: PolicySpecification) -> Iterator[str]:
     """What no policy can be like, in words."""
     spaces = [space.value for space in ActionSpace]
     if given.space not in spaces:
-        yield f"space: {suggestion(str(given.space), spaces)}, got {given.space!r}"
+        yield f"space should be one of {', '.join(spaces)}, got {given.space!r}"
     if not given.joint_names:
         yield "joint_names should name at least one joint"
     for name in ("horizon", "executed", "goal_size"):

@@ -60,3 +60,19 @@ def test_an_observation_with_nan_or_a_picture_of_another_kind_is_refused() -> No
         Observation(np.array([0.0, np.nan]), Pose())
     with pytest.raises(PolicyObservationError, match="'head'"):
         Observation(np.zeros(2), Pose(), images={"head": np.zeros((4, 4, 3))})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [
+        ({"dt": 0.0}, "dt should be a finite number above 0, got 0.0"),
+        ({"dt": float("nan")}, "dt should be"),
+        ({"executed": -5}, "executed should be a whole number"),
+        ({"goal_size": "seven"}, "goal_size should be a whole number"),
+        ({"workspace": ((1.0, 0.0, 0.0), (0.0, 1.0, 1.0))}, "a lower and an upper corner"),
+        ({"joint_names": "panda"}, "joint_names should be a list, got 'panda'"),
+    ],
+)
+def test_a_specification_that_no_policy_can_have_is_refused(wrong: dict[str, object], told: str) -> None:
+    with pytest.raises(PolicyModelError, match=told):
+        PolicySpecification.from_dict(SPECIFICATION.to_dict() | wrong)
