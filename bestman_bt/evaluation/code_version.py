@@ -34,8 +34,13 @@ def config_fingerprint(config: RunConfig) -> str:
     Also over what those files name: furniture, objects, parts, meshes, included trees, policies.
     """
     task = config.task
-    names = {kind: Path(getattr(task, kind)).name for kind in ("tree", "scene", "robot")}
-    plain = replace(task, plugins=tuple(Path(plugin).name for plugin in task.plugins), **names)
+    plain = replace(
+        task,
+        tree=Path(task.tree).name,
+        scene=Path(task.scene).name,
+        robot=Path(task.robot).name,
+        plugins=tuple(Path(plugin).name for plugin in task.plugins),
+    )
     digest = hashlib.sha256(dump_run(replace(config, task=plain, seed=0)).encode())
     for path in named_files(yaml.safe_load(dump_run(config))):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())

@@ -1,6 +1,6 @@
 """Learning-based manipulation: policies that give action chunks, where they come from, what they learn from."""
 
-from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.behaviour_cloning import BehaviourCloningParameters, ClonedPolicy, clone
 from bestman_bt.manipulation.policy.chunk_path import chunk_path
 from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, ChunkStreamParameters, StreamedMotion
@@ -35,7 +35,7 @@ from bestman_bt.manipulation.policy.picking import (
 )
 from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES, ReachingExpert, ReachingParameters
 from bestman_bt.manipulation.policy.rollout import Rollout, roll_out
-from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.manipulation.policy.workspace import Workspace
 
 __all__ = [

@@ -8,8 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from bestman_bt.manipulation.joint_values import JointLimits, joint_vector
 from bestman_bt.manipulation.kinematics.base import InverseKinematics
-from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace
+from bestman_bt.manipulation.policy.base import ActionChunk
 from bestman_bt.manipulation.policy.errors import PolicyActionError
+from bestman_bt.manipulation.policy.specification import ActionSpace
 from bestman_bt.messages import Pose
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import PolicyObservationError
 from bestman_bt.manipulation.policy.picking import PickingExpert, PickState
-from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 from bestman_bt.messages import Pose
 
 

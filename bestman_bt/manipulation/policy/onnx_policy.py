@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import (
     MissingPolicyExtraError,
     PolicyActionError,
@@ -23,7 +23,7 @@ from bestman_bt.manipulation.policy.errors import (
     PolicyObservationError,
 )
 from bestman_bt.manipulation.policy.features import feature_vector
-from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 
 
 @dataclass(frozen=True)

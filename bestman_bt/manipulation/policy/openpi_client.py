@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.policy.base import ActionChunk, ActionSpace, Observation, Policy
+from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import (
     MissingPolicyExtraError,
     PolicyActionError,
@@ -27,7 +27,7 @@ from bestman_bt.manipulation.policy.errors import (
     PolicyUnreachableError,
 )
 from bestman_bt.manipulation.policy.msgpack_numpy import pack, unpack
-from bestman_bt.manipulation.policy.specification import PolicySpecification
+from bestman_bt.manipulation.policy.specification import ActionSpace, PolicySpecification
 
 
 @dataclass(frozen=True)
