@@ -19,7 +19,6 @@ from hal.pybullet import PyBulletRobot
 
 @pytest.fixture(scope="module")
 def hand_model() -> RobotModel:
-    pytest.importorskip("example_robot_data", reason="the Allegro hand comes with the extra 'robots'")
     parts = {"post": {"part": "column"}, "hand": {"part": "allegro_hand", "mount": "post"}}
     return compose_robot("hand_on_post", Document({"parts": parts}))
 
@@ -59,8 +58,8 @@ def test_it_stops_at_the_closure_that_is_asked_for(empty_hand: PyBulletRobot) ->
 
 @pytest.fixture
 def hand_with_rod(hand_model: RobotModel) -> Iterator[PyBulletRobot]:
-    """A rod of 5 cm stands where the fingers close, 4.5 cm before the palm."""
-    at = Pose2D(0.055, 0.0, 0.0)
+    """A rod of 5 cm stands where the fingers close, 4 cm before the palm."""
+    at = Pose2D(0.075, 0.0, 0.0)
     rod = PlacedShape(Cylinder(0.025, 0.7), Pose(np.array([0.0, 0.0, 0.35])))
     model = FurnitureModel("rod", (0.05, 0.05), (rod,), ((0.5, 0.5, 0.5, 1.0),), ())
     world = World("rod", 0, (), (PlacedFurniture("rod", model, at, at),), (), Pose2D(), {})
