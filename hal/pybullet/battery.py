@@ -49,8 +49,7 @@ class SimulatedBattery(Battery):
 
     def _draw(self, simulation: Simulation) -> None:
         model = self._model
-        _, velocities, efforts = simulation.joint_states()
-        efforts = efforts + simulation.torques
+        velocities, efforts = simulation.joint_states()[1], simulation.efforts()
         moving = np.maximum(velocities * efforts, 0.0).sum() / model.drive_efficiency
         holding = model.holding_power * ((efforts / self._most) ** 2).sum()
         step = simulation.parameters.time_step

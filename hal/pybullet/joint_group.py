@@ -68,7 +68,8 @@ class SimulatedJointGroup(JointGroup):
 
     def efforts(self) -> Array:
         """Efforts of the motors, (n,)."""
-        return self._measured(2) + self._connection.simulation.torques[self._slots]
+        efforts: Array = self._connection.simulation.efforts()[self._slots]
+        return efforts
 
     # Commands
 
@@ -220,7 +221,7 @@ class SimulatedJointGroup(JointGroup):
     def _leave_effort_mode(self) -> None:
         if self._torques is not None:
             self._torques = None
-            self._connection.simulation.torques[self._slots] = 0.0
+            self._connection.simulation.torques[self._slots] = np.nan
             self._position = np.clip(self.positions(), self._lower, self._upper)
             self._velocity = np.clip(self.velocities(), -self._speed, self._speed)
             self._setpoints = self._braking()

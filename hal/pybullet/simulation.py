@@ -25,7 +25,7 @@ class Simulation:
 
     ``controls`` run every control period before the step, ``effort_controls`` before every step;
     ``step_observers`` run after every step, ``observers`` after every ``monitor_every``-th. ``torques``: what parts
-    that command torques exert at the driven joints; pybullet tells the efforts of its own motors alone.
+    that command torques exert at the driven joints, NaN where pybullet's own motors work.
     """
 
     def __init__(self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> None:
@@ -53,7 +53,7 @@ class Simulation:
         self._indices = [self.built.joints[joint] for joint in self.joint_names]
         self._slots = {joint: slot for slot, joint in enumerate(self.joint_names)}
         self._states: NDArray[np.float64] = np.zeros((3, len(self._indices)))
-        self.torques: NDArray[np.float64] = np.zeros(len(self._indices))
+        self.torques: NDArray[np.float64] = np.full(len(self._indices), np.nan)
         self._read_at = -1
         self._contacts: Sequence[Contact] = ()
         self._contacts_at = -1
@@ -95,6 +95,10 @@ class Simulation:
             self._states = np.array((columns[0], columns[1], columns[3])) if columns else np.zeros((3, 0))
             self._read_at = self.steps
         return self._states
+
+    def efforts(self) -> NDArray[np.float64]:
+        """What motors exert at the driven joints; where torques are commanded, pybullet's own figure is a stale one."""
+        return np.where(np.isnan(self.torques), self.joint_states()[2], self.torques)
 
     def contacts(self, reader: Reader) -> Sequence[Contact]:
         """All contacts as pybullet tells them; read once per step at most, for all who ask.
