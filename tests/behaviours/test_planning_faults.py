@@ -88,7 +88,7 @@ def test_a_place_out_of_the_arms_reach_is_refused(arm: Session) -> None:
         '<Push object="can" goal="{pose}"/>',
         '<Retreat distance="nan"/>',
         '<RunPolicy policy="reach_diff_panda" goal="{pose}"/>',
-        '<RunPolicy policy="reach_diff_panda" goal="0.5;0.1;0.9;0;0;0;1" timeout="nan"/>',
+        '<RunPolicy policy="reach_diff_panda" goal="0.5;0.1;0.9" timeout="nan"/>',
         '<IsOpen articulation="table/none" at_least="nan"/>',
         '<IsOpen articulation="table/none" at_most="nan"/>',
         '<ObjectAt object="cup" goal="{pose}"/>',
