@@ -49,7 +49,8 @@ def measure_turning_slip(
     """Turn a base left and right; ``present``: the factor that its odometry counts with now.
 
     It takes the base for itself and lets time pass until it is done. The floor, the load and the speed should be those
-    of its work. Raises as the base's commands do.
+    of its work: a base whose factor was far off turns at another speed than asked, so measure again with what was
+    found. Raises as the base's commands do.
     """
     p = parameters or TurningSlipParameters()
     ways = [_turn(base, gyro, clock, side * p.angle, p) for side in (1.0, -1.0)]
