@@ -49,8 +49,8 @@ class Stop(StatefulAction):
 '''
 DOCUMENT = [
     "task", "episodes", "first_seed", "succeeded", "success_rate", "interval", "audit_clean", "unclean_seeds",
-    "false_successes", "failures", "causes", "slowest", "sim_time_s", "wall_time_s", "real_time_factor", "metrics",
-    "accuracy",
+    "errors", "false_successes", "failures", "causes", "slowest", "sim_time_s", "wall_time_s", "real_time_factor",
+    "metrics", "accuracy",
 ]  # fmt: skip
 WALL_TIMES = ("wall_time_s", "real_time_factor")
 
