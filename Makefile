@@ -27,7 +27,7 @@ demo: install
 
 # Against clocks that do not wait: alone, and once more (which is told) where another program held the machine up.
 test: lint
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not real_time"
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
 	$(BIN)/python -m pytest -m real_time --reruns 1 -rR
 
 eval: install

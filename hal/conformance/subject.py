@@ -142,13 +142,9 @@ def is_at_rest(robot: Robot) -> bool:
 
 
 def require_rest(robot: Robot, after: str) -> None:
-    """The robot has to be at rest, its fingers too, and to stay so; one reading of a velocity may be noise."""
+    """The robot has to be at rest, its fingers too, and to stay so."""
     robot.clock.sleep(REST_TIME)
-    rests = False
-    for _ in range(8):
-        rests = rests or is_at_rest(robot)
-        robot.clock.sleep(0.01)
-    require(rests, f"the robot should be at rest {REST_TIME} s after {after}")
+    require(is_at_rest(robot), f"the robot should be at rest {REST_TIME} s after {after}")
     groups, grippers = parts_of(robot, JointGroup), parts_of(robot, Gripper)
     places, widths = [group.positions() for group in groups], [gripper.width() for gripper in grippers]
     robot.clock.sleep(REST_TIME)

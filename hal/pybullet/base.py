@@ -48,7 +48,7 @@ class SimulatedBase(SimulatedMobileBase):
         return self._odometry.pose
 
     def velocity(self) -> Twist2D:
-        """Velocity from the wheels' speeds."""
+        """Velocity from the wheels' speeds over the last control period."""
         return Twist2D(*self._believed.motion(self._motors.speeds, self._motors.steering))
 
     # The simulation's side
@@ -61,6 +61,10 @@ class SimulatedBase(SimulatedMobileBase):
         self._parked = False
         self._park()
         self._begin(simulation)
+
+    def _control(self) -> None:
+        self._motors.count()
+        super()._control()
 
     def _move(self, period: float) -> None:
         """Steered wheels first turn to where the velocity asks them to; meanwhile it stays what it was."""

@@ -23,6 +23,17 @@ class WheelMotors:
         self._wheel_indices = simulation.indices(model.wheel_joints)
         self._steering_indices = simulation.indices(model.steering_joints)
         self._steered_to = self.steering
+        self._counted, self._speeds = self.angles.copy(), np.zeros(len(model.wheel_joints))
+
+    def count(self) -> None:
+        """Take the encoders' counts, once in a control period; speeds are what they tell from one to the next.
+
+        A motor that holds its wheel against friction chatters by a few hundredths of a millimetre in every physics step:
+        its speed at one instant is no speed of the base.
+        """
+        now = self.angles.copy()
+        self._speeds = (now - self._counted) / self._parameters.control_period
+        self._counted = now
 
     @property
     def angles(self) -> Array:
@@ -32,9 +43,8 @@ class WheelMotors:
 
     @property
     def speeds(self) -> Array:
-        """Measured speeds of the wheels, (n,) rad/s."""
-        values: Array = self._simulation.joint_states()[1, self._wheels]
-        return values
+        """Measured speeds of the wheels over the last control period, (n,) rad/s."""
+        return self._speeds
 
     @property
     def steering(self) -> Array:

@@ -18,8 +18,6 @@ from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, Promise
 from hal.conformance.room import empty_room
 from hal.pybullet import PyBulletRobot
 
-pytestmark = pytest.mark.xdist_group("conformance")  # in their order, on robots that they share
-
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "driver_in_memory"
 
 
