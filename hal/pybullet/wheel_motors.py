@@ -28,7 +28,7 @@ class WheelMotors:
     def count(self) -> None:
         """Take the encoders' counts, once in a control period; speeds are what they tell from one to the next.
 
-        A motor that holds its wheel against friction chatters by a few hundredths of a millimetre in every physics step:
+        A motor that holds its wheel against friction chatters by hundredths of a millimetre in every physics step:
         its speed at one instant is no speed of the base.
         """
         now = self.angles.copy()
