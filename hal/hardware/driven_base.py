@@ -99,7 +99,7 @@ class DrivenBase(HardwarePart, MobileBase):
         with self._line.lock:
             if self._line.connected:
                 self._halt(hard=True)
-                self._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+                self._line.stop_motion()
 
     def brake(self) -> None:
         """Brake to rest within the acceleration limits."""

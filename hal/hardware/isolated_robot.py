@@ -115,6 +115,12 @@ class IsolatedRobot(Robot):
         return bool(self._line.call(Call(ROBOT, "stopped"))) if self._line.open else self._description.stopped
 
     @property
+    def stopped_at(self) -> float | None:
+        """When all parts were last told to stop, seconds of the clock; of this connection."""
+        answer = self._line.call(Call(ROBOT, "stopped_at")) if self._line.open else self._description.stopped_at
+        return float(answer) if answer is not None else None
+
+    @property
     def faults(self) -> Mapping[str, Fault]:
         """Controller → the fault that stopped the robot."""
         return dict(self._line.call(Call(ROBOT, "noted_faults"))) if self._line.open else {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from hal.api import MotionErrorCode, MotionStatus
 from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.part_line import PartLine
 from hal.hardware.stop_latch import StopLatch
@@ -26,7 +25,7 @@ class MovingPart(HardwarePart):
         with self._line.lock:
             if self._line.connected:
                 self.brake()
-                self._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
+                self._line.stop_motion()
 
     def detach(self) -> None:
         """The controller disconnects: come to rest."""

@@ -71,6 +71,11 @@ class PartLine:
         if self._motion is not None:
             self._motion.end(status, code, f"{self.part_name}: {text}")
 
+    def stop_motion(self) -> None:
+        """The robot or the part was stopped: the motion under way, if any, is cancelled and told why."""
+        why = self._latch.why
+        self.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, f"stopped because {why}" if why else "stopped")
+
     def fail_motion(self, fault: Fault) -> None:
         """The motion under way, if any, has failed because of a fault; one that cuts the wire cuts readings, too."""
         if fault.code is MotionErrorCode.DISCONNECTED:

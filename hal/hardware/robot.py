@@ -45,6 +45,7 @@ class HardwareRobot(Robot):
         self._lock = threading.RLock()
         self._faults: dict[str, Fault] = {}
         self._watchdog: ControlLoop | None = None
+        self._stopped_at: float | None = None
         self._connections = {name: self._make(name) for name in model.connections}
         parts: dict[str, Part] = {}
         for connection in self._connections.values():
@@ -77,11 +78,11 @@ class HardwareRobot(Robot):
     def declared_missing(self) -> dict[str, str]:
         """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
         missing = {name: "it is behind no connection" for name in _modelled(self._model) if name not in self._parts}
-        return missing | {
-            f"{name}: {what}": why
-            for name, connection in self._connections.items()
-            for what, why in connection.declared_missing.items()
-        }
+        for name, connection in self._connections.items():
+            for what, why in connection.declared_missing.items():
+                reason = f"{name}: {why}"
+                missing[what] = f"{missing[what]}; {reason}" if what in missing else reason
+        return missing
 
     # Life
 
@@ -131,6 +132,11 @@ class HardwareRobot(Robot):
         return bool(self._latch)
 
     @property
+    def stopped_at(self) -> float | None:
+        """When all parts were last told to stop, seconds of the clock; kept by ``clear_stop()``. None: never."""
+        return self._stopped_at
+
+    @property
     def faults(self) -> Mapping[str, Fault]:
         """Controller → the fault that stopped the robot; empty after ``clear_stop()``."""
         return MappingProxyType(dict(self._faults))
@@ -162,9 +168,12 @@ class HardwareRobot(Robot):
         return make(name, settings, self._model, self._model.safety, self._clock, self._latch)
 
     def _stop(self, why: str) -> None:
+        latched = bool(self._latch)
         self._latch.set(why)
         for connection in self._connections.values():
             connection.stop()
+        if not latched:
+            self._stopped_at = self._clock.now()
 
     def _watch(self, elapsed: float) -> None:
         """A controller with a fault stops the robot, once."""

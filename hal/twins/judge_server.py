@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.messages import Pose
-from hal.api import JointGroup
+from hal.api import Gripper, JointGroup
 from hal.twins.json_lines import JsonLineServer
 from hal.twins.world import TwinWorld
 
@@ -16,8 +16,8 @@ from hal.twins.world import TwinWorld
 class JudgeServer(JsonLineServer):
     """Answers ``{"ask": QUESTION, "name": NAME}`` by ``{"answer": …}``.
 
-    Questions are the methods of ``hal.pybullet.GroundTruth``, ``honesty_record``, ``time`` and ``joints`` (of a part:
-    true positions and velocities).
+    Questions are the methods of ``hal.pybullet.GroundTruth``, ``honesty_record``, ``time``, ``joints`` (of a part:
+    true positions and velocities) and ``width`` (of a gripper).
     """
 
     def __init__(self, path: Path, world: TwinWorld) -> None:
@@ -38,6 +38,7 @@ class JudgeServer(JsonLineServer):
             "honesty_record": lambda name: dataclasses.asdict(world.robot.honesty_record()),
             "time": lambda name: {"time": world.now(), "given_up": world.given_up},
             "joints": self._joints,
+            "width": lambda name: world.robot.part(name, Gripper).width(),
         }
 
     def _judge(self, question: dict[str, Any]) -> Mapping[str, Any]:

@@ -64,8 +64,10 @@ class RobotiqGripper:
             self._world.post(self._gripper.stop)
 
     def jam(self) -> None:
-        """The fingers are stuck where they are, until ``unjam``."""
+        """The fingers are stuck where they are, until ``unjam``; its motor notices if it is moving them."""
         self._jammed = True
+        if self._object == MOVING:
+            self._fault = OVERCURRENT_FAULT
         self._world.post(self._gripper.stop)
 
     def unjam(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,8 +46,8 @@ class RosbridgeTwin:
 
     Its clock is the machine's wall clock, which is not the client's. A camera takes pictures while somebody subscribes
     to them. Faults beside those of the wire: ``stale_odometry`` (the same odometry again and again),
-    ``silent_odometry`` (none), ``fresh_odometry``; ``stuck`` (the base does not move), ``free``; ``blind`` (no
-    pictures), ``sighted``; ``restart`` (all clients are cut off).
+    ``silent_odometry`` (none), ``fresh_odometry``; ``silent_scan``, ``fresh_scan``; ``stuck`` (the base does not move),
+    ``free``; ``blind`` (no pictures), ``sighted``; ``restart`` (all clients are cut off).
     """
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
@@ -60,7 +60,10 @@ class RosbridgeTwin:
         self._bases: list[TwinBase] = []
         self._joints: list[TwinJoints] = []
         self._cameras = [name for name in connection.parts if name in model.cameras]
-        self._odometry_fault = ""
+        self._stale_odometry = False
+        self._odometry_topics: set[str] = set()
+        self._scan_topics: set[str] = set()
+        self._silent: set[str] = set()
         self._blind = False
         self._closing = threading.Event()
         self.faults = Faults()
@@ -87,9 +90,11 @@ class RosbridgeTwin:
         )
         self.faults.offer(
             {
-                "stale_odometry": functools.partial(self._set_odometry, "stale"),
-                "silent_odometry": functools.partial(self._set_odometry, "silent"),
-                "fresh_odometry": functools.partial(self._set_odometry, ""),
+                "stale_odometry": functools.partial(self._set_odometry, True, frozenset()),
+                "silent_odometry": functools.partial(self._set_odometry, False, self._odometry_topics),
+                "fresh_odometry": functools.partial(self._set_odometry, False, frozenset()),
+                "silent_scan": functools.partial(self._silent.update, self._scan_topics),
+                "fresh_scan": functools.partial(self._silent.difference_update, self._scan_topics),
                 "stuck": functools.partial(self._set_stuck, True),
                 "free": functools.partial(self._set_stuck, False),
                 "blind": functools.partial(self._set_blind, True),
@@ -120,7 +125,7 @@ class RosbridgeTwin:
 
         def fresh(what: str, make: Callable[[Message], Message]) -> Message:
             """The message of now, or the one that a stale driver repeats."""
-            if self._odometry_fault != "stale" or what not in kept:
+            if not self._stale_odometry or what not in kept:
                 kept[what] = make(self._header(options.odom_frame))
             return kept[what]
 
@@ -135,7 +140,7 @@ class RosbridgeTwin:
             self._declare("base", name, "transforms", "tf2_msgs", "TFMessage"): lambda: fresh("transform", transform),
         }
         self._outputs.append(Output(STATE_RATE, outputs))
-        self._odometry_topics = set(outputs)
+        self._odometry_topics |= set(outputs)
         stamped = "TwistStamped" if options.stamped_velocity else "Twist"
         self._takers[self._declare("base", name, "velocity", "geometry_msgs", stamped)] = base.drive
 
@@ -163,7 +168,10 @@ class RosbridgeTwin:
         def make() -> Message:
             return write(self._header(frame), getattr(part, read)())
 
-        self._outputs.append(Output(rate, {self._declare(kind, name, stream, package, message): make}))
+        topic = self._declare(kind, name, stream, package, message)
+        if kind == "lidar":
+            self._scan_topics.add(topic)
+        self._outputs.append(Output(rate, {topic: make}))
 
     def _add_camera(self, name: str) -> None:
         model = self._model.cameras[name]
@@ -196,7 +204,7 @@ class RosbridgeTwin:
             if now >= output.due:
                 output.due = max(output.due + 1.0 / output.rate, now - 1.0 / output.rate)
                 for topic, make in output.messages.items():
-                    if not (self._odometry_fault == "silent" and topic in self._odometry_topics):
+                    if topic not in self._silent:
                         self._server.publish(topic, make)
 
     def _photograph(self) -> None:
@@ -225,8 +233,10 @@ class RosbridgeTwin:
 
     # Faults
 
-    def _set_odometry(self, fault: str) -> None:
-        self._odometry_fault = fault
+    def _set_odometry(self, stale: bool, silent: Set[str]) -> None:
+        self._stale_odometry = stale
+        self._silent.difference_update(self._odometry_topics)
+        self._silent.update(silent)
 
     def _set_stuck(self, stuck: bool) -> None:
         for base in self._bases:
