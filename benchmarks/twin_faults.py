@@ -2,7 +2,7 @@
 
 Usage: python -m benchmarks.twin_faults [--runs 5] [--only xarm/…] [--json]. Each run is a session of its own over twins
 of all the robot's controllers; its tree is a Fallback of what the fault strikes and of a recovery, which clears the
-stop and moves on. Times are seconds from when the fault was asked for, on the robot's clock, which both processes share.
+stop and moves on. Times are seconds from when the fault was asked for, on the clock that both processes share.
 """
 
 from __future__ import annotations

@@ -154,10 +154,11 @@ class XArmController:
         self._world.post(lambda: self._move_gripper(gripper, width, speed))
 
     def jam(self) -> None:
-        """The gripper's fingers are stuck where they are, until ``unjam``."""
+        """The gripper's fingers are stuck where they are, until ``unjam``; its motor notices if it is moving them."""
         self._jammed = True
-        if self._gripper is not None:
-            self._world.post(self._gripper.stop)
+        gripper = self._gripper
+        if gripper is not None:
+            self._world.post(lambda: self._block_gripper(gripper))
 
     def unjam(self) -> None:
         """The fingers are free again; an error stays until it is cleared."""
@@ -201,6 +202,11 @@ class XArmController:
 
     def _move_gripper(self, gripper: Gripper, width: float, speed: float) -> None:
         gripper.move(width, speed=speed)
+
+    def _block_gripper(self, gripper: Gripper) -> None:
+        if gripper.state().moving:
+            self.gripper_error = GRIPPER_OVERLOAD
+        gripper.stop()
 
     def _pulses(self) -> int:
         if self._gripper is None:
