@@ -94,12 +94,13 @@ class RosbridgeConnection(Connection):
     def open(self) -> None:
         """Connect, and wait until every topic has told something."""
         options: RosbridgeOptions = self.options
-        settings, deadline = self.settings, time.monotonic() + options.connect_timeout
+        settings = self.settings
         for stream, _, _ in self._streams:
             stream.forget()
         self._ros_time.forget()
         port = settings.port or PORT
         self._link.open(self.sdk, settings.address, port, options.secure, settings.token, options.connect_timeout)
+        deadline = time.monotonic() + options.connect_timeout  # importing the SDK may have taken longer
         for topic, message_type in self._outputs.items():
             self._link.advertise(topic, message_type)
         for stream, message_type, period in self._streams:

@@ -8,6 +8,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -29,9 +30,13 @@ RawPose = tuple[tuple[float, ...], tuple[float, ...]]
 
 @dataclass(frozen=True)
 class WorldState:
-    """Where everything is at ``stamp``: raw poses of bodies and positions of joints, by pybullet's indices."""
+    """Where everything is at ``stamp``: raw poses of bodies and positions of joints, by pybullet's indices.
+
+    ``wall_time``: of the machine when it was so; the simulation's own time does not lag behind it evenly.
+    """
 
     stamp: float
+    wall_time: float
     robot: RawPose
     joints: tuple[float, ...]
     objects: dict[str, RawPose]
@@ -53,6 +58,7 @@ class Exposure:
         indices = list(range(max(built.joints.values()) + 1))
         return WorldState(
             stamp=self._robot.clock.now(),
+            wall_time=time.time(),
             robot=pose(robot),
             joints=tuple(state[0] for state in reader.getJointStates(robot, indices)),
             objects={name: pose(body) for name, body in built.objects.items()},

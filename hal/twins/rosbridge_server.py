@@ -218,10 +218,10 @@ class RosbridgeTwin:
                     self._closing.wait(0.02)
             for name in wanted:
                 try:
-                    image = self._world.photograph(name)
+                    image, exposed = self._world.photograph(name)
                 except (TwinError, TimeoutError):
                     return  # the world ends
-                header = self._version.header(self._model.cameras[name].optical_frame, image.stamp + self._offset)
+                header = self._version.header(self._model.cameras[name].optical_frame, exposed)
                 topics = [self._options.topic("camera", name, stream) for stream in ("color", "depth")]
                 for topic, make in zip(topics, (ros_messages.color_image, ros_messages.depth_image), strict=True):
                     self._server.publish(topic, functools.partial(make, header, image))

@@ -80,11 +80,15 @@ class TwinWorld:
         self._work.put(do)
         return future.result(timeout)
 
-    def photograph(self, camera: str) -> RGBDImage:
-        """What a camera sees now, from any thread but the world's; physics goes on meanwhile. Takes about 0.2 s."""
+    def photograph(self, camera: str) -> tuple[RGBDImage, float]:
+        """What a camera sees now, and the machine's wall time of the exposure; from any thread but the world's.
+
+        Physics goes on meanwhile: it takes about 0.2 s.
+        """
         if self._exposure is None or self._darkroom is None:
             raise TwinError("this world was made without cameras, or does not run yet")
-        return self._darkroom.develop(camera, self.call(self._exposure.take))
+        state = self.call(self._exposure.take)
+        return self._darkroom.develop(camera, state), state.wall_time
 
     def run(self, ready: Callable[[], None]) -> None:
         """Build the world, call ``ready``, and step until ``close()``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 from dataclasses import dataclass
@@ -172,6 +173,9 @@ class BaseController:
             except CommandRefusedError as error:
                 self._end(ControlErrorCode.STOPPED, str(error), aborted=True)
             except READING_ERRORS as error:
+                if self._action is not None:
+                    with contextlib.suppress(*READING_ERRORS):  # the base itself may be what is gone
+                        self._base.stop()
                 self._end(ControlErrorCode.DISCONNECTED, str(error))
 
     def _localise(self) -> None:

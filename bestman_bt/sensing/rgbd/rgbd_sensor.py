@@ -22,11 +22,13 @@ from hal.api import Camera, Clock, RobotError
 class RGBDSensorParameters:
     """When an image counts as none.
 
-    ``max_age``: seconds between its stamp and now. ``black_level``: of 255; an image without a pixel above it is black.
+    ``max_age``: seconds between its stamp and now; of images that are older, ``attempts`` are asked for, because a
+    computer that is busy for a moment may have held one up. ``black_level``: of 255; an image without a pixel above it is black.
     ``min_depth_share``: share of the pixels that must have a depth.
     """
 
     max_age: float = 0.5
+    attempts: int = 3
     black_level: int = 8
     min_depth_share: float = 0.001
 
@@ -90,19 +92,20 @@ class RGBDSensor:
         return view
 
     def _taken(self) -> RGBDImage:
-        try:
-            image = self._camera.capture()
-        except (RobotError, OSError, ValueError) as error:  # ValueError: sizes that do not fit the intrinsics
-            raise CameraError(CameraErrorCode.NO_IMAGE, f"{self.name} gave no image: {error}") from error
-        parameters = self._parameters
-        age = 0.0 if self._clock is None else self._clock.now() - image.stamp
-        if abs(age) > parameters.max_age:
-            which = "old" if age > 0.0 else "in the future"
-            text = f"{self.name} gave an image that is {abs(age):.2f} s {which}, {parameters.max_age:g} s are allowed"
-            raise CameraError(CameraErrorCode.STALE, text)
-        if not (image.rgb > parameters.black_level).any():
-            raise CameraError(CameraErrorCode.BLACK, f"{self.name} gave a black image")
-        return image
+        parameters, age = self._parameters, 0.0
+        for _ in range(parameters.attempts):
+            try:
+                image = self._camera.capture()
+            except (RobotError, OSError, ValueError) as error:  # ValueError: sizes that do not fit the intrinsics
+                raise CameraError(CameraErrorCode.NO_IMAGE, f"{self.name} gave no image: {error}") from error
+            age = 0.0 if self._clock is None else self._clock.now() - image.stamp
+            if abs(age) <= parameters.max_age:
+                if not (image.rgb > parameters.black_level).any():
+                    raise CameraError(CameraErrorCode.BLACK, f"{self.name} gave a black image")
+                return image
+        which = "old" if age > 0.0 else "in the future"
+        text = f"{self.name} gave an image that is {abs(age):.2f} s {which}, {parameters.max_age:g} s are allowed"
+        raise CameraError(CameraErrorCode.STALE, text)
 
     def _ideal(self, image: RGBDImage) -> RGBDImage:
         known = np.isfinite(image.depth) & (image.depth > 0.0)

@@ -12,6 +12,7 @@ from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap
 from hal.api import MobileBase
+from hal.pybullet.reading_line import SensorFault
 
 
 def stand_pose(simulated, furniture: str) -> Pose2D:
@@ -124,6 +125,21 @@ def test_a_stop_of_the_robot_cancels_the_action(simulate):
     simulated.robot.clock.sleep(0.1)
     assert handle.status is ControlStatus.CANCELED
     assert handle.error.code is ControlErrorCode.STOPPED
+
+
+def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_when_it_is_back(simulate):
+    simulated = simulate(1)
+    base, line = simulated.robot.part("base", MobileBase), simulated.robot.parts["lidar"].line
+    handle = simulated.base.drive(1.5)
+    simulated.robot.clock.sleep(1.5)
+    line.fault = SensorFault.SILENT
+    simulated.wait(handle, limit=0.2)
+    assert handle.error.code is ControlErrorCode.DISCONNECTED
+    speed = base.velocity().vx
+    simulated.robot.clock.sleep(0.1)  # its dead-man would let it drive on for longer
+    assert base.velocity().vx < speed - 0.1
+    line.fault = None
+    assert simulated.wait(simulated.base.drive(-0.2)).status is ControlStatus.SUCCEEDED
 
 
 def test_a_wall_in_the_way_is_reported_as_blocked(simulate):

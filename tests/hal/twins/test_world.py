@@ -13,7 +13,7 @@ from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import World
 from hal.api import Arm, Camera, JointGroup
 from hal.pybullet import PyBulletRobot
-from hal.twins.world import TwinWorld
+from hal.twins.world import LONGEST_DELAY, TwinWorld
 
 pytestmark = pytest.mark.real_time
 
@@ -81,8 +81,9 @@ def test_a_picture_is_that_of_the_simulated_camera_and_physics_goes_on(
     time.sleep(0.5)
     went_on = []
     for _ in range(5):
-        before = world.now()
-        image = world.photograph("head_camera")
+        before, asked = world.now(), time.time()
+        image, exposed = world.photograph("head_camera")
+        assert exposed - asked == pytest.approx(image.stamp - before, abs=LONGEST_DELAY)  # not when it was developed
         went_on.append(world.now() > before)
         assert image.stamp == pytest.approx(before, abs=0.1)
     assert any(went_on)

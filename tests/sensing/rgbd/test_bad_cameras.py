@@ -69,6 +69,34 @@ def test_a_camera_that_stops_delivering_is_told_with_code_and_words(robot, senso
     assert sensor.capture().stamp == pytest.approx(robot.clock.now())
 
 
+class Held(Playback):
+    """A camera whose first images come late."""
+
+    def __init__(self, like: Camera, image: RGBDImage, late: int) -> None:
+        super().__init__(like, image)
+        self.late = late
+        self.taken = 0
+
+    def capture(self) -> RGBDImage:
+        self.taken += 1
+        age = 0.7 if self.taken <= self.late else 0.0
+        return replace(self.image, stamp=self.image.stamp - age)
+
+
+@pytest.mark.parametrize("late", [2, 3])
+def test_an_image_that_was_held_up_is_asked_for_again_three_times_at_most(
+    robot, camera, kinematics, joints, world, late
+):
+    held = Held(camera, camera.capture(), late)
+    sensor = RGBDSensor(held, kinematics, joints, WorldModel(semantic_map(world)), robot.clock)
+    if late < 3:
+        assert sensor.capture().stamp == held.image.stamp
+    else:
+        with pytest.raises(CameraError, match=r"is 0.70 s old"):
+            sensor.capture()
+    assert held.taken == 3
+
+
 def test_nobody_is_shown_an_image_that_is_none(sensor, camera):
     shown = []
     sensor.subscribe(shown.append)
