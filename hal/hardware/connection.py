@@ -29,7 +29,8 @@ class Connection(ABC):
     drive them. Limits, the stop, the dead-man and the watchdog are above it and no concern of its.
 
     ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``extra``: of the package, with the SDK.
-    ``declared_missing``: what of the Robotics API the controller cannot do → why; conformance lists it.
+    ``declared_missing``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
+    cannot pass → why; conformance lists it.
     """
 
     driver: ClassVar[str]

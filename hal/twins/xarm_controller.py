@@ -44,8 +44,9 @@ class XArmReading:
 class XArmController:
     """Called by the protocol server from its threads; touches the robot only in the world's thread (``tick``)."""
 
-    def __init__(self, world: TwinWorld, arm: Arm, gripper: Gripper | None) -> None:
+    def __init__(self, world: TwinWorld, arm: Arm, gripper: Gripper | None, is_lite6: bool = False) -> None:
         self._world, self._arm, self._gripper = world, arm, gripper
+        self.is_lite6 = is_lite6
         self.axes = len(arm.joint_names)
         self.mode, self.state, self.error, self.warning = POSITION_MODE, State.STOPPED, 0, 0
         self.enabled = False
@@ -147,11 +148,16 @@ class XArmController:
         if self._jammed:
             self.gripper_error = GRIPPER_OVERLOAD
             return
-        ranges = gripper.description
         share = float(np.clip(pulses / PULSES, 0.0, 1.0))
-        width = ranges.min_width + share * (ranges.max_width - ranges.min_width)
-        speed = float(np.clip(self.gripper_turns / FASTEST_TURNS, 0.05, 1.0)) * ranges.max_speed
-        self._world.post(lambda: self._move_gripper(gripper, width, speed))
+        pace = float(np.clip(self.gripper_turns / FASTEST_TURNS, 0.05, 1.0))
+        self._world.post(lambda: self._move_gripper(gripper, share, pace))
+
+    def power_gripper(self, share: float | None) -> None:
+        """A Lite 6's gripper is driven by power alone: to 0 (closed) or 1 (open) of its width; None: it has none."""
+        gripper = self._gripper
+        if gripper is None or self._jammed:
+            return
+        self._world.post(gripper.stop if share is None else lambda: self._move_gripper(gripper, share, 1.0))
 
     def jam(self) -> None:
         """The gripper's fingers are stuck where they are, until ``unjam``; its motor notices if it is moving them."""
@@ -200,8 +206,10 @@ class XArmController:
     def _ready(self) -> bool:
         return self.enabled and not self.error and self.state in (State.MOVING, State.SLEEPING)
 
-    def _move_gripper(self, gripper: Gripper, width: float, speed: float) -> None:
-        gripper.move(width, speed=speed)
+    def _move_gripper(self, gripper: Gripper, share: float, pace: float) -> None:
+        ranges = gripper.description
+        width = ranges.min_width + share * (ranges.max_width - ranges.min_width)
+        gripper.move(width, speed=pace * ranges.max_speed)
 
     def _block_gripper(self, gripper: Gripper) -> None:
         if gripper.state().moving:

@@ -11,8 +11,6 @@ READ, WRITE = 0x03, 0x10
 STATUS, ERROR_CODE, ENABLE, MODE, RESET_ERROR = 0x0000, 0x000F, 0x0100, 0x0101, 0x0109
 SPEED, TARGET, POSITION = 0x0303, 0x0700, 0x0702
 VERSION = {0x0801: 3, 0x0802: 4, 0x0803: 3}
-BAUD_RATE_2M = 11
-"""Index of 2,000,000 baud, which the gripper needs, in the vendor's list."""
 
 
 class GripperBus:
@@ -24,20 +22,13 @@ class GripperBus:
     def request(self, data: bytes) -> bytes:
         """One Modbus request; a device that is not there answers nothing."""
         host, device, function, register, count = struct.unpack_from(">BBBHH", data)
-        if device != GRIPPER:
+        if device != GRIPPER or self._controller.is_lite6:
             return bytes([host])
         if function == WRITE:
             self._write(register, data[8 : 8 + 2 * count])
             return data[:7]
         values = self._read(register).to_bytes(2 * count, "big", signed=True)
         return bytes([host, device, function, 2 * count]) + values
-
-    def read_register(self, data: bytes) -> bytes:
-        """A register of the flange's own board: only the speed of the bus matters."""
-        return struct.pack(">i", BAUD_RATE_2M)
-
-    def write_register(self, data: bytes) -> None:
-        """Settings of the flange's board have no effect in the twin."""
 
     def _read(self, register: int) -> int:
         controller = self._controller

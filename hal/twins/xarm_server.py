@@ -21,6 +21,7 @@ from hal.twins.flange import FlangePose
 from hal.twins.tcp_server import TcpServer
 from hal.twins.world import TwinWorld
 from hal.twins.xarm_controller import COLLISION_ERROR, JOINT_LIMIT_ERROR, State, XArmController
+from hal.twins.xarm_flange_board import FlangeBoard
 from hal.twins.xarm_gripper_bus import GripperBus
 
 CONTROL_PORT = 502
@@ -30,6 +31,8 @@ PRIVATE_PROTOCOLS = (2, 3)
 """Without and with heartbeats of the client."""
 ERROR_FLAG, NOT_READY_FLAG = 0x40, 0x10
 FIRMWARE = "v2.5.0"
+LITE6_TYPE = 9
+"""xArms tell the number of their joints for their type."""
 
 
 class XArmTwin:
@@ -51,7 +54,10 @@ class XArmTwin:
             world,
             robot.part(arm_name, Arm),
             robot.part(gripper_name, Gripper) if gripper_name else None,
+            is_lite6=connection.options.arm == "lite6",
         )
+        self._device_type = LITE6_TYPE if self.controller.is_lite6 else self.controller.axes
+        self._board = FlangeBoard(self.controller)
         self._bus = GripperBus(self.controller)
         self._flange = FlangePose(model, arm_name)
         self.faults = Faults()
@@ -127,16 +133,17 @@ class XArmTwin:
             frame += bytes([0, 0xFF if controller.enabled else 0, controller.error, controller.warning])
             frame += _floats(*[0.0] * 6) + _floats(*[0.0] * 4) + bytes([3, 3]) + _floats(0.0, 0.0, -1.0)
         if length > 145:
-            frame += bytes([controller.axes, controller.axes, 0, 0, 0, 0]) + FIRMWARE.encode().ljust(30, b"\0")
+            frame += bytes([controller.axes, self._device_type, 0, 0, 0, 0]) + FIRMWARE.encode().ljust(30, b"\0")
             frame += _floats(1000.0, 1.0, 50000.0, 0.1, 1000.0, 20.0, 0.01, 20.0, 0.01, 3.14, 2.3, 2.7)
         return frame.ljust(length, b"\0")
 
     # The registers
 
     def _make_registers(self) -> dict[int, Callable[[bytes], bytes]]:
-        controller, bus = self.controller, self._bus
+        controller, bus, board = self.controller, self._bus, self._board
         axes = controller.axes
-        version = f"{axes},{axes},XI1304,AC1304,{FIRMWARE}".encode().ljust(40, b"\0")
+        serial = "LI1003" if controller.is_lite6 else "XI1304"
+        version = f"{axes},{self._device_type},{serial},AC1304,{FIRMWARE}".encode().ljust(40, b"\0")
 
         def done(action: Callable[[bytes], object]) -> Callable[[bytes], bytes]:
             def answer(data: bytes) -> bytes:
@@ -147,7 +154,7 @@ class XArmTwin:
 
         return {
             1: lambda data: version,
-            2: lambda data: b"XI130400000000AC130400000000".ljust(40, b"\0"),
+            2: lambda data: f"{serial}00000000AC130400000000".encode().ljust(40, b"\0"),
             11: done(lambda data: controller.enable(bool(data[1]))),
             12: done(lambda data: controller.set_state(data[0])),
             13: lambda data: bytes([controller.state]),
@@ -165,8 +172,8 @@ class XArmTwin:
             49: lambda data: bytes([controller.reduced]),
             50: done(lambda data: setattr(controller, "reduced", bool(data[0]))),
             124: bus.request,
-            127: done(bus.write_register),
-            128: bus.read_register,
+            127: done(board.write),
+            128: board.read,
         }
 
     def _move_joint(self, data: bytes) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+from bestman_bt.robot_model import GripperModel
 from hal.api import Part
 from hal.hardware import (
     Connection,
@@ -15,8 +16,11 @@ from hal.hardware import (
     ToolLimits,
 )
 from hal.xarm.channels import XArmGripper, XArmJoints
+from hal.xarm.lite6_gripper import Lite6Gripper, Lite6GripperWire
 from hal.xarm.options import XArmOptions
 from hal.xarm.wire import XArmWire
+
+BLIND = "a Lite 6's gripper has no encoder: it knows no widths between, nor whether it holds something or is empty"
 
 
 class XArmConnection(Connection):
@@ -31,13 +35,14 @@ class XArmConnection(Connection):
     options_type: ClassVar[type] = XArmOptions
     declared_missing: Mapping[str, str] = {
         "command(efforts=…)": "the controller takes no joint torques",
-        "gripper force": "the xArm gripper presses with a force of its own",
+        "gripper force": "the gripper presses with a force of its own",
     }
 
     def make_parts(self) -> dict[str, Part]:
         """The arm and the gripper of ``settings.parts``."""
         self._wire = XArmWire(self.name, self.clock, self.sdk)
-        self._gripper_name: str | None = None
+        self._gripper: HardwareGripper | None = None
+        self._lite6_gripper: Lite6GripperWire | None = None
         options: XArmOptions = self.options
         parts: dict[str, Part] = {}
         for name in self.settings.parts:
@@ -49,26 +54,38 @@ class XArmConnection(Connection):
                 parts[name] = self._arm
             elif name in self.model.grippers:
                 gripper = self.model.grippers[name]
-                channel = XArmGripper(self._wire, gripper, options.gripper_pulses)
-                self._gripper = HardwareGripper(name, gripper, channel, self.latch)
-                self._gripper_name = name
+                self._gripper = self._make_gripper(name, gripper)
                 parts[name] = self._gripper
         return parts
+
+    def _make_gripper(self, name: str, model: GripperModel) -> HardwareGripper:
+        if self.options.arm == "lite6":
+            self.declared_missing = {**self.declared_missing, "a gripper opens and closes": BLIND}
+            self._lite6_gripper = Lite6GripperWire(self._wire, model, self.clock)
+            return Lite6Gripper(name, model, self._lite6_gripper, self.latch)
+        channel = XArmGripper(self._wire, model, self.options.gripper_pulses)
+        return HardwareGripper(name, model, channel, self.latch)
+
+    @property
+    def _speaks_to_gripper(self) -> bool:
+        """Whether a gripper on the tool's bus has to be made ready."""
+        return self._gripper is not None and self._lite6_gripper is None
 
     def open(self) -> None:
         """Connect, clear errors, switch the motors on, enter servo mode."""
         options: XArmOptions = self.options
         wire = self._wire
         wire.open(self.settings.address, options)
-        if wire.axes != len(self._arm.joint_names):
-            raise ConnectionFailedError(
-                f"{self.name}: the controller has {wire.axes} joints, {self._arm.name} has {len(self._arm.joint_names)}"
-            )
-        wire.make_ready(gripper=self._gripper_name is not None)
+        mismatch = wire.identity.mismatch(options.arm, self.model.arms[self._arm.name])
+        if mismatch is not None:
+            raise ConnectionFailedError(f"{self.name}: {mismatch}")
+        wire.make_ready(gripper=self._speaks_to_gripper)
+        if self._lite6_gripper is not None:
+            self._lite6_gripper.recall()
         self._set_limits(options)
         self._joints.refresh()
         self.add_loop("set-points", options.rate, self._cycle)
-        if self._gripper_name is not None:
+        if self._gripper is not None:
             self.add_loop("gripper", options.gripper_rate, self._gripper.cycle)
 
     def close(self) -> None:
@@ -85,7 +102,7 @@ class XArmConnection(Connection):
 
     def recover(self) -> None:
         """Clear errors and enter servo mode again."""
-        self._wire.make_ready(gripper=self._gripper_name is not None)
+        self._wire.make_ready(gripper=self._speaks_to_gripper)
         self._joints.refresh()
 
     def _cycle(self, elapsed: float) -> None:

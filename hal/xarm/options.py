@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from bestman_bt.configuration.quantity import Frequency, Lengths3, Mass, PositiveTime
 
+ArmKind = Literal["xarm", "lite6"]
+"""An xArm 6 or 7, by its number of joints, or a Lite 6."""
 Sensitivity = Annotated[int, Field(ge=0, le=5)]
 Pulses = Annotated[int, Field(gt=0)]
 
@@ -17,13 +19,14 @@ Pulses = Annotated[int, Field(gt=0)]
 class XArmOptions:
     """Options of ``driver: xarm``.
 
-    ``rate``: hertz of the set-points. ``collision_sensitivity``: the controller's, 0 (off) to 5; None leaves its own.
+    ``arm``: which arm the controller has to say that it moves; a Lite 6 has a gripper of its own. ``rate``: hertz of the set-points. ``collision_sensitivity``: the controller's, 0 (off) to 5; None leaves its own.
     ``reduced_mode``: hold the controller, too, to the speeds of the robot model and of ``safety``.
     ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always, for the collision
     detection. ``gripper_pulses``: the gripper's own position when fully open. ``gripper_rate``: hertz of its readings.
     ``reply_timeout``, ``connect_timeout``: seconds that a command and the first one wait for the reply.
     """
 
+    arm: ArmKind = "xarm"
     rate: Frequency = 100.0
     collision_sensitivity: Sensitivity | None = None
     reduced_mode: bool = False

@@ -10,6 +10,7 @@ from typing import Any
 
 from hal.api import Clock, MotionErrorCode
 from hal.hardware import ConnectionFailedError, Fault
+from hal.xarm.arm_identity import ArmIdentity
 from hal.xarm.errors import controller_fault, gripper_fault
 from hal.xarm.options import XArmOptions
 from hal.xarm.probe import answers
@@ -47,9 +48,9 @@ class XArmWire:
         return self._fault
 
     @property
-    def axes(self) -> int:
-        """The number of joints that the controller has told."""
-        return int(self._arm.axis)
+    def identity(self) -> ArmIdentity:
+        """Which arm the controller has told that it moves."""
+        return ArmIdentity.of(self._arm, self._load)
 
     def open(self, address: str, options: XArmOptions) -> None:
         """Connect; ConnectionFailedError where nothing answers."""

@@ -1,0 +1,66 @@
+"""The gripper of a Lite 6: two outputs of the tool open and close it, and nothing comes back."""
+
+from __future__ import annotations
+
+from bestman_bt.robot_model import GripperModel
+from hal.api import Clock, GripperState, Motion
+from hal.hardware import GripperChannel, GripperReading, HardwareGripper
+from hal.xarm.wire import XArmWire
+
+AT_END = 1e-6
+
+
+class Lite6GripperWire(GripperChannel):
+    """Opens or closes fully. Its width is a guess: what the time since the last command makes of the whole travel."""
+
+    def __init__(self, wire: XArmWire, model: GripperModel, clock: Clock) -> None:
+        self._wire, self._model, self._clock = wire, model, clock
+        self._from = self._to = model.min_width
+        self._since = 0.0
+
+    def recall(self) -> None:
+        """Where its outputs have last sent it; without a word from them it counts as closed."""
+        outputs = self._wire.ask(lambda arm: arm.get_tgpio_output_digital())
+        opened = outputs is not None and bool(outputs[0])
+        self._from = self._to = self._model.max_width if opened else self._model.min_width
+
+    def read(self) -> GripperReading:
+        """The guess."""
+        model = self._model
+        travel = (model.max_width - model.min_width) / model.max_speed
+        share = min(1.0, (self._clock.now() - self._since) / travel)
+        return GripperReading(self._from + share * (self._to - self._from))
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        """Open or close; force and speed are its own."""
+        opens = width >= self._model.max_width - AT_END
+        self._begin(self._model.max_width if opens else self._model.min_width)
+        if opens:
+            self._wire.tell("gripper", lambda arm: arm.open_lite6_gripper(sync=False))
+        else:
+            self._wire.tell("gripper", lambda arm: arm.close_lite6_gripper(sync=False))
+
+    def halt(self) -> None:
+        """Take the power off it; what it held by that power it may lose."""
+        self._begin(self.read().width)
+        self._wire.tell("gripper", lambda arm: arm.stop_lite6_gripper(sync=False))
+
+    def _begin(self, goal: float) -> None:
+        self._from, self._to, self._since = self.read().width, goal, self._clock.now()
+
+
+class Lite6Gripper(HardwareGripper):
+    """Knows no widths between open and closed, nor whether anything is between its fingers."""
+
+    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
+        """Open or close fully; CommandRefusedError for widths between."""
+        model = self._model
+        if model.min_width + AT_END < width < model.max_width - AT_END:
+            why = f"width = {width} m: a Lite 6's gripper opens ({model.max_width:.4g} m) and closes, nothing between"
+            raise self._line.refuse("move", why)
+        return super().move(width, force, speed)
+
+    def state(self) -> GripperState:
+        """Neither ``object_held`` nor ``empty`` is ever claimed."""
+        state = super().state()
+        return GripperState(state.moving, state.at_target, object_held=False, empty=False)
