@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from behaviours.clear_stop import ClearStop
 from behaviours.look import LookAt
@@ -17,6 +16,7 @@ from behaviours.navigate import NavigateTo
 from behaviours.perceive import DetectObject
 from benchmarks.fault_trials.hand import MoveFingers
 from benchmarks.fault_trials.left_behind import LeftBehind
+from benchmarks.fault_trials.truth import place
 from bestman_bt.engine import Fallback, Node, Sequence, Sleep
 from bestman_bt.messages import Pose2D
 from bestman_bt.runtime import Session, Setup, open_session
@@ -167,8 +167,8 @@ class _Course:
 
     def _follow(self) -> Iterator[None]:
         trial, clock = self._trial, self._session.robot.clock
-        before = self._place()
-        while trial.act is not Act.LOOK and np.max(np.abs(self._place() - before)) < MOVING:
+        before = place(self._twin)
+        while trial.act is not Act.LOOK and np.max(np.abs(place(self._twin) - before)) < MOVING:
             yield
         self._set = clock.now()
         self._twin.fault(trial.connection, trial.fault, trial.value)
@@ -181,18 +181,12 @@ class _Course:
         self._stopped = stopped - self._set if stopped is not None and stopped > self._set else None
         while clock.now() < self._set + trial.rests_in:
             yield
-        before = self._place()
+        before = place(self._twin)
         until = clock.now() + 0.3
         while clock.now() < until:
             yield
-        self._at_rest = bool(np.max(np.abs(self._place() - before)) < RESTING)
+        self._at_rest = bool(np.max(np.abs(place(self._twin) - before)) < RESTING)
         self._twin.fault(trial.connection, trial.undo)
-
-    def _place(self) -> NDArray[np.float64]:
-        """Where the twin's robot truly is: joints of the arm, pose of the base, width of the hand."""
-        base = self._twin.judge("base_pose")
-        joints = self._twin.judge("joints", "arm")["positions"]
-        return np.array([*joints, *base["position"], *base["quaternion"], self._twin.judge("width", "gripper")])
 
 
 def _acts(trial: Trial, session: Session) -> tuple[Node, Node]:

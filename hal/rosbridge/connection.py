@@ -130,10 +130,10 @@ class RosbridgeConnection(Connection):
             return None  # silence is the watchdog's
         for stream in self._watched:
             if (age := stream.age) > stream.longest_age:
-                text = f"{self.name}: what came last on {stream.topic} is {age:.2f} s old"
+                text = f"what came last on {stream.topic} is {age:.2f} s old"
                 return Fault(MotionErrorCode.TIMEOUT, text)
             if (late := stream.late(self.options.longest_delay)) is not None:
-                return Fault(MotionErrorCode.TIMEOUT, f"{self.name}: {stream.topic} comes {late:.2f} s late")
+                return Fault(MotionErrorCode.TIMEOUT, f"{stream.topic} comes {late:.2f} s late")
         return None
 
     def recover(self) -> None:
@@ -142,7 +142,7 @@ class RosbridgeConnection(Connection):
         deadline = time.monotonic() + self.options.connect_timeout
         while (fault := self.reported_fault()) is not None:
             if time.monotonic() > deadline:
-                raise ConnectionFailedError(str(fault))
+                raise ConnectionFailedError(f"{self.name}: {fault}")
             time.sleep(0.02)
 
     def fail(self, fault: Fault) -> None:
@@ -210,7 +210,7 @@ class RosbridgeConnection(Connection):
     def _await(self, deadline: float) -> None:
         while silent := [stream.topic for stream, _, _ in self._streams if stream.age == float("inf")]:
             if self._link.complaint:
-                raise ConnectionFailedError(self._link.complaint)
+                raise ConnectionFailedError(f"{self.name}: {self._link.complaint}")
             if time.monotonic() > deadline:
                 raise ConnectionFailedError(f"{self.name}: nothing comes on {', '.join(silent)}")
             time.sleep(0.01)

@@ -62,7 +62,7 @@ class RosLink:
             try:
                 handler(message, now)
             except (KeyError, TypeError, ValueError, IndexError) as error:
-                self.complaint = f"{self._name}: a message on {topic} is malformed: {type(error).__name__}: {error}"
+                self.complaint = f"a message on {topic} is malformed: {type(error).__name__}: {error}"
 
         subscription = self._sdk.Topic(
             self._ros, topic, message_type, throttle_rate=int(1000 * period), queue_length=1, reconnect_on_close=False

@@ -23,8 +23,8 @@ class RGBDSensorParameters:
     """When an image counts as none.
 
     ``max_age``: seconds between its stamp and now; of images that are older, ``attempts`` are asked for, because a
-    computer that is busy for a moment may have held one up. ``black_level``: of 255; an image without a pixel above it is black.
-    ``min_depth_share``: share of the pixels that must have a depth.
+    computer that is busy for a moment may have held one up. ``black_level``: of 255; an image without a pixel above it
+    is black. ``min_depth_share``: share of the pixels that must have a depth.
     """
 
     max_age: float = 0.5
