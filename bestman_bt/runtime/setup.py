@@ -77,7 +77,7 @@ def prepare(config: RunConfig) -> Setup:
     world_model = WorldModel(
         map=semantic_map(world), models=dict(scene.models), base=_told_start(world.robot_start, config.seed)
     )
-    faults.problems += task_problems(config, world, world_model, robot_model)
+    faults.problems += task_problems(config, world, world_model, robot_model, scene.absent)
     with faults.step():
         make_localizer(config, world_model.map)
     with faults.step():

@@ -48,7 +48,7 @@ def _resolved(goal: GoalConfig, seed: int, world: World, models: Mapping[str, Ob
     if isinstance(goal.object, str):
         return TaskGoal(goal.name, goal.object, goal.source, goal.surface, pose)
     present = [thing.name for thing in world.objects if thing.name in goal.object]
-    names = present or list(goal.object)
+    names = present or [name for name in goal.object if name in models]
     chosen = names[int(np.random.default_rng([seed, 3]).integers(len(names)))]
     lift = (float(models[chosen].size[2]) - float(world.goal_heights[goal.name])) / 2
     higher = Pose(pose.position + np.array([0.0, 0.0, lift]), pose.quaternion)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from difflib import get_close_matches
 from xml.etree import ElementTree
 
@@ -17,13 +17,19 @@ from bestman_bt.scene import World
 from bestman_bt.world_model import WorldModel
 
 
-def task_problems(config: RunConfig, world: World, known: WorldModel, robot: RobotModel) -> Iterator[Problem]:
-    """All unknown names of the task's goals, opening, tidying, reaching, lifting and allowed contacts."""
+def task_problems(
+    config: RunConfig, world: World, known: WorldModel, robot: RobotModel, absent: Collection[str] = ()
+) -> Iterator[Problem]:
+    """All unknown names of the task's goals, opening, tidying, reaching, lifting and allowed contacts.
+
+    ``absent``: what the scene leaves out. Contacts with that may be allowed all the same, and it may be one of the
+    objects to choose from.
+    """
     task = config.task
     if task.goal is not None:
-        yield from _goal_problems(config, ("goal",), task.goal, world, known)
+        yield from _goal_problems(config, ("goal",), task.goal, world, known, absent)
     for index, goal in enumerate(task.goals):
-        yield from _goal_problems(config, ("goals", index), goal, world, known)
+        yield from _goal_problems(config, ("goals", index), goal, world, known, absent)
     if task.opening is not None:
         yield from _opening_problems(config, task.opening, world)
     if task.tidy is not None:
@@ -37,7 +43,7 @@ def task_problems(config: RunConfig, world: World, known: WorldModel, robot: Rob
     if task.lift is not None:
         yield from _unknown(config, ("lift", "object"), task.lift.object, known.models, "the robot knows no object")
         yield from _unknown(config, ("lift", "source"), task.lift.source, _surfaces(known), "the map has no surface")
-    yield from _contact_problems(config, world, known, robot)
+    yield from _contact_problems(config, world, [*known.models, *known.map.furniture, *absent], robot)
 
 
 def _opening_problems(config: RunConfig, asked: OpeningConfig, world: World) -> Iterator[Problem]:
@@ -66,7 +72,7 @@ def _opening_problems(config: RunConfig, asked: OpeningConfig, world: World) -> 
 
 
 def _goal_problems(
-    config: RunConfig, path: FieldPath, goal: GoalConfig, world: World, known: WorldModel
+    config: RunConfig, path: FieldPath, goal: GoalConfig, world: World, known: WorldModel, absent: Collection[str]
 ) -> Iterator[Problem]:
     yield from _unknown(config, (*path, "name"), goal.name, world.goals, "the scene has no goal")
     if isinstance(goal.object, str):
@@ -91,11 +97,11 @@ def _surfaces(known: WorldModel) -> list[str]:
     return [*furniture, *(f"{name}/{s.name}" for name, piece in furniture.items() for s in piece.surfaces)]
 
 
-def _contact_problems(config: RunConfig, world: World, known: WorldModel, model: RobotModel) -> Iterator[Problem]:
+def _contact_problems(config: RunConfig, world: World, things: list[str], model: RobotModel) -> Iterator[Problem]:
     """``allowed_contacts`` name bodies of the world, parts of the robot, or what the robot may be asked to fetch."""
     robot = ElementTree.fromstring(model.urdf)
     walls = [f"wall_{index}" for index in range(len(world.walls))]
-    names = [*known.models, *known.map.furniture, "floor", *walls, "fingers", "robot"]
+    names = [*things, "floor", *walls, "fingers", "robot"]
     links = [link.get("name", "") for link in robot.iter("link")]
     for index, pair in enumerate(config.task.allowed_contacts):
         for side, name in enumerate(pair):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import product
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import Box, ObjectModel, Pose, Pose2D
+from bestman_bt.scene.furniture_standing import standing_furniture, surface_of
 from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
@@ -34,7 +35,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     walls = tuple(
         Wall(start, end, scene.file.walls.height, scene.file.walls.thickness) for start, end in scene.file.walls.lines
     )
-    furniture = _furniture(scene, seed)
+    furniture = standing_furniture(scene, lambda piece: _generator(seed, 0, "furniture", piece).uniform(-1.0, 1.0, 3))
     complaint = ""
     for attempt in range(_ATTEMPTS):
         try:
@@ -66,26 +67,6 @@ def _generator(seed: int, attempt: int, *names: str) -> np.random.Generator:
     return np.random.default_rng([seed, attempt, zlib.crc32("/".join(names).encode())])
 
 
-def _furniture(scene: SceneConfig, seed: int) -> tuple[PlacedFurniture, ...]:
-    pieces: list[PlacedFurniture] = []
-    for name, placement in scene.file.furniture.items():
-        nominal = Pose2D(*placement.at)
-        dx, dy, turn = _generator(seed, 0, "furniture", name).uniform(-1.0, 1.0, 3)
-        actual = Pose2D(
-            nominal.x + placement.offset * float(dx),
-            nominal.y + placement.offset * float(dy),
-            nominal.theta + placement.turn * float(turn),
-        )
-        elevation, on = 0.0, None
-        if placement.on is not None:
-            below, surface = _standing(scene, placement.on, pieces)
-            in_furniture = surface.pose.to_pose2d()
-            nominal, actual = below.nominal @ in_furniture @ nominal, below.actual @ in_furniture @ actual
-            elevation, on = below.elevation + float(surface.pose.position[2]), below.name
-        pieces.append(PlacedFurniture(name, scene.furniture[name], nominal, actual, elevation, on, placement.open))
-    return tuple(pieces)
-
-
 def _sample(generator: np.random.Generator, region: RegionConfig) -> Pose2D:
     x, y, yaw = (float(generator.uniform(*limits)) for limits in (region.x, region.y, region.yaw))
     return Pose2D(x, y, yaw)
@@ -112,7 +93,7 @@ def _object(
     others: list[PlacedObject],
 ) -> PlacedObject:
     model = scene.models[name]
-    piece, surface = _standing(scene, placement.surface, furniture)
+    piece, surface = surface_of(scene, placement.surface, furniture)
     if placement.at is not None:
         return PlacedObject(name, model, _on_surface(piece, surface, Pose2D(*placement.at), model))
     assert placement.region is not None
@@ -138,7 +119,7 @@ def _goal(
     goal: GoalPlacement = scene.file.goals[name]
     model = scene.goal_models[name]
     generator = _generator(seed, attempt, "goals", name)
-    piece, surface = _standing(scene, goal.surface, furniture)
+    piece, surface = surface_of(scene, goal.surface, furniture)
     in_furniture = surface.pose.to_pose2d()
     outlines = [rectangle(pose @ in_furniture, surface.size) for pose in (piece.nominal, piece.actual)]
     for _ in range(_TRIES):
@@ -175,13 +156,6 @@ def _open_leaves(piece: PlacedFurniture) -> Iterator[NDArray[np.float64]]:
             if isinstance(part.shape, Box):
                 corners = (moved @ part.pose).apply(np.array(list(product((-0.5, 0.5), repeat=3))) * part.shape.size)
                 yield corners[ConvexHull(corners[:, :2]).vertices, :2]
-
-
-def _standing(
-    scene: SceneConfig, surface_name: str, furniture: Sequence[PlacedFurniture]
-) -> tuple[PlacedFurniture, Surface]:
-    name, surface = scene.surface(surface_name)
-    return next(piece for piece in furniture if piece.name == name), surface
 
 
 def _on_surface(piece: PlacedFurniture, surface: Surface, on_surface: Pose2D, model: ObjectModel) -> Pose:

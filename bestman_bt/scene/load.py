@@ -22,6 +22,8 @@ from bestman_bt.configuration import (
 from bestman_bt.messages import ObjectModel
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.furniture_overlap import furniture_overlaps
+from bestman_bt.scene.furniture_standing import standing_furniture
 from bestman_bt.scene.object_file import read_object
 from bestman_bt.scene.scene import FurnitureModel, Surface
 from bestman_bt.scene.scene_config import SceneFile
@@ -37,6 +39,7 @@ class SceneConfig:
 
     ``furniture``: model of each piece by its name in the scene. ``models``: what the robot may know of objects: the
     model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
+    ``absent``: names of furniture and objects that the scene or its settings leave out of what it extends.
     """
 
     name: str
@@ -44,6 +47,7 @@ class SceneConfig:
     furniture: Mapping[str, FurnitureModel]
     models: Mapping[str, ObjectModel]
     goal_models: Mapping[str, ObjectModel]
+    absent: tuple[str, ...] = ()
 
     def surface(self, name: str) -> tuple[str, Surface]:
         """Furniture name and surface of ``furniture`` or ``furniture/surface``; KeyError names what there is."""
@@ -62,9 +66,10 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
     """
     path = find_data("scene", name_or_path)
     document = override(_extended(path, ()), SceneFile, overrides or {}, prefix="scene.")
+    absent = _absent(document)
     document = _without_absent(document)
     file = check(document, SceneFile)
-    return _resolved(path.stem, file, document)
+    return replace(_resolved(path.stem, file, document), absent=absent)
 
 
 def _extended(path: Path, below: tuple[Path, ...]) -> Document:
@@ -98,6 +103,11 @@ def _from_its_folder(document: Document, path: Path) -> Document:
             if isinstance(placement, dict) and isinstance(placement.get("model"), str):
                 placement["model"] = beside(path, kind, placement["model"])
     return replace(document, data=data)
+
+
+def _absent(document: Document) -> tuple[str, ...]:
+    kinds = (document.data.get(kind) for kind in ("furniture", "objects"))
+    return tuple(name for kind in kinds if isinstance(kind, dict) for name, value in kind.items() if value == _ABSENT)
 
 
 def _without_absent(document: Document) -> Document:
@@ -166,7 +176,13 @@ def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]
         if field == "furniture" and names.index(standing_on) >= names.index(key):
             message = f"{standing_on!r} should be named above what stands on it, got {surface!r}"
             problems.append(document.problem((field, key, attribute), message))
-    return problems
+    return problems or list(_overlap_problems(scene, document))
+
+
+def _overlap_problems(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    for earlier, later, depth in furniture_overlaps(standing_furniture(scene)):
+        message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; furniture may touch or stand on other furniture"
+        yield document.problem(("furniture", later, "at"), message)
 
 
 def _misopened(scene: SceneConfig, piece: str) -> Iterator[tuple[str, str]]:

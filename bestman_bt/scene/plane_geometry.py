@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,14 +43,24 @@ def distance_to_polygon(polygon: Points, point: Points) -> float:
     return float(np.min(np.linalg.norm(nearest - point, axis=1)))
 
 
-def polygons_overlap(a: Points, b: Points) -> bool:
-    """Whether two convex counter-clockwise polygons share an area (separating axes)."""
+def overlap_depth(a: Points, b: Points) -> float:
+    """How far one of two convex counter-clockwise polygons would have to move so that they only touch; 0 apart.
+
+    Metres, by the separating axis theorem.
+    """
+    depth = math.inf
     for polygon in (a, b):
         edges = np.roll(polygon, -1, axis=0) - polygon
-        for normal in np.column_stack([edges[:, 1], -edges[:, 0]]):
-            if (a @ normal).max() <= (b @ normal).min() or (b @ normal).max() <= (a @ normal).min():
-                return False
-    return True
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1, keepdims=True)
+        for normal in normals:
+            along_a, along_b = a @ normal, b @ normal
+            depth = min(depth, along_a.max() - along_b.min(), along_b.max() - along_a.min())
+    return float(max(depth, 0.0))
+
+
+def polygons_overlap(a: Points, b: Points) -> bool:
+    """Whether two convex counter-clockwise polygons share an area."""
+    return overlap_depth(a, b) > 0.0
 
 
 def cut_away(segment: Points, polygon: Points, tolerance: float = 1e-6) -> list[Points]:

@@ -10,6 +10,7 @@ import pytest
 from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.runtime import open_session
+from bestman_bt.runtime.setup import prepare
 
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
 SET_TABLE = """\
@@ -89,6 +90,37 @@ def test_what_cannot_be_is_refused(tmp_path: Path, text: str, old: str, new: str
     assert old in text
     told = problems(tmp_path, text.replace(old, new))
     assert any(message in problem for problem in told), told
+
+
+CONTACTS = """\
+scene: kitchen
+predicate: placed
+goal: {name: place, object: cup, source: table, surface: counter}
+allowed_contacts: [[fingers, box], [bx, table], [box, shelf]]
+"""
+CHOICE = """\
+scene: pick_place_table
+predicate: placed
+goal: {name: place, object: [can, box], source: table, surface: table}
+"""
+
+
+def test_contacts_with_an_object_that_is_left_out_are_no_fault_but_misspelt_ones_are(tmp_path: Path) -> None:
+    def told(*settings: str) -> list[str]:
+        with pytest.raises(ConfigurationError) as error:
+            prepare_episode(load_run(written(tmp_path, CONTACTS), seed=1, settings=settings))
+        return [problem.field for problem in error.value.problems]
+
+    assert told() == told("scene.objects.box=absent") == ["allowed_contacts[1][0]", "allowed_contacts[2][1]"]
+
+
+def test_of_objects_to_choose_from_those_that_are_left_out_are_not_chosen(tmp_path: Path) -> None:
+    task = written(tmp_path, CHOICE)
+    for seed in range(6):
+        setup = prepare(load_run(task, seed=seed, settings=["scene.objects.can=absent"]))
+        assert [goal.object for goal in setup.goals] == ["box"]
+    with pytest.raises(ConfigurationError, match=r"6: goal.object: the scene leaves out all of these objects"):
+        prepare(load_run(task, settings=["scene.objects.can=absent", "scene.objects.box=absent"]))
 
 
 def test_the_tree_is_told_each_goal_in_order(tmp_path: Path) -> None:
