@@ -43,12 +43,10 @@ class ArmIdentity:
         told: ArmKind = "lite6" if self.device_type == LITE6 else "xarm"
         if told != kind:
             return f"the controller moves an arm of the kind {told!r}, the option 'arm' says {kind!r}"
+        if not self.limits:  # a type that the SDK's table lacks
+            return None
         for joint, (low, high), lower, upper in zip(
-            model.joint_names,
-            self.limits or ((-math.inf, math.inf),) * self.axes,
-            model.lower,
-            model.upper,
-            strict=True,
+            model.joint_names, self.limits, model.lower, model.upper, strict=True
         ):
             if lower < low - ROUNDING or upper > high + ROUNDING:
                 ranges = " to ".join(f"{math.degrees(end):.1f}°" for end in (low, high))

@@ -19,7 +19,8 @@ Pulses = Annotated[int, Field(gt=0)]
 class XArmOptions:
     """Options of ``driver: xarm``.
 
-    ``arm``: which arm the controller has to say that it moves; a Lite 6 has a gripper of its own. ``rate``: hertz of the set-points. ``collision_sensitivity``: the controller's, 0 (off) to 5; None leaves its own.
+    ``arm``: which arm the controller has to say that it moves; a Lite 6 has its own gripper. ``rate``: hertz of the
+    set-points. ``collision_sensitivity``: the controller's, 0 (off) to 5; None leaves its own.
     ``reduced_mode``: hold the controller, too, to the speeds of the robot model and of ``safety``.
     ``payload``, ``payload_center``: kg and metres in the flange, of what the arm carries always, for the collision
     detection. ``gripper_pulses``: the gripper's own position when fully open. ``gripper_rate``: hertz of its readings.
