@@ -30,9 +30,10 @@ class Arm(JointGroup):
         """
 
     def trajectory_time(self) -> float | None:
-        """How far the trajectory under way has been commanded, seconds of it; None: as far as the clock says.
+        """How far the trajectory under way had been commanded when the joints were last read, seconds of it.
 
-        A real arm may run a trajectory more slowly: to keep its tool below a speed, or because its controller is late.
+        None: as far as the clock says. A real arm may run a trajectory more slowly: to keep its tool below a speed, or
+        because its controller is late.
         """
         return None
 

@@ -16,6 +16,7 @@ from hal.hardware.fault import ConnectionFailedError, Fault
 from hal.hardware.hardware_gripper import GripperParameters, HardwareGripper
 from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.isolated_robot import IsolatedRobot
+from hal.hardware.late_watch import LateWatch
 from hal.hardware.remote_time import RemoteTime
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.sensors import (
@@ -56,6 +57,7 @@ __all__ = [
     "IsolatedRobot",
     "JointChannel",
     "JointReading",
+    "LateWatch",
     "Lateness",
     "RealTimeClock",
     "RemoteTime",

@@ -46,6 +46,11 @@ class JointChannel(ABC):
 
     stream_at_rest = False
 
+    @property
+    def age(self) -> float:
+        """Seconds since the latest reading was taken; 0 where each set-point waits for one."""
+        return 0.0
+
     @abstractmethod
     def read(self) -> JointReading:
         """The latest reading; it does not wait. NoDataError where none has come."""

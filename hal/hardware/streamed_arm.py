@@ -66,9 +66,11 @@ class StreamedArm(StreamedJointGroup, Arm):
             return motion
 
     def trajectory_time(self) -> float | None:
-        """What the set-points have come to."""
+        """What the set-points had come to when the joints were last read."""
         with self._line.lock:
-            return self._setpoints.time * self._pace if isinstance(self._setpoints, Follow) else None
+            if not isinstance(self._setpoints, Follow):
+                return None
+            return max(0.0, self._setpoints.time - self._channel.age) * self._pace
 
     def servo(self, positions: ArrayLike) -> None:
         """Stream one set-point: it is reached after the time since the last one (at most 0.1 s)."""

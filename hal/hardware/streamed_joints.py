@@ -190,6 +190,8 @@ class StreamedJointGroup(MovingPart, JointGroup):
             self._give_up(MotionErrorCode.TIMEOUT, text)
 
     def _watch_tracking(self, elapsed: float) -> None:
+        if self._channel.age > self._parameters.latency:
+            return  # nobody knows where they are: that is the watchdog's
         error = np.abs(self._position - self._channel.read().positions)
         worst = int(np.argmax(error))
         self._astray = self._astray + elapsed if error[worst] > self._parameters.tracking_tolerance else 0.0

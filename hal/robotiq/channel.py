@@ -10,8 +10,8 @@ from typing import TypeVar
 import numpy as np
 
 from bestman_bt.robot_model import GripperModel
-from hal.api import Clock, NoDataError
-from hal.hardware import ConnectionFailedError, Fault, GripperChannel, GripperReading
+from hal.api import Clock, MotionErrorCode, NoDataError
+from hal.hardware import ConnectionFailedError, Fault, GripperChannel, GripperReading, LateWatch
 from hal.robotiq.faults import fault_of
 from hal.robotiq.options import RobotiqOptions
 from hal.robotiq.wire import RobotiqStatus, RobotiqWire
@@ -31,11 +31,13 @@ class RobotiqChannel(GripperChannel):
         self._wire: RobotiqWire | None = None
         self._status: RobotiqStatus | None = None
         self._asked: int | None = None
+        self._lateness = LateWatch()
         self.heard = 0.0
 
     def open(self, wire: RobotiqWire) -> None:
         """Connect and activate; ConnectionFailedError, without the address."""
         self._wire, self._status = wire, None
+        self._lateness.forget()
         try:
             wire.open()
         except OSError as error:
@@ -71,6 +73,12 @@ class RobotiqChannel(GripperChannel):
     def fault(self) -> Fault | None:
         """What the gripper reports."""
         return fault_of(self._status.fault) if self._status is not None else None
+
+    @property
+    def slowness(self) -> Fault | None:
+        """That it has taken too long to answer for a while."""
+        late = self._lateness.late(self._options.longest_delay, self._clock.now())
+        return Fault(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
 
     def read(self) -> GripperReading:
         """The width, and whether an object stopped the fingers on the way that they were last sent."""
@@ -109,12 +117,14 @@ class RobotiqChannel(GripperChannel):
             wire = self._wire
             if wire is None:
                 return None
+            asked = self._clock.now()
             try:
                 answer = exchange(wire)
             except OSError:
                 wire.close()
                 return None
             self.heard = self._clock.now()
+            self._lateness.lag = self.heard - asked
             return answer
 
 

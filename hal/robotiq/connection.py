@@ -48,8 +48,8 @@ class RobotiqConnection(Connection):
         return self._channel.heard
 
     def reported_fault(self) -> Fault | None:
-        """Its fault number."""
-        return self._channel.fault
+        """Its fault number, or a link that is too slow."""
+        return self._channel.fault or self._channel.slowness
 
     def recover(self) -> None:
         """Activate anew, which clears faults."""

@@ -21,7 +21,7 @@ class RobotiqOptions:
     ``open_position``, ``closed_position``: the gripper's own numbers where the fingers are fully open and closed.
     ``least_force``, ``least_speed``: what its numbers 0 mean; 255 are the part's ``max_force`` and ``max_speed``.
     ``device``, ``command_register``, ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000.
-    ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer.
+    ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer once, ``longest_delay``: for a while.
     """
 
     protocol: Literal["urcap", "modbus"] = "urcap"
@@ -34,3 +34,4 @@ class RobotiqOptions:
     status_register: Register = 0
     rate: Frequency = 50.0
     timeout: PositiveTime = 0.5
+    longest_delay: PositiveTime = 0.1

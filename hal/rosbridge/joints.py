@@ -47,6 +47,11 @@ class RosJoints(JointChannel):
         self._header = {"stamp": dict.fromkeys(names, 0), "frame_id": ""}
         self.message_type = options.message_type("trajectory_msgs", "JointTrajectory")
 
+    @property
+    def age(self) -> float:
+        """Readings come whether set-points are sent or not."""
+        return self._states.age
+
     def read(self) -> JointReading:
         """The newest reading; the connection's watchdog looks at how old it is."""
         return self._states.latest()

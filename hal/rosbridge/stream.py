@@ -8,12 +8,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, Generic, TypeVar
 
 from hal.api import Clock, NoDataError
-from hal.hardware import RemoteTime
+from hal.hardware import LateWatch, RemoteTime
 from hal.rosbridge.decoding import Message, stamp
 
 Value = TypeVar("Value")
-LATE_TIME = 0.15
-"""Seconds that messages have to come late before that counts."""
 
 
 class Stream(Generic[Value]):
@@ -37,8 +35,7 @@ class Stream(Generic[Value]):
         self._decode, self._clock, self._ros_time, self._header = decode, clock, ros_time, header
         self._arrived = threading.Condition()
         self._newest: tuple[Value, float] | None = None
-        self._lag = 0.0
-        self._late_since: float | None = None
+        self._lateness = LateWatch()
 
     def take(self, message: Message, received: float) -> None:
         """A message has come; raises what ``decode`` raises."""
@@ -48,13 +45,14 @@ class Stream(Generic[Value]):
         if value is None:
             return
         with self._arrived:
-            self._lag = received - at
+            self._lateness.lag = received - at
             self._newest = value, at
             self._arrived.notify_all()
 
     def forget(self) -> None:
         """Of a connection that has ended nothing is read."""
-        self._newest, self._lag, self._late_since = None, 0.0, None
+        self._newest = None
+        self._lateness.forget()
 
     def read(self) -> Value:
         """The newest value; NoDataError where there is none or it is too old."""
@@ -81,14 +79,7 @@ class Stream(Generic[Value]):
 
     def late(self, longest_delay: float) -> float | None:
         """By how much messages have come late for a while, if that is more than ``longest_delay``, else None."""
-        now = self._clock.now()
-        if self._lag <= longest_delay:
-            self._late_since = None
-        elif self._late_since is None:
-            self._late_since = now
-        elif now - self._late_since > LATE_TIME:
-            return self._lag
-        return None
+        return self._lateness.late(longest_delay, self._clock.now())
 
     def newer_than(self, moment: float, deadline: float) -> tuple[Value, float] | None:
         """Wait until ``deadline`` (of the monotonic clock) for a value stamped after ``moment``; it and its stamp."""

@@ -18,7 +18,6 @@ from hal.ur.options import UROptions
 JOINTS = 6
 READY_TIME = 35.0
 """Seconds that unlocking, powering on and starting the program may take together."""
-LATE_TIME = 0.15
 
 
 class URConnection(Connection):
@@ -82,7 +81,7 @@ class URConnection(Connection):
         fault = fault_of(report)
         if fault is not None:
             return fault
-        late = self._link.late(self.options.longest_delay, LATE_TIME)
+        late = self._link.late(self.options.longest_delay)
         if late is not None:
             return Fault(MotionErrorCode.TIMEOUT, f"readings come {late:.2f} s late")
         return None

@@ -21,6 +21,11 @@ class URJoints(JointChannel):
         self._of: Report | None = None
         self._reading: JointReading | None = None
 
+    @property
+    def age(self) -> float:
+        """Readings come whether set-points are sent or not."""
+        return self._link.age
+
     def read(self) -> JointReading:
         """The newest reading."""
         report = self._link.report

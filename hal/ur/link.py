@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hal.api import Clock
-from hal.hardware import ConnectionFailedError, RemoteTime
+from hal.hardware import ConnectionFailedError, LateWatch, RemoteTime
 from hal.ur import sdk_process
 from hal.ur.sdk_process import Report
 
@@ -33,8 +33,7 @@ class URLink:
         self._calling, self._reading = threading.Lock(), threading.Lock()
         self._report: Report | None = None
         self._controller_time = RemoteTime()
-        self._lag = 0.0
-        self._late_since: float | None = None
+        self._lateness = LateWatch()
 
     def open(self, address: str, settings: dict[str, float], timeout: float) -> None:
         """Start the process and let it connect; ConnectionFailedError says why it could not."""
@@ -53,7 +52,8 @@ class URLink:
         self._calls, self._stream = calls, stream
         self._arrived = select.poll()
         self._arrived.register(stream, select.POLLIN)
-        self._report, self._late_since = None, None
+        self._report = None
+        self._lateness.forget()
         self._controller_time.forget()
         self.call("open", address, settings, timeout=timeout)
         deadline = time.monotonic() + 1.0
@@ -112,17 +112,17 @@ class URLink:
     def heard(self) -> float:
         """Time of the clock at which the controller took the newest reading."""
         report = self.pump()
-        return report.time - self._lag + self._clock_offset if report is not None else -1e9
+        return report.time - self._lateness.lag + self._clock_offset if report is not None else -1e9
 
-    def late(self, delay: float, time_limit: float) -> float | None:
-        """By how much readings come late, if that is more than ``delay`` for ``time_limit`` seconds, else None."""
-        if self._lag <= delay:
-            self._late_since = None
-        elif self._late_since is None:
-            self._late_since = time.monotonic()
-        elif time.monotonic() - self._late_since > time_limit:
-            return self._lag
-        return None
+    @property
+    def age(self) -> float:
+        """Seconds since the controller took the newest reading that ``pump`` has found."""
+        report = self._report
+        return time.monotonic() - report.time + self._lateness.lag if report is not None else float("inf")
+
+    def late(self, longest_delay: float) -> float | None:
+        """By how much readings have come late for a while, if that is more than ``longest_delay``, else None."""
+        return self._lateness.late(longest_delay, time.monotonic())
 
     def close(self) -> None:
         """Let the process bring the arm to rest and end its program, then end it; idempotent, raises nothing."""
@@ -149,5 +149,5 @@ class URLink:
         self._calls = self._stream = None
 
     def _note(self, report: Report) -> None:
-        self._lag = report.time - self._controller_time.here(report.stamp, report.time)
+        self._lateness.lag = report.time - self._controller_time.here(report.stamp, report.time)
         self._report = report
