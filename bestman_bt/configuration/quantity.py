@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 _DEGREE = math.pi / 180
 _UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "area": {"m²": 1.0, "m^2": 1.0},
     "angle": {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE},
     "mass": {"kg": 1.0, "g": 0.001},
     "time": {"s": 1.0, "ms": 0.001, "min": 60.0},
@@ -21,6 +22,8 @@ _UNITS: dict[str, dict[str, float]] = {
     "angular speed": {"rad/s": 1.0, "deg/s": _DEGREE},
     "acceleration": {"m/s^2": 1.0, "m/s²": 1.0},
     "angular acceleration": {"rad/s^2": 1.0, "rad/s²": 1.0, "deg/s^2": _DEGREE, "deg/s²": _DEGREE},
+    "jerk": {"m/s^3": 1.0, "m/s³": 1.0},
+    "angular jerk": {"rad/s^3": 1.0, "rad/s³": 1.0, "deg/s^3": _DEGREE, "deg/s³": _DEGREE},
     "force": {"N": 1.0, "kN": 1000.0},
     "torque": {"N m": 1.0, "Nm": 1.0, "N·m": 1.0},
     "inertia": {"kg m²": 1.0, "kg m^2": 1.0},
@@ -103,6 +106,8 @@ Voltage = Annotated[float, Field(ge=0), BeforeValidator(_reader("voltage"))]
 Resistance = Annotated[float, Field(ge=0), BeforeValidator(_reader("resistance"))]
 JointPosition = Annotated[float, BeforeValidator(_reader("angle", "length"))]
 JointSpeed = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular speed", "speed"))]
+Jerk = Annotated[float, Field(gt=0), BeforeValidator(_reader("jerk"))]
+AngularJerk = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular jerk"))]
 JointAcceleration = Annotated[float, Field(gt=0), BeforeValidator(_reader("angular acceleration", "acceleration"))]
 JointEffort = Annotated[float, Field(gt=0), BeforeValidator(_reader("torque", "force"))]
 LatchEffort = Annotated[float, Field(ge=0), BeforeValidator(_reader("torque", "force"))]
@@ -111,6 +116,7 @@ PositiveAngle = Annotated[float, Field(gt=0), BeforeValidator(_reader("angle"))]
 PositiveTime = Annotated[float, Field(gt=0), BeforeValidator(_reader("time"))]
 Distance = Annotated[float, Field(ge=0), BeforeValidator(_reader("length"))]
 Factor = Annotated[float, Field(gt=0), BeforeValidator(_reader())]
+Area = Annotated[float, Field(gt=0), BeforeValidator(_reader("area"))]
 Share = Annotated[float, Field(ge=0, le=1), BeforeValidator(_reader())]
 PositiveShare = Annotated[float, Field(gt=0, le=1), BeforeValidator(_reader())]
 Friction = Annotated[float, Field(ge=0), BeforeValidator(_reader())]

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import Box, ObjectModel, Pose, Pose2D
+from bestman_bt.scene.apartment_generator import ApartmentError
+from bestman_bt.scene.apartment_scene import with_apartment
+from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.furniture_standing import standing_furniture, surface_of
 from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
@@ -32,9 +35,13 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     Each thing has its own stream of random numbers: to leave one object out moves no other, unless they competed for
     room.
     """
-    walls = tuple(
-        Wall(start, end, scene.file.walls.height, scene.file.walls.thickness) for start, end in scene.file.walls.lines
-    )
+    try:
+        scene = with_apartment(scene, seed)
+    except ApartmentError as error:
+        raise SceneError(f"scene {scene.name!r}: {error}") from error
+    layout = scene.file.walls
+    assert layout is not None
+    walls = tuple(Wall(start, end, layout.height, layout.thickness) for start, end in layout.lines)
     furniture = standing_furniture(scene, lambda piece: _generator(seed, 0, "furniture", piece).uniform(-1.0, 1.0, 3))
     complaint = ""
     for attempt in range(_ATTEMPTS):
@@ -138,14 +145,26 @@ def _start(
     scene: SceneConfig, seed: int, attempt: int, walls: tuple[Wall, ...], furniture: tuple[PlacedFurniture, ...]
 ) -> Pose2D:
     generator = _generator(seed, attempt, "robot_start")
-    obstacles = [wall_rectangle(wall) for wall in walls]
-    obstacles += [rectangle(piece.actual, piece.model.footprint) for piece in furniture]
-    obstacles += [outline for piece in furniture for outline in _open_leaves(piece)]
+    region = scene.file.robot_start
+    assert region is not None
+    obstacles = _outlines(walls, furniture)
+    floor = FloorGrid.of(obstacles) if scene.file.generator is not None else None
+    reachable = floor.largest_area(scene.file.passage) if floor is not None else None
     for _ in range(_TRIES):
-        pose = _sample(generator, scene.file.robot_start)
+        pose = _sample(generator, region)
+        if floor is not None and reachable is not None and not reachable[floor.cells(pose.xy)]:
+            continue
         if min(distance_to_polygon(obstacle, pose.xy) for obstacle in obstacles) >= scene.file.start_clearance:
             return pose
     raise _NoRoomError("no room for the robot's start")
+
+
+def _outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture]) -> list[NDArray[np.float64]]:
+    """What stands on the floor seen from above: convex polygons, counter-clockwise."""
+    pieces = list(furniture)
+    outlines = [wall_rectangle(wall) for wall in walls]
+    outlines += [rectangle(piece.actual, piece.model.footprint) for piece in pieces]
+    return [*outlines, *(outline for piece in pieces for outline in _open_leaves(piece))]
 
 
 def _open_leaves(piece: PlacedFurniture) -> Iterator[NDArray[np.float64]]:

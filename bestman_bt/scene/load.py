@@ -21,6 +21,7 @@ from bestman_bt.configuration import (
 )
 from bestman_bt.messages import ObjectModel
 from bestman_bt.registry import suggestion
+from bestman_bt.scene.apartment_generator.furnish import NEEDED
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.furniture_overlap import furniture_overlaps
 from bestman_bt.scene.furniture_standing import standing_furniture
@@ -128,6 +129,8 @@ def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
             furniture[piece] = read_furniture(standing.model, document.problem(("furniture", piece, "model"), ""))
         except ConfigurationError as error:
             problems += error.problems
+    if file.generator is not None:
+        furniture |= {name: read_furniture(name) for name in NEEDED}
     named_otherwise = {placement.model for key, placement in file.objects.items() if key != Path(placement.model).stem}
     # goals first: an object of the scene that bears the name of a goal's model decides what it means
     for field, key, model in [

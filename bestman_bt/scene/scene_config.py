@@ -15,6 +15,7 @@ from bestman_bt.configuration.quantity import (
     PositiveLength,
     Share,
 )
+from bestman_bt.scene.apartment_generator.options import ApartmentOptions
 
 _TWO_DEGREES = math.radians(2.0)
 Point2 = tuple[Length, Length]
@@ -86,20 +87,32 @@ class GoalPlacement:
 
 
 @dataclass(frozen=True)
+class GeneratorConfig:
+    """What makes walls and furniture, from the seed."""
+
+    apartment: ApartmentOptions
+
+
+@dataclass(frozen=True)
 class SceneFile:
     """A scene.
 
+    ``generator``: makes ``walls``, ``furniture`` and, where it is not given, the region of the ``robot_start``; all
+    other scenes give these and ``objects``.
     ``clearance``: metres between objects, so that a hand fits. ``start_clearance``: metres from the robot's frame to
-    walls and furniture. ``finger_friction``: replaces the gripper's own, for control experiments.
+    walls and furniture. ``passage``: radius in metres of what shall get everywhere in an apartment: a base that
+    turns on the spot. ``finger_friction``: replaces the gripper's own, for control experiments.
     """
 
-    walls: WallsConfig
-    furniture: Mapping[str, FurniturePlacement]
-    objects: Mapping[str, ObjectPlacement]
-    robot_start: RegionConfig
+    walls: WallsConfig | None = None
+    furniture: Mapping[str, FurniturePlacement] = field(default_factory=dict)
+    objects: Mapping[str, ObjectPlacement] = field(default_factory=dict)
+    robot_start: RegionConfig | None = None
+    generator: GeneratorConfig | None = None
     goals: Mapping[str, GoalPlacement] = field(default_factory=dict)
     clearance: Distance = 0.08
     start_clearance: Distance = 0.45
+    passage: PositiveLength = 0.37
     finger_friction: Friction | None = None
     extends: str | None = None
     description: str = ""

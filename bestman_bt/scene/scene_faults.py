@@ -15,6 +15,7 @@ _RESERVED = ("robot", "fingers", "floor")
 
 def scene_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
     """All faults of a scene's file, each at the line that is at fault."""
+    yield from _generator_faults(file, document)
     yield from _name_faults(file, document)
     regions: dict[tuple[str, ...], RegionConfig | None] = {("robot_start",): file.robot_start}
     regions |= {("objects", name, "region"): placement.region for name, placement in file.objects.items()}
@@ -22,10 +23,28 @@ def scene_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
     for path, region in regions.items():
         if region is not None:
             yield from _range_faults(region, path, document)
-    for index, (start, end) in enumerate(file.walls.lines):
+    for index, (start, end) in enumerate(file.walls.lines if file.walls is not None else ()):
         if start == end:
             message = f"a wall needs two different ends, got {_written(document, 'walls', 'lines', index)}"
             yield document.problem(("walls", "lines", index), message)
+
+
+def _generator_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
+    """What a file owes without a generator, and what it leaves to one."""
+    if file.generator is None:
+        for name in ("walls", "furniture", "objects", "robot_start"):
+            if document.data.get(name) is None:
+                yield document.problem((name,), "is missing")
+        return
+    for name in ("walls", "furniture"):
+        if document.data.get(name):
+            yield document.problem((name,), "the generator makes them; give one or the other")
+    options = file.generator.apartment
+    for name in ("rooms", "area", "doorway"):
+        lower, upper = getattr(options, name)
+        if lower > upper:
+            message = f"the smaller limit comes first, got [{lower:g}, {upper:g}]"
+            yield document.problem(("generator", "apartment", name), message)
 
 
 def _name_faults(file: SceneFile, document: Document) -> Iterator[Problem]:

@@ -1,0 +1,156 @@
+"""Furniture for rooms: pieces along the walls, a table with chairs in the middle, and the doorways kept free."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, Room
+from bestman_bt.scene.furniture_file import read_furniture
+from bestman_bt.scene.furniture_generator import FURNITURE_KINDS, generate_furniture
+from bestman_bt.scene.plane_geometry import Points, rectangle
+from bestman_bt.scene.scene import FurnitureModel
+
+OFFSET, TURN = 0.03, math.radians(2.0)
+"""How far furniture really stands from where the map has it: metres each way, radians."""
+NEEDED = ("table", "counter")
+"""What every apartment has one of, so that tasks can name it."""
+
+_TRIES = 60
+_BEFORE_DOORWAY = 0.85  # metres that are kept free on both sides
+_BESIDE_DOORWAY = 0.10
+_APART = 0.08
+_CHAIR_GAP = 0.06
+_Extent = tuple[float, float, float, float]  # x and y of the lower corner, x and y of the upper one
+
+
+@dataclass(frozen=True)
+class _Furnishing:
+    """What a room gets.
+
+    ``walls``: pieces with their backs to a wall; ``dining``: a table with chairs around it.
+    """
+
+    walls: tuple[str, ...]
+    dining: bool = False
+
+
+_KITCHEN = _Furnishing(("counter", "fridge", "shelf"))
+_LIVING = _Furnishing(("sofa", "drawer_chest", "shelf"), dining=True)
+_OTHERS = (
+    _Furnishing(("bed", "drawer_chest")),
+    _Furnishing(("desk", "shelf", "chair")),
+    _Furnishing(("bed", "shelf", "chair")),
+    _Furnishing(("sofa", "shelf", "desk")),
+)
+_SHIPPED = {"desk": "table"}
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A piece where it shall stand."""
+
+    name: str
+    model: FurnitureModel
+    at: Pose2D
+
+    @property
+    def outline(self) -> Points:
+        """Corners of the footprint, (4, 2)."""
+        return rectangle(self.at, self.model.footprint)
+
+
+@dataclass
+class _Furnisher:
+    rng: np.random.Generator
+    wall_thickness: float
+    taken: list[_Extent]
+    placed: list[Placed] = field(default_factory=list)
+
+    def along_walls(self, room: Room, kind: str) -> bool:
+        """Put a piece with its back to one of the walls; False where it finds no place."""
+        model = self._model(kind)
+        depth, width = model.footprint
+        back = OFFSET + width / 2 * math.sin(TURN) + 0.01 + self.wall_thickness / 2 + depth / 2
+        for _ in range(_TRIES):
+            side, share = int(self.rng.integers(4)), float(self.rng.random())
+            along, across = (room.y, room.x) if side % 2 == 0 else (room.x, room.y)
+            margin = width / 2 + self.wall_thickness / 2 + OFFSET + depth / 2 * math.sin(TURN) + 0.01
+            if along[1] - along[0] <= 2 * margin:
+                continue
+            place = along[0] + margin + share * (along[1] - along[0] - 2 * margin)
+            wall = across[1] - back if side < 2 else across[0] + back
+            x, y = (wall, place) if side % 2 == 0 else (place, wall)
+            if self._put(kind, model, Pose2D(x, y, side * math.pi / 2)):
+                return True
+        return False
+
+    def dining_group(self, room: Room) -> bool:
+        """Put a table into the room, and chairs that face it."""
+        table, chair = self._model("table"), self._model("chair")
+        reach = max(table.footprint) / 2 + chair.footprint[0] + _CHAIR_GAP
+        spans = [(low + reach + 0.1, high - reach - 0.1) for low, high in (room.x, room.y)]
+        if any(low > high for low, high in spans):
+            return False
+        for _ in range(_TRIES):
+            (x, y) = (float(self.rng.uniform(*span)) for span in spans)
+            at = Pose2D(x, y, float(self.rng.integers(2)) * math.pi / 2)
+            if self._put("table", table, at):
+                for index in self.rng.permutation(4)[: int(self.rng.integers(1, 5))]:
+                    turn = Pose2D(0.0, 0.0, float(index) * math.pi / 2)
+                    away = table.footprint[index % 2] / 2 + _CHAIR_GAP + chair.footprint[0] / 2
+                    self._put("chair", chair, at @ turn @ Pose2D(away, 0.0, 0.0), gap=0.0)
+                return True
+        return False
+
+    def _model(self, kind: str) -> FurnitureModel:
+        if kind in FURNITURE_KINDS:
+            return generate_furniture(kind, self.rng)
+        return read_furniture(_SHIPPED.get(kind, kind))
+
+    def _put(self, kind: str, model: FurnitureModel, at: Pose2D, gap: float = _APART) -> bool:
+        west, south, east, north = extent = _extent(at, model.footprint)
+        for x_min, y_min, x_max, y_max in self.taken:
+            if west - gap < x_max and x_min < east + gap and south - gap < y_max and y_min < north + gap:
+                return False
+        same = sum(placed.name.rstrip("_0123456789") == kind for placed in self.placed)
+        self.placed.append(Placed(f"{kind}_{same + 1}" if same else kind, model, at))
+        self.taken.append(extent)
+        return True
+
+
+def furnish(plan: FloorPlan, wall_thickness: float, rng: np.random.Generator) -> list[Placed] | None:
+    """Furniture for all rooms, the largest first; None where something that is needed found no place."""
+    furnisher = _Furnisher(rng, wall_thickness, [*_before_doorways(plan.doorways, wall_thickness)])
+    for room, furnishing in zip(_largest_first(plan.rooms), _furnishings(len(plan.rooms), rng), strict=True):
+        if furnishing.dining and not furnisher.dining_group(room):
+            return None
+        for kind in furnishing.walls:
+            if not furnisher.along_walls(room, kind) and kind in NEEDED:
+                return None
+    return furnisher.placed
+
+
+def _largest_first(rooms: Sequence[Room]) -> list[Room]:
+    return sorted(rooms, key=lambda room: -room.area)
+
+
+def _furnishings(count: int, rng: np.random.Generator) -> list[_Furnishing]:
+    others = [_OTHERS[index] for index in rng.permutation(len(_OTHERS))]
+    return [_LIVING, _KITCHEN, *others][:count]
+
+
+def _before_doorways(doorways: Iterable[Doorway], wall_thickness: float) -> Iterator[_Extent]:
+    for doorway in doorways:
+        deep, wide = wall_thickness + 2 * _BEFORE_DOORWAY, doorway.width + 2 * _BESIDE_DOORWAY
+        yield _extent(Pose2D(*doorway.at, 0.0), (wide, deep) if doorway.along == 0 else (deep, wide))
+
+
+def _extent(at: Pose2D, size: tuple[float, float]) -> _Extent:
+    """What a rectangle covers that is turned by a multiple of a right angle."""
+    x, y = size if abs(math.cos(at.theta)) > 0.5 else size[::-1]
+    return at.x - x / 2, at.y - y / 2, at.x + x / 2, at.y + y / 2

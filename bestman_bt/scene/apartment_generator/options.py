@@ -1,0 +1,25 @@
+"""What may be asked of an apartment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bestman_bt.configuration.quantity import Area, PositiveLength, PositiveWholeNumber, Share, WholeNumber
+
+
+@dataclass(frozen=True)
+class ApartmentOptions:
+    """Of each pair of limits, the seed draws what lies between.
+
+    ``rooms``: how many. ``area``: square metres within the outer walls; a room gets 14 to 24 of it. ``doorway``: clear
+    width of the openings between rooms. ``loops``: the chance of a doorway that is not needed to get everywhere.
+    ``seed``: always this apartment; None: the seed of the world draws one.
+    """
+
+    rooms: tuple[PositiveWholeNumber, PositiveWholeNumber] = (3, 6)
+    area: tuple[Area, Area] = (60.0, 110.0)
+    doorway: tuple[PositiveLength, PositiveLength] = (0.8, 0.9)
+    loops: Share = 0.3
+    wall_height: PositiveLength = 2.0
+    wall_thickness: PositiveLength = 0.1
+    seed: WholeNumber | None = None

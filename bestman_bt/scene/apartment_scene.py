@@ -1,0 +1,38 @@
+"""Scenes whose walls and furniture a generator makes: the seed's apartment in the place of what a file would list."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from bestman_bt.scene.apartment_generator import generate_apartment
+from bestman_bt.scene.scene_config import FurniturePlacement, RegionConfig, WallsConfig
+
+if TYPE_CHECKING:
+    from bestman_bt.scene.load import SceneConfig
+
+
+def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
+    """The scene as if its file had listed the seed's apartment; one without a generator as it is.
+
+    The robot may start anywhere where there is room, unless the file says where. Raises ApartmentError.
+    """
+    if scene.file.generator is None:
+        return scene
+    options = scene.file.generator.apartment
+    apartment = generate_apartment(options, seed if options.seed is None else options.seed, scene.file.passage)
+    corners = [room.x + room.y for room in apartment.rooms]
+    whole = RegionConfig(
+        x=(min(c[0] for c in corners), max(c[1] for c in corners)),
+        y=(min(c[2] for c in corners), max(c[3] for c in corners)),
+    )
+    file = replace(
+        scene.file,
+        walls=WallsConfig(options.wall_height, options.wall_thickness, apartment.walls),
+        furniture={
+            piece.name: FurniturePlacement(piece.model.name, (piece.at.x, piece.at.y, piece.at.theta))
+            for piece in apartment.furniture
+        },
+        robot_start=scene.file.robot_start or whole,
+    )
+    return replace(scene, file=file, furniture={piece.name: piece.model for piece in apartment.furniture})

@@ -1,0 +1,76 @@
+"""The free floor of a world as a grid: how much room there is where, what is connected, and ways across it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from bestman_bt.scene.plane_geometry import Points
+
+
+@dataclass(frozen=True, eq=False)
+class FloorGrid:
+    """``room``: (rows, columns) metres from each cell's centre to the next obstacle, to half a cell; 0 inside one.
+
+    Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
+    """
+
+    room: NDArray[np.float64]
+    origin: NDArray[np.float64]
+    resolution: float
+
+    @classmethod
+    def of(cls, outlines: Iterable[Points], resolution: float = 0.025) -> FloorGrid:
+        """The floor between convex counter-clockwise polygons; what lies beyond all of them is taken, too."""
+        polygons = list(outlines)
+        corners = np.concatenate(polygons)
+        origin = corners.min(axis=0)
+        columns, rows = np.ceil((corners.max(axis=0) - origin) / resolution).astype(int)
+        taken = np.zeros((rows + 2, columns + 2), dtype=bool)
+        taken[[0, -1]] = taken[:, [0, -1]] = True
+        origin = origin - resolution
+        for polygon in polygons:
+            low = np.maximum(np.floor((polygon.min(axis=0) - origin) / resolution).astype(int), 0)
+            high = np.ceil((polygon.max(axis=0) - origin) / resolution).astype(int) + 1
+            window = taken[low[1] : high[1], low[0] : high[0]]
+            x = origin[0] + (low[0] + np.arange(window.shape[1]) + 0.5) * resolution
+            y = (origin[1] + (low[1] + np.arange(window.shape[0]) + 0.5) * resolution)[:, None]
+            inside = np.ones(window.shape, dtype=bool)
+            for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+                inside &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
+            window |= inside
+        return cls(ndimage.distance_transform_edt(~taken) * resolution, origin, resolution)
+
+    def areas(self, radius: float) -> NDArray[np.intp]:
+        """(rows, columns) The number of the connected area that the middle of a disc of this radius is in; 0: none."""
+        labels, _ = ndimage.label(self.room > radius, structure=np.ones((3, 3)))
+        return np.asarray(labels, dtype=np.intp)
+
+    def largest_area(self, radius: float) -> NDArray[np.bool_]:
+        """(rows, columns) Where the middle of a disc of this radius can be, in the largest connected area."""
+        areas = self.areas(radius)
+        sizes = np.bincount(areas.ravel())
+        sizes[0] = 0
+        largest: NDArray[np.bool_] = (areas > 0) & (areas == int(np.argmax(sizes)))
+        return largest
+
+    def cells(self, points: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of map points (..., 2); of points beyond the grid, those of its border."""
+        cells = np.floor((np.asarray(points, dtype=float) - self.origin) / self.resolution).astype(np.intp)
+        rows, columns = self.room.shape
+        return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1)
+
+    def points(self, rows: ArrayLike, columns: ArrayLike) -> NDArray[np.float64]:
+        """Map points (..., 2), metres, at the centres of cells."""
+        xy = np.stack([np.asarray(columns, dtype=float), np.asarray(rows, dtype=float)], axis=-1)
+        points: NDArray[np.float64] = self.origin + (xy + 0.5) * self.resolution
+        return points
+
+    def room_at(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Metres to the next obstacle at map points (..., 2)."""
+        room: NDArray[np.float64] = self.room[self.cells(points)]
+        return room
