@@ -52,6 +52,8 @@ def check(
         facts = {
             "name": name,
             "passed": trial.passed,
+            "quick": trial.quick,
+            "sound": trial.sound,
             "composed_s": round(trial.composed, 4),
             "loaded_s": round(trial.loaded, 3),
             "drift_m": round(trial.drift, 6),

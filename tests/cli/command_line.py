@@ -56,7 +56,7 @@ class Program:
         return Answer(self.process.returncode, out, err)
 
 
-def wait_for(folder: Path, pattern: str, timeout: float = 60.0) -> Path:
+def wait_for(folder: Path, pattern: str, timeout: float = 180.0) -> Path:
     """The first file that matches, as soon as it is there."""
     end = time.monotonic() + timeout
     while time.monotonic() < end:

@@ -90,8 +90,8 @@ def test_two_jobs_give_the_same_document_as_one(look: Path, tmp_path: Path) -> N
     assert one["failures"][0]["node"] == "judge"
     assert "not standing on the counter" in one["failures"][0]["why"]
     for jobs in (1, 2):
-        folders = sorted((tmp_path / f"{jobs}").iterdir())
-        assert [json.loads((folder / "result.json").read_text())["seed"] for folder in folders] == [3, 4]
+        folders = (tmp_path / f"{jobs}").iterdir()
+        assert sorted(json.loads((folder / "result.json").read_text())["seed"] for folder in folders) == [3, 4]
 
 
 def test_an_episode_that_breaks_counts_as_failed_with_its_cause_and_the_batch_goes_on(tmp_path: Path) -> None:
