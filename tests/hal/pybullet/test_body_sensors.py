@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,14 @@ from bestman_bt.robot_model import RobotModel, compose_robot
 from bestman_bt.sensing.tactile import TactileSensor
 from hal.api import Battery, Gripper, Imu, Lidar, MobileBase, NoDataError, Tactile
 from hal.pybullet import PyBulletRobot, SensorFault
+from hal.pybullet.battery import SimulatedBattery
 from hal.pybullet.client import ReadPurpose
+from hal.pybullet.force_torque import SimulatedForceTorque
+from hal.pybullet.imu import SimulatedImu
+from hal.pybullet.lidar import SimulatedLidar
+from hal.pybullet.tactile import SimulatedTactile
+
+BodySensor = SimulatedImu | SimulatedTactile | SimulatedBattery | SimulatedLidar | SimulatedForceTorque
 
 ADDED = {
     "imu": {"part": "imu", "mount": "base_link", "xyz": [0.1, 0.0, 0.2], "set": {"rate": "60 Hz"}},
@@ -207,24 +214,25 @@ def test_readings_come_with_their_latency(sensing_model: RobotModel, empty_world
 
 
 @pytest.mark.parametrize(
-    ("name", "read"),
+    ("name", "kind", "read"),
     [
-        ("imu", lambda part: part.read()),
-        ("left_pad", lambda part: part.read()),
-        ("battery", lambda part: part.read()),
-        ("lidar", lambda part: part.scan()),
-        ("wrist_force_torque", lambda part: part.wrench()),
+        ("imu", SimulatedImu, SimulatedImu.read),
+        ("left_pad", SimulatedTactile, SimulatedTactile.read),
+        ("battery", SimulatedBattery, SimulatedBattery.read),
+        ("lidar", SimulatedLidar, SimulatedLidar.scan),
+        ("wrist_force_torque", SimulatedForceTorque, SimulatedForceTorque.wrench),
     ],
 )
-def test_a_sensor_that_is_switched_off_raises_and_a_frozen_one_repeats(robot: PyBulletRobot, name: str, read) -> None:
-    part = robot.parts[name]
-    line = part.line  # type: ignore[attr-defined]
+def test_a_sensor_that_is_switched_off_raises_and_a_frozen_one_repeats(
+    robot: PyBulletRobot, name: str, kind: type[BodySensor], read: Callable[[BodySensor], Any]
+) -> None:
+    part = robot.part(name, kind)
     fresh = read(part)
-    line.fault = SensorFault.FROZEN
+    part.line.fault = SensorFault.FROZEN
     robot.clock.sleep(1.0)
     assert read(part).stamp == fresh.stamp
-    line.fault = SensorFault.SILENT
+    part.line.fault = SensorFault.SILENT
     with pytest.raises(NoDataError, match=name):
         read(part)
-    line.fault = None
+    part.line.fault = None
     assert read(part).stamp > fresh.stamp

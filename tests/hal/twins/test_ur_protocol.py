@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bestman_bt.robot_model import load_robot_model
 from hal.api import JointLimits
+from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import Command, URProgram, path_of
 from hal.twins.ur_rtde_fields import Recipe
 
@@ -46,7 +48,7 @@ def test_a_set_point_beyond_the_joints_limits_is_not_followed(wrong: float) -> N
         stop=lambda: None,
         servo=moved.append,
     )
-    program = URProgram("", arm, None)  # type: ignore[arg-type]
+    program = URProgram("", arm, URKinematics(load_robot_model("diff_ur5"), "arm"))
     inputs = {"input_int_register_0": int(Command.SERVO_JOINTS), "input_double_register_0": wrong}
     program.advance(0.004, inputs, True)
     assert program.limit_exceeded
