@@ -1,0 +1,72 @@
+"""SLAM: where the base is on a map that is made on the way."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D
+from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.navigation.localization import LocalizationEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class SlamEstimate(LocalizationEstimate):
+    """As any localizer's estimate; the covariance is against the map nearby, the far side of the house may be less sure.
+
+    ``loop_closures``: how many have been found so far.
+    """
+
+    loop_closures: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class SlamTrajectory:
+    """Where the base was when its keyframes were taken, as believed now.
+
+    ``poses``: (N, 3) x, y in metres, theta in radians, map frame. ``stamps``: (N,) seconds of the scans.
+    ``loops``: (K, 2) indices of keyframes that a loop closure ties together.
+    """
+
+    poses: NDArray[np.float64]
+    stamps: NDArray[np.float64]
+    loops: NDArray[np.intp]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poses", frozen_array(self.poses, (None, 3), "SlamTrajectory poses"))
+        object.__setattr__(self, "stamps", frozen_array(self.stamps, (len(self.poses),), "SlamTrajectory stamps"))
+        object.__setattr__(self, "loops", frozen_array(self.loops, (None, 2), "SlamTrajectory loops", np.intp))
+
+
+class Slam(ABC):
+    """Makes a map and finds the base on it: ``reset`` once, then ``add`` each scan; ``predict`` in between."""
+
+    @abstractmethod
+    def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
+        """Forget everything; the map's frame is the one in which the base is now at ``pose``."""
+
+    @abstractmethod
+    def predict(self, odometry: Pose2D) -> SlamEstimate:
+        """Move the estimate by what the odometry pose (``odom`` frame) has changed since the last call."""
+
+    @abstractmethod
+    def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
+        """Take in a scan that was taken at ``odometry``."""
+
+    @property
+    @abstractmethod
+    def estimate(self) -> SlamEstimate:
+        """The present estimate; RuntimeError before ``reset``."""
+
+    @property
+    @abstractmethod
+    def grid(self) -> OccupancyGrid:
+        """The map so far; empty before the first scan."""
+
+    @property
+    @abstractmethod
+    def trajectory(self) -> SlamTrajectory:
+        """The keyframes so far."""

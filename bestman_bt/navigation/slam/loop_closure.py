@@ -1,0 +1,111 @@
+"""Loop closures: a keyframe is recognised in a submap from long ago.
+
+Where to look is told by the pose graph's covariance; what is found there is believed if it explains the scan, is held
+in all directions, and lies no farther off than the covariance allows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import wrap_angle
+from bestman_bt.navigation.slam.correlative import SearchWindow
+from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
+from bestman_bt.navigation.slam.submap import Keyframe, Submap
+
+
+@dataclass(frozen=True)
+class LoopClosureParameters:
+    """``separation``: keyframes that must lie between. ``reach``: metres from a submap's way within which it is tried.
+
+    ``candidates``: submaps that are tried for one keyframe, the nearest first. ``sigmas``: of the covariance that the
+    search covers, at least ``min_distance`` (metres) and ``min_angle`` (radians), at most ``max_distance`` and
+    ``max_angle``; from ``jump`` metres on the search is correlative. A closure explains ``min_inlier_ratio`` of the
+    hits to ``max_residual`` metres, is known to ``max_std`` metres in each direction, and lies within
+    ``max_deviation`` standard deviations of what the graph expects. ``position_std``, ``heading_std``: error that it
+    has beside the noise of the hits, metres and radians.
+    """
+
+    separation: int = 12
+    reach: float = 1.5
+    candidates: int = 2
+    sigmas: float = 3.0
+    min_distance: float = 0.10
+    min_angle: float = math.radians(2.0)
+    max_distance: float = 2.0
+    max_angle: float = math.radians(20.0)
+    jump: float = 0.20
+    min_inlier_ratio: float = 0.60
+    max_residual: float = 0.025
+    max_std: float = 0.03
+    max_deviation: float = 4.0
+    position_std: float = 0.008
+    heading_std: float = math.radians(0.15)
+
+
+class LoopCloser:
+    """Looks for closures of one keyframe at a time."""
+
+    def __init__(self, parameters: LoopClosureParameters | None = None) -> None:
+        self._parameters = parameters or LoopClosureParameters()
+
+    def find(self, keyframe: Keyframe, finished: Iterable[Submap], graph: PoseGraph) -> list[Constraint]:
+        """Constraints from submaps to ``keyframe`` that hold good; often none."""
+        p = self._parameters
+        near = []
+        for submap in finished:
+            if keyframe.node - submap.last_node < p.separation:
+                continue
+            distance = submap.distance_to(graph.pose(submap.anchor.node).inverse() @ graph.pose(keyframe.node))
+            if distance < p.reach + p.max_distance:
+                near.append((distance, submap.anchor.node, submap))
+        closures = []
+        for distance, _, submap in sorted(near, key=lambda entry: entry[:2])[: p.candidates]:
+            covariance = graph.relative_covariance(submap.anchor.node, keyframe.node)
+            spread = p.sigmas * math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+            if distance < p.reach + spread:
+                constraint = self._close(keyframe, submap, graph, covariance, spread)
+                if constraint is not None:
+                    closures.append(constraint)
+        return closures
+
+    def _close(
+        self,
+        keyframe: Keyframe,
+        submap: Submap,
+        graph: PoseGraph,
+        covariance: NDArray[np.float64],
+        spread: float,
+    ) -> Constraint | None:
+        p = self._parameters
+        expected = graph.pose(submap.anchor.node).inverse() @ graph.pose(keyframe.node)
+        guess = expected
+        if spread > p.jump:
+            angle = p.sigmas * math.sqrt(float(covariance[2, 2]))
+            window = SearchWindow(
+                min(max(spread, p.min_distance), p.max_distance), min(max(angle, p.min_angle), p.max_angle)
+            )
+            coarse = submap.matcher.search(keyframe.hits.points, expected, window)
+            if coarse is None:
+                return None
+            guess = coarse.pose
+        found = submap.reference.align(keyframe.hits, guess)
+        if found.inlier_ratio < p.min_inlier_ratio or found.residual > p.max_residual:
+            return None
+        measured = np.linalg.inv(found.information + 1e-6 * np.eye(3))
+        if math.sqrt(float(np.linalg.eigvalsh(measured[:2, :2])[-1])) > p.max_std:
+            return None
+        cos, sin = math.cos(found.pose.theta), math.sin(found.pose.theta)
+        turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        measured = turn @ measured @ turn.T + np.diag([p.position_std, p.position_std, p.heading_std]) ** 2
+        off = expected.inverse() @ found.pose
+        innovation = np.array([off.x, off.y, wrap_angle(off.theta)])
+        deviation = float(innovation @ np.linalg.solve(covariance + measured, innovation))
+        if deviation > p.max_deviation**2:
+            return None
+        return Constraint(submap.anchor.node, keyframe.node, found.pose, np.linalg.inv(measured), doubtful=True)

@@ -1,0 +1,108 @@
+"""Point-to-line ICP (A. Censi, "An ICP variant using a point-to-line metric", 2008) against points with normals.
+
+Correspondences are the nearest points that face the same way; residuals are weighted by a Cauchy kernel, and the
+odometry takes part as one more measurement, so that along a bare corridor the wheels decide.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.navigation.slam.oriented_points import OrientedPoints
+
+
+@dataclass(frozen=True)
+class PointToLineParameters:
+    """Lengths in metres.
+
+    ``iterations`` at most; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything are left out of
+    iteration k. ``robust_scale``: residual at which a hit counts half, ``range_std``: noise of a beam and of what it is
+    matched to. ``turning``: how much a normal that points the other way counts as distance, halved. ``neighbours``:
+    points that a reference line is fitted to. ``inlier_distance``: from a reference line, of a hit that it explains.
+    """
+
+    iterations: int = 12
+    gate_first: float = 0.30
+    gate_decay: float = 0.6
+    gate_last: float = 0.06
+    robust_scale: float = 0.03
+    range_std: float = 0.015
+    turning: float = 0.10
+    neighbours: int = 12
+    inlier_distance: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class ScanAlignment:
+    """``pose`` that fits best and its ``information`` (3, 3) from the hits alone: x, y, theta in the reference's frame.
+
+    ``inlier_ratio``: share of the hits that lie on the reference. ``residual``: their root mean square, metres.
+    """
+
+    pose: Pose2D
+    information: NDArray[np.float64]
+    inlier_ratio: float
+    residual: float
+
+
+class LineReference:
+    """What scans are matched to: points whose normals and positions are those of lines through their neighbours."""
+
+    def __init__(self, cloud: OrientedPoints, parameters: PointToLineParameters | None = None) -> None:
+        """``cloud`` should hold at least as many points as ``neighbours``."""
+        self._parameters = p = parameters or PointToLineParameters()
+        features = cloud.features(p.turning)
+        self._tree = cKDTree(features)
+        distances, index = self._tree.query(features, k=min(p.neighbours, len(cloud)))
+        near = distances < 0.15
+        count = near.sum(axis=1)
+        points = cloud.points[index]
+        mean = (near[..., None] * points).sum(axis=1) / count[:, None]
+        facing = (near[..., None] * cloud.normals[index]).sum(axis=1)
+        centred = (points - mean[:, None]) * near[..., None]
+        xx, yy = (centred[..., 0] ** 2).sum(axis=1), (centred[..., 1] ** 2).sum(axis=1)
+        along = 0.5 * np.arctan2(2.0 * (centred[..., 0] * centred[..., 1]).sum(axis=1), xx - yy)
+        normals = np.column_stack([-np.sin(along), np.cos(along)])
+        agreement = (normals * facing).sum(axis=1) / np.maximum(np.linalg.norm(facing, axis=1), 1e-12)
+        normals *= np.where(agreement < 0.0, -1.0, 1.0)[:, None]
+        # Where few or a heap of points lie about, the scan's own normal says more than a line through them.
+        lines = (np.abs(agreement) > 0.9) & (count >= 5)
+        self._normals = np.where(lines[:, None], normals, cloud.normals)
+        offsets = ((mean - cloud.points) * self._normals).sum(axis=1)
+        self._points = cloud.points + np.where(lines, offsets, 0.0)[:, None] * self._normals
+
+    def align(self, scan: OrientedPoints, guess: Pose2D, prior: NDArray[np.float64] | None = None) -> ScanAlignment:
+        """The pose of ``scan`` from ``guess`` on; ``prior``: (3, 3) information of the guess, none by default."""
+        p = self._parameters
+        prior = 1e-6 * np.eye(3) if prior is None else prior
+        x, y, theta = guess.x, guess.y, guess.theta
+        information = np.zeros((3, 3))
+        for k in range(p.iterations):
+            placed = scan.placed(Pose2D(x, y, theta))
+            gate = p.gate_first * p.gate_decay**k + p.gate_last
+            distance, index = self._tree.query(placed.features(p.turning), distance_upper_bound=gate + p.turning)
+            found = np.flatnonzero(np.isfinite(distance))
+            points, normals = self._points[index[found]], self._normals[index[found]]
+            between = placed.points[found] - points
+            residuals = (between * normals).sum(axis=1)
+            near = (np.abs(residuals) < gate) & ((between**2).sum(axis=1) < 4.0 * gate**2)
+            weights = near / (1.0 + (residuals / p.robust_scale) ** 2) / p.range_std**2
+            arm = placed.points[found] - (x, y)
+            jacobian = np.column_stack([normals, normals[:, 1] * arm[:, 0] - normals[:, 0] * arm[:, 1]])
+            information = (jacobian * weights[:, None]).T @ jacobian
+            off = np.array([x - guess.x, y - guess.y, wrap_angle(theta - guess.theta)])
+            gradient = (jacobian * weights[:, None]).T @ residuals + prior @ off
+            step = -np.linalg.solve(information + prior, gradient)
+            x, y, theta = x + float(step[0]), y + float(step[1]), theta + float(step[2])
+            if k >= 4 and float(np.abs(step).max()) < 2e-4:
+                break
+        inliers = np.abs(residuals[near]) < p.inlier_distance
+        count = int(inliers.sum())
+        residual = math.sqrt(float(np.mean(residuals[near][inliers] ** 2))) if count else math.inf
+        return ScanAlignment(Pose2D(x, y, wrap_angle(theta)), information, count / max(len(scan), 1), residual)

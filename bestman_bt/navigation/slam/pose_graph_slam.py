@@ -1,0 +1,221 @@
+"""2D lidar SLAM: scans are matched to the submap under way, submaps and keyframes make a pose graph, loops close it.
+
+The local frame is smooth and drifts: in it scan matching and odometry are fused. The map frame is where the optimised
+graph puts the keyframes (as in W. Hess et al., "Real-time loop closure in 2D lidar SLAM", 2016).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
+from bestman_bt.navigation.localization import ScanMatch
+from bestman_bt.navigation.slam.base import Slam, SlamEstimate, SlamTrajectory
+from bestman_bt.navigation.slam.correlative import CorrelativeParameters, SearchWindow
+from bestman_bt.navigation.slam.log_odds_grid import LogOddsGrid, LogOddsGridParameters
+from bestman_bt.navigation.slam.loop_closure import LoopCloser, LoopClosureParameters
+from bestman_bt.navigation.slam.oriented_points import OrientedPoints, oriented_points
+from bestman_bt.navigation.slam.point_to_line import PointToLineParameters, ScanAlignment
+from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph, PoseGraphParameters
+from bestman_bt.navigation.slam.submap import Keyframe, Submap
+
+
+@dataclass(frozen=True)
+class PoseGraphSlamParameters:
+    """Lengths in metres, angles in radians.
+
+    ``loop_closure``: False leaves only scan matching, as a control. A scan becomes a keyframe after
+    ``keyframe_distance`` or ``keyframe_angle``; a submap has ``submap_keyframes``, and its second half is the first
+    half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: oriented hits that a scan needs.
+    ``slip``, ``turn_slip``, ``drift``: variance that odometry gains per metre driven (m²/m), per radian turned
+    (rad²/rad) and in heading per metre (rad²/m): wheels that slip by a tenth between two scans; ``rest_std``,
+    ``rest_heading_std``: what is left at rest. A match that explains less than ``min_inlier_ratio`` of the hits is
+    searched again within ``recovery_distance`` and ``recovery_angle``, and refused if that finds nothing better.
+    ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
+    ``redraw_angle``: a keyframe that a loop closure moves farther has the grid drawn anew.
+    """
+
+    loop_closure: bool = True
+    keyframe_distance: float = 0.30
+    keyframe_angle: float = math.radians(20.0)
+    submap_keyframes: int = 16
+    cell: float = 0.02
+    min_hits: int = 20
+    slip: float = 6e-4
+    turn_slip: float = 1e-3
+    drift: float = 4e-4
+    rest_std: float = 0.002
+    rest_heading_std: float = 0.002
+    min_inlier_ratio: float = 0.45
+    recovery_distance: float = 0.6
+    recovery_angle: float = math.radians(30.0)
+    position_std: float = 0.004
+    heading_std: float = math.radians(0.08)
+    redraw_distance: float = 0.015
+    redraw_angle: float = math.radians(0.15)
+    line: PointToLineParameters = field(default_factory=PointToLineParameters)
+    correlative: CorrelativeParameters = field(default_factory=CorrelativeParameters)
+    closure: LoopClosureParameters = field(default_factory=LoopClosureParameters)
+    graph: PoseGraphParameters = field(default_factory=PoseGraphParameters)
+    occupancy: LogOddsGridParameters = field(default_factory=LogOddsGridParameters)
+
+
+class PoseGraphSlam(Slam):
+    """See the module; equal input gives equal output."""
+
+    def __init__(self, parameters: PoseGraphSlamParameters | None = None) -> None:
+        self._parameters = parameters or PoseGraphSlamParameters()
+        self._closer = LoopCloser(self._parameters.closure)
+        self._estimate: SlamEstimate | None = None
+
+    def reset(self, pose: Pose2D, odometry: Pose2D) -> SlamEstimate:
+        """See ``Slam.reset``."""
+        self._graph = PoseGraph(self._parameters.graph)
+        self._keyframes: list[Keyframe] = []
+        self._active: list[Submap] = []
+        self._finished: list[Submap] = []
+        self._loops: list[tuple[int, int]] = []
+        self._odometry = odometry
+        self._local = pose
+        self._map_from_local = Pose2D()
+        self._covariance = self._error(self._parameters.position_std, self._parameters.heading_std)
+        self._drawing, self._drawn = LogOddsGrid(self._parameters.occupancy), np.zeros((0, 3))
+        return self._tell(None)
+
+    @property
+    def estimate(self) -> SlamEstimate:
+        """See ``Slam.estimate``."""
+        if self._estimate is None:
+            raise RuntimeError("PoseGraphSlam was used before reset")
+        return self._estimate
+
+    def predict(self, odometry: Pose2D) -> SlamEstimate:
+        """See ``Slam.predict``."""
+        estimate, p = self.estimate, self._parameters
+        moved = self._odometry.inverse() @ odometry
+        self._odometry = odometry
+        distance, turned = math.hypot(moved.x, moved.y), abs(moved.theta)
+        if distance == 0.0 and turned == 0.0:
+            return estimate
+        local = self._local @ moved
+        jacobian = np.eye(3)
+        jacobian[:2, 2] = self._local.y - local.y, local.x - self._local.x
+        noise = np.diag([p.slip * distance, p.slip * distance, p.turn_slip * turned + p.drift * distance])
+        self._covariance = jacobian @ self._covariance @ jacobian.T + noise
+        self._local = local
+        return self._tell(estimate.match)
+
+    def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
+        """See ``Slam.add``."""
+        self.predict(odometry)
+        p = self._parameters
+        hits = oriented_points(scan, base_from_lidar)
+        if len(hits) < p.min_hits:
+            return self._tell(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} hits lie on lines"))
+        if not self._active:
+            self._insert(Keyframe(self._graph.add_pose(self._local), self._local, scan, base_from_lidar, hits))
+            return self._tell(ScanMatch(True, 1.0, 0.0))
+        found = self._match(hits)
+        if found.inlier_ratio < p.min_inlier_ratio:
+            text = f"only {found.inlier_ratio:.0%} of the hits lie on what was mapped lately"
+            return self._tell(ScanMatch(False, found.inlier_ratio, found.residual, text))
+        if self._is_new_place():
+            self._add_keyframe(scan, base_from_lidar, hits)
+        return self._tell(ScanMatch(True, found.inlier_ratio, found.residual))
+
+    @property
+    def grid(self) -> OccupancyGrid:
+        """See ``Slam.grid``."""
+        p, poses = self._parameters, self._graph.poses
+        old = poses[: len(self._drawn)]
+        change = np.abs(old - self._drawn)
+        turned = np.abs((change[:, 2] + np.pi) % (2.0 * np.pi) - np.pi)
+        if (change[:, :2] > p.redraw_distance).any() or (turned > p.redraw_angle).any():
+            self._drawing, self._drawn = LogOddsGrid(p.occupancy), np.zeros((0, 3))
+        for keyframe in self._keyframes[len(self._drawn) :]:
+            self._drawing.add(self._graph.pose(keyframe.node) @ keyframe.base_from_lidar, keyframe.scan)
+        self._drawn = np.vstack([self._drawn, poses[len(self._drawn) :]])
+        return self._drawing.grid()
+
+    @property
+    def trajectory(self) -> SlamTrajectory:
+        """See ``Slam.trajectory``."""
+        stamps = np.array([keyframe.scan.stamp for keyframe in self._keyframes])
+        return SlamTrajectory(self._graph.poses, stamps, np.array(self._loops, dtype=np.intp).reshape(-1, 2))
+
+    def _match(self, hits: OrientedPoints) -> ScanAlignment:
+        """Match to the older submap under way, and take over what was found if it is good."""
+        p, submap = self._parameters, self._active[0]
+        guess = submap.pose_of(self._local)
+        anchor = submap.anchor.local.theta
+        prior = _turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
+        information = np.linalg.inv(prior)
+        found = submap.reference.align(hits, guess, information)
+        if found.inlier_ratio < p.min_inlier_ratio:
+            window = SearchWindow(p.recovery_distance, p.recovery_angle)
+            coarse = submap.matcher.search(hits.points, guess, window)
+            if coarse is None:
+                return found
+            information = 1e-6 * np.eye(3)
+            found = submap.reference.align(hits, coarse.pose)
+            if found.inlier_ratio < p.min_inlier_ratio:
+                return found
+        self._local = submap.anchor.local @ found.pose
+        covariance = np.linalg.inv(found.information + information)
+        self._covariance = _turned(covariance, anchor) + self._error(p.position_std, p.heading_std)
+        return found
+
+    def _is_new_place(self) -> bool:
+        p, last = self._parameters, self._keyframes[-1].local
+        turned = abs(wrap_angle(self._local.theta - last.theta))
+        return last.distance_to(self._local) > p.keyframe_distance or turned > p.keyframe_angle
+
+    def _add_keyframe(self, scan: LaserScan, base_from_lidar: Pose2D, hits: OrientedPoints) -> None:
+        node = self._graph.add_pose(self._map_from_local @ self._local)
+        keyframe = Keyframe(node, self._local, scan, base_from_lidar, hits)
+        information = np.linalg.inv(_turned(self._covariance, -self._local.theta))
+        for submap in self._active:
+            self._graph.add_constraint(
+                Constraint(submap.anchor.node, node, submap.pose_of(self._local), information / len(self._active))
+            )
+        self._insert(keyframe)
+        if self._parameters.loop_closure:
+            closures = self._closer.find(keyframe, self._finished, self._graph)
+            for closure in closures:
+                self._graph.add_constraint(closure)
+                self._loops.append((closure.first, closure.second))
+            if closures:
+                self._graph.optimize()
+                self._map_from_local = self._graph.pose(node) @ self._local.inverse()
+
+    def _insert(self, keyframe: Keyframe) -> None:
+        p = self._parameters
+        self._keyframes.append(keyframe)
+        for submap in self._active:
+            submap.insert(keyframe)
+        if not self._active or len(self._active[-1].keyframes) >= p.submap_keyframes // 2:
+            begun = Submap(p.line, p.correlative, p.cell)
+            begun.insert(keyframe)
+            self._active.append(begun)
+        if len(self._active[0].keyframes) >= p.submap_keyframes:
+            self._finished.append(self._active.pop(0))
+
+    def _error(self, position: float, heading: float) -> NDArray[np.float64]:
+        return np.diag([position**2, position**2, heading**2])
+
+    def _tell(self, match: ScanMatch | None) -> SlamEstimate:
+        turned = _turned(self._covariance, self._map_from_local.theta)
+        self._estimate = SlamEstimate(self._map_from_local @ self._local, turned, match, len(self._loops))
+        return self._estimate
+
+
+def _turned(covariance: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    """A covariance (3, 3) in a frame in which the vectors of its own appear turned by ``angle``."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    turned: NDArray[np.float64] = turn @ covariance @ turn.T
+    return turned

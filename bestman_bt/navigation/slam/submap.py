@@ -1,0 +1,81 @@
+"""Submaps: the points of consecutive keyframes in the frame of the first, rigid once they are finished.
+
+As in W. Hess et al., "Real-time loop closure in 2D lidar SLAM", 2016: drift inside a submap is small, so that corrections
+only move submaps against each other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.navigation.slam.correlative import CorrelativeMatcher, CorrelativeParameters
+from bestman_bt.navigation.slam.oriented_points import OrientedPoints, joined, thinned
+from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLineParameters
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframe:
+    """A scan that is kept. ``node``: in the pose graph. ``local``: pose of the base in the frame that drifts smoothly.
+
+    ``hits``: of the scan, in the base frame.
+    """
+
+    node: int
+    local: Pose2D
+    scan: LaserScan
+    base_from_lidar: Pose2D
+    hits: OrientedPoints
+
+
+@dataclass(eq=False)
+class Submap:
+    """``keyframes``: the first is its frame. ``cell``: metres within which points are one."""
+
+    line_parameters: PointToLineParameters
+    correlative_parameters: CorrelativeParameters
+    cell: float
+    keyframes: list[Keyframe] = field(default_factory=list)
+
+    @property
+    def anchor(self) -> Keyframe:
+        """The keyframe whose base frame is the submap's."""
+        return self.keyframes[0]
+
+    @property
+    def last_node(self) -> int:
+        """Of its newest keyframe, in the pose graph."""
+        return self.keyframes[-1].node
+
+    def insert(self, keyframe: Keyframe) -> None:
+        """Add the points of a keyframe where it lies in the local frame."""
+        self.keyframes.append(keyframe)
+        for name in ("cloud", "reference", "matcher"):
+            self.__dict__.pop(name, None)
+
+    def pose_of(self, local: Pose2D) -> Pose2D:
+        """A pose of the local frame in that of the submap."""
+        return self.anchor.local.inverse() @ local
+
+    @cached_property
+    def cloud(self) -> OrientedPoints:
+        """All points, in the submap's frame."""
+        return thinned(joined([k.hits.placed(self.pose_of(k.local)) for k in self.keyframes]), self.cell)
+
+    @cached_property
+    def reference(self) -> LineReference:
+        """For ICP."""
+        return LineReference(self.cloud, self.line_parameters)
+
+    @cached_property
+    def matcher(self) -> CorrelativeMatcher:
+        """For large jumps."""
+        return CorrelativeMatcher(self.cloud.points, self.correlative_parameters)
+
+    def distance_to(self, point: Pose2D) -> float:
+        """From a pose in the submap's frame to the nearest of its keyframes, metres."""
+        places = np.array([self.pose_of(k.local).xy for k in self.keyframes])
+        return float(np.linalg.norm(places - point.xy, axis=1).min())
