@@ -20,6 +20,7 @@ from hal.twins import TwinProcess
 
 COMMAND = [sys.executable, "-m", "bestman_bt.cli.main"]
 START_TIME, REST_TIME, END_TIME = 120.0, 5.0, 15.0
+CANCELLED = 130
 TO_AND_FRO = """<root BTCPP_format="4"><BehaviorTree ID="ToAndFro"><Repeat num_cycles="50"><Sequence>
   <MoveArm posture="home"/><MoveArm posture="carry"/>
 </Sequence></Repeat></BehaviorTree></root>"""
@@ -45,6 +46,11 @@ class ClientTrial:
     end: End
     allowed: float
     base: bool = False
+
+    @property
+    def exit_code(self) -> int:
+        """Of the client."""
+        return CANCELLED if self.end is End.STOPPED else -signal.SIGKILL
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ class RobotiqOptions:
     ``open_position``, ``closed_position``: the gripper's own numbers where the fingers are fully open and closed.
     ``least_force``, ``least_speed``: what its numbers 0 mean; 255 are the part's ``max_force`` and ``max_speed``.
     ``device``, ``command_register``, ``status_register``: of Modbus; a gateway to the serial gripper has 9, 1000, 2000.
-    ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer once, ``longest_delay``: for a while.
+    ``rate``: hertz of its readings. ``timeout``: seconds that it may take to answer once; ``longest_delay``: for long.
     """
 
     protocol: Literal["urcap", "modbus"] = "urcap"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import queue
 import socket
 import threading
 import time
@@ -129,17 +130,25 @@ class RosbridgeServer:
     def _attend(self, client_socket: socket.socket) -> None:
         wire = WebSocketWire(client_socket, self._wait_for_wire)
         client = Client(wire, self._faults)
-        sender = threading.Thread(target=client.send_all, name="rosbridge sender", daemon=True)
-        sender.start()
+        inbox: queue.SimpleQueue[tuple[float, str] | None] = queue.SimpleQueue()
+        threading.Thread(target=client.send_all, name="rosbridge sender", daemon=True).start()
+        threading.Thread(target=self._answer_all, args=(client, inbox), name="rosbridge receiver", daemon=True).start()
         self._clients.add(client)
         try:
             for text in wire.messages():
                 if not self._faults.wire.silent:
-                    time.sleep(self._faults.wire.delay)
-                    self._answer(client, text)
+                    inbox.put((time.monotonic() + self._faults.wire.delay, text))
         finally:
             self._clients.discard(client)
             client.leave()
+            inbox.put(None)
+
+    def _answer_all(self, client: Client, inbox: queue.SimpleQueue[tuple[float, str] | None]) -> None:
+        """Each message when it is due: a delay of the wire holds each one back, the rate stays."""
+        while (arrived := inbox.get()) is not None:
+            due, text = arrived
+            time.sleep(max(0.0, due - time.monotonic()))
+            self._answer(client, text)
 
     def _wait_for_wire(self) -> None:
         while self._faults.wire.silent:
