@@ -17,7 +17,8 @@ from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
+from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer, make_odometry_filter
+from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals
@@ -50,6 +51,14 @@ class Setup:
         """Where the task asks the tool to be, map_from_tool; None where it does not."""
         return reach_goal(self.config, self.world)
 
+    @cached_property
+    def drive_goal(self) -> Pose2D | None:
+        """Where the task asks the base to be, map_from_base; None where it does not. SceneError if there is no room."""
+        asked = self.config.task.drive
+        if asked is None:
+            return None
+        return drive_goal(asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
+
 
 def prepare(config: RunConfig) -> Setup:
     """Load and check everything that a run needs; nothing is started.
@@ -60,6 +69,9 @@ def prepare(config: RunConfig) -> Setup:
     registry: NodeRegistry | None = None
     robot_model: RobotModel | None = None
     scene: SceneConfig | None = None
+    # A plug-in may bring the driver, but one that is there is imported first: it can then guard what plug-ins import.
+    if config.driver in DRIVERS.names():
+        DRIVERS.resolve(config.driver)
     with faults.step():
         registry = node_registry(config.task.plugins)
     with faults.step():
@@ -82,6 +94,8 @@ def prepare(config: RunConfig) -> Setup:
         make_localizer(config, world_model.map)
     with faults.step():
         make_local_planner(config)
+    with faults.step():
+        make_odometry_filter(config, robot_model)
     if registry is None:
         raise ConfigurationError(dict.fromkeys(faults.problems))
     setup = Setup(config, registry, robot_model, world, world_model)

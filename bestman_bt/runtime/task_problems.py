@@ -80,8 +80,11 @@ def _goal_problems(
     else:
         if not goal.object:
             yield config.problem((*path, "object"), "should name at least one object")
+        elif set(goal.object) <= set(absent):
+            yield config.problem((*path, "object"), "the scene leaves out all of these objects")
+        there = [*known.models, *absent]
         for index, name in enumerate(goal.object):
-            yield from _unknown(config, (*path, "object", index), name, known.models, "the robot knows no object")
+            yield from _unknown(config, (*path, "object", index), name, there, "the robot knows no object")
     for field in ("source", "surface"):
         yield from _unknown(config, (*path, field), getattr(goal, field), _surfaces(known), "the map has no surface")
 

@@ -112,3 +112,18 @@ def test_a_tree_may_have_spaces_in_its_id_and_the_explicit_form_stands_anywhere(
         '<ReactiveSequence><Action ID="AlwaysSuccess"/></ReactiveSequence></BehaviorTree></root>'
     )
     assert load_tree(text).tick_exactly_once() == SUCCESS
+
+
+def test_not_a_number_is_refused_as_the_literal_of_a_port_for_numbers() -> None:
+    class Wants(SyncAction):
+        INPUT_PORTS = {"limit": PortInformation(float), "name": PortInformation(str)}
+
+        def on_tick(self) -> int:
+            return SUCCESS
+
+    registry = NodeRegistry()
+    registry.register(Wants)
+    text = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Wants limit="{}" name="nan"/></BehaviorTree></root>'
+    assert load_tree(text.format("1"), registry).nodes
+    with pytest.raises(TreeLoadError, match="'nan' is not a number"):
+        load_tree(text.format("nan"), registry)

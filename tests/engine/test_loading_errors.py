@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from bestman_bt.engine import (
     PortInformation,
     SyncAction,
     TreeLoadError,
+    build_tree,
     load_tree,
 )
 
@@ -195,3 +197,27 @@ def test_a_python_tree_that_raises_or_exits_is_told_with_file_and_line(source: s
     with pytest.raises(TreeLoadError) as caught:
         load_tree(path)
     assert str(caught.value).startswith(f"{path}:{told}")
+
+
+@pytest.mark.parametrize(
+    ("attributes", "port", "literal"),
+    [
+        ('goal="1;2" speed="nan"', "speed", "nan"),
+        ('goal="1;NaN"', "goal", "1;NaN"),
+        ('goal="json:[NaN]"', "goal", "json:[NaN]"),
+    ],
+)
+def test_not_a_number_is_no_literal_of_a_numeric_port(
+    attributes: str, port: str, literal: str, registry: NodeRegistry
+) -> None:
+    told = problems(document(f"<NavigateTo {attributes}/>"), registry)
+    assert told == [f"<text>:3: <NavigateTo> port '{port}': '{literal}' is not a number"]
+
+
+def test_infinity_is_a_literal_of_a_numeric_port(registry: NodeRegistry) -> None:
+    assert load_tree(document('<NavigateTo goal="1;2" speed="inf"/>'), registry).nodes
+
+
+def test_not_a_number_is_refused_of_nodes_made_in_python_too(registry: NodeRegistry) -> None:
+    with pytest.raises(TreeLoadError, match="port 'speed': nan is not a number"):
+        build_tree(NavigateTo(goal=[1.0, 2.0], speed=math.nan), registry=registry)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.engine import load_tree
+from bestman_bt.runtime import session
 from bestman_bt.runtime.plugins import node_registry
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -46,6 +47,23 @@ def test_the_skills_are_leaves_that_a_plugin_adds(page: str, tmp_path: Path) -> 
     leaf = node_registry([str(plugin)]).info("Nod")
     assert leaf.kind == "Action"
     assert [port.name for port in leaf.inputs] == ["times"]
+
+
+def test_the_skill_of_the_readme_runs_and_fails_as_it_declares(tmp_path: Path) -> None:
+    (text,) = (text for text in fences("README.md", "python") if "(Skill)" in text)
+    plugin = tmp_path / "nod.py"
+    plugin.write_text(text)
+    tree = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Nod times="{}"/></BehaviorTree></root>'
+    with session(seed=3, plugins=[str(plugin)]) as opened:
+        before = opened.skills.joints.positions()
+        assert opened.run(tree.format(2)).succeeded
+        after = opened.skills.joints.positions()
+        assert max(abs(after[joint] - before[joint]) for joint in after) > 0.1
+        assert not opened.run(tree.format(0)).succeeded
+        (failure,) = opened.skills.failures
+        declaration = opened.setup.registry.info("Nod").cls.DECLARATION
+    assert declaration.effects == ("nodded()",)
+    assert failure.error_code in declaration.recovery
 
 
 def test_every_page_is_in_the_navigation() -> None:

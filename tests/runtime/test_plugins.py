@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, dump_run, load_run, read_run
-from bestman_bt.registry import ALGORITHMS
+from bestman_bt.registry import ALGORITHMS, DRIVERS
 from bestman_bt.runtime import node_registry, prepare, session
 
 PLUGIN = '''
@@ -140,3 +142,23 @@ def test_a_plug_in_that_raises_is_named_with_its_line(
 def test_a_plug_in_that_is_not_there_is_named() -> None:
     with pytest.raises(ConfigurationError, match=r"--plugin nowhere\.py: no such file"):
         node_registry(["nowhere.py"])
+
+
+def test_a_plug_in_may_bring_the_driver(tmp_path: Path) -> None:
+    path = tmp_path / "mine.py"
+    path.write_text('from bestman_bt.registry import DRIVERS\nDRIVERS.add("mine", "hal.pybullet:PyBulletRobot")\n')
+    try:
+        assert prepare(load_run("fetch_cup", driver="mine", plugins=[str(path)])).config.driver == "mine"
+    finally:
+        DRIVERS._entries.pop("mine", None)
+    with pytest.raises(ConfigurationError, match="unknown robot driver 'mine'"):
+        prepare(load_run("fetch_cup", driver="mine"))
+
+
+def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tmp_path: Path) -> None:
+    path = tmp_path / "cheat.py"
+    path.write_text("from pybullet import resetJointState\nprint(resetJointState.__module__)\n")
+    program = "from bestman_bt.configuration import load_run\nfrom bestman_bt.runtime.setup import prepare\n"
+    program += f"prepare(load_run('fetch_cup', plugins=[{str(path)!r}]))\n"
+    ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert ran.stdout.splitlines()[-1] == "hal.pybullet.raw_call_guard"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -186,16 +187,17 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
         converter = info.checks[key] if key in info.checks else registry.converters.converter(port.data_type)
         if converter is None:
             return f"a {type_name(port.data_type)} cannot be written as a literal; map an entry, as '{{{key}}}'"
-        try:
-            converter(value)
-        except ConversionError as error:
-            return str(error)
-        return ""
     try:
-        cast(value, port.data_type, registry.converters)
+        typed = converter(value) if isinstance(value, str) else cast(value, port.data_type, registry.converters)
     except ConversionError as error:
         return str(error)
-    return ""
+    return f"{value!r} is not a number" if _holds_nan(typed) else ""
+
+
+def _holds_nan(value: Any) -> bool:
+    if isinstance(value, (list, tuple)):
+        return any(_holds_nan(entry) for entry in value)
+    return isinstance(value, float) and math.isnan(value)
 
 
 def _output_message(info: NodeInfo, key: str, value: Any) -> str:
