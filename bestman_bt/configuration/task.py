@@ -15,12 +15,14 @@ from bestman_bt.configuration.data import beside, data_names, find_data
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import (
+    Distance,
     Frequency,
     JointPosition,
     Length,
     PositiveAngle,
     PositiveLength,
     PositiveTime,
+    Share,
     Time,
 )
 from bestman_bt.registry import suggestion
@@ -91,6 +93,17 @@ class LiftConfig:
 
 
 @dataclass(frozen=True)
+class DriveConfig:
+    """The base shall drive to a pose that the seed chooses, at least ``distance`` metres from its start.
+
+    ``at_furniture``: the chance that it is 6 cm before a piece of furniture; else there is room to turn.
+    """
+
+    at_furniture: Share = 0.5
+    distance: Distance = 1.0
+
+
+@dataclass(frozen=True)
 class TolerancesConfig:
     """How near a success has to come: metres, radians (``yaw`` None: any), seconds of rest before it is judged."""
 
@@ -104,8 +117,8 @@ class TolerancesConfig:
 class TaskConfig:
     """A task.
 
-    ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``, ``reach``, ``lift``: what
-    else is asked.
+    ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``, ``reach``, ``lift``,
+    ``drive``: what else is asked.
     ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: pairs that
     may touch, each an object, a piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``:
     metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most.
@@ -121,6 +134,7 @@ class TaskConfig:
     tidy: TidyConfig | None = None
     reach: ReachConfig | None = None
     lift: LiftConfig | None = None
+    drive: DriveConfig | None = None
     predicate: str | tuple[str, ...] | None = None
     tolerances: TolerancesConfig = field(default_factory=TolerancesConfig)
     allowed_contacts: tuple[tuple[str, str], ...] = ()
@@ -206,6 +220,8 @@ def _contradictions(task: TaskConfig, document: Document) -> Iterator[Problem]:
     """What types cannot tell."""
     if task.goal is not None and task.goals:
         yield document.problem(("goals",), "'goal' is given too; one goal or several")
+    if task.drive is not None and task.all_goals:
+        yield document.problem(("drive",), "a goal for an object is given too; both would be the tree's 'goal'")
     opening, tidy = task.opening, task.tidy
     if opening is not None:
         if opening.at_least is None and opening.at_most is None:

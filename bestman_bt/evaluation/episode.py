@@ -12,6 +12,7 @@ from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunCo
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.predicates import Verdict, find_judge
 from bestman_bt.evaluation.recording import Recording
@@ -36,6 +37,7 @@ class _Observers:
         self.truth: GroundTruth | None = None
         self.scene: SceneRecorder | None = None
         self.pictures: Pictures | None = None
+        self.driven: DrivenPath | None = None
 
     def attach(self, robot: Robot) -> None:
         if self._prepare_robot is not None:
@@ -49,6 +51,8 @@ class _Observers:
             robot.close_truth()
         elif self._judge is not None:
             self.truth = RemoteTruth(self._judge)
+        if self.truth is not None:
+            self.driven = DrivenPath(self.truth)
 
     def honesty_record(self) -> HonestyRecord | None:
         """What the monitor of the world has seen; None of a world that nobody watches."""
@@ -103,7 +107,8 @@ def run_episode(
             session.robot.stop()
             session.robot.clock.sleep(0.5)
         elif judge is not None and observers.truth is not None:
-            verdict = judge(session, observers.truth, session.robot.clock)
+            driven = observers.driven.length if observers.driven is not None else 0.0
+            verdict = judge(session, observers.truth, session.robot.clock, driven)
         if observers.pictures is not None:
             observers.pictures.take("end", _object(setup))
         record = observers.honesty_record()
@@ -138,6 +143,8 @@ def _after_tick(
             recording.open()
             stack.callback(recording.close)
             calls.append(recording.after_tick)
+    if observers.driven is not None and session.setup.config.task.drive is not None:
+        calls.append(observers.driven.after_tick)
     if observers.pictures is not None:
         calls.append(_picture_of_the_grasp(session, observers.pictures))
     if watch is not None:

@@ -156,6 +156,8 @@ def _entries(setup: Setup) -> dict[str, Any]:
     reach, lift = setup.reach_goal, setup.config.task.lift
     if reach is not None:
         entries["goal"] = reach
+    if setup.drive_goal is not None:
+        entries["goal"] = setup.drive_goal
     if lift is not None:
         entries |= {"object": lift.object, "source": lift.source}
     return entries

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
+from bestman_bt.evaluation.predicates.at_goal import at_goal
 from bestman_bt.evaluation.predicates.inside import inside
 from bestman_bt.evaluation.predicates.lifted import lifted
 from bestman_bt.evaluation.predicates.opened import opened
@@ -18,6 +19,7 @@ from hal.api import Clock
 from hal.pybullet import GroundTruth
 
 PREDICATES: dict[str, Predicate] = {
+    "at_goal": at_goal,
     "inside": inside,
     "lifted": lifted,
     "opened": opened,
@@ -26,6 +28,7 @@ PREDICATES: dict[str, Predicate] = {
     "tool_at": tool_at,
 }
 _NEEDS = {
+    "at_goal": "drive",
     "inside": "goal",
     "lifted": "lift",
     "opened": "opening",
@@ -34,6 +37,7 @@ _NEEDS = {
     "tool_at": "reach",
 }
 METRICS: dict[str, tuple[str, ...]] = {
+    "at_goal": ("final_error_mm", "final_yaw_deg", "path_ratio"),
     "inside": (),
     "lifted": ("lifted_mm",),
     "opened": ("angle_deg", "opening_mm"),
@@ -43,7 +47,8 @@ METRICS: dict[str, tuple[str, ...]] = {
 }
 """What each predicate may measure; of several goals also one by one, the object's name behind."""
 
-Judge = Callable[[Session, GroundTruth, Clock], Verdict]
+Judge = Callable[[Session, GroundTruth, Clock, float], Verdict]
+"""Of a session, the truth, the clock, and the metres that the base has driven."""
 
 
 def find_judge(config: RunConfig) -> Judge | None:
@@ -58,7 +63,7 @@ def find_judge(config: RunConfig) -> Judge | None:
     if not predicates:
         return None
 
-    def judge(session: Session, truth: GroundTruth, clock: Clock) -> Verdict:
+    def judge(session: Session, truth: GroundTruth, clock: Clock, driven: float) -> Verdict:
         """Let the world rest, then ask all predicates."""
         tidy, lift = session.setup.config.task.tidy, session.setup.config.task.lift
         named = [*(goal.object for goal in session.setup.goals), *(tidy.objects if tidy is not None else ())]
@@ -66,7 +71,7 @@ def find_judge(config: RunConfig) -> Judge | None:
         before = {name: truth.object_pose(name) for name in named if name in truth.object_names}
         clock.sleep(session.setup.config.task.tolerances.rest_time)
         positions = {name: tuple(float(x) for x in pose.position) for name, pose in before.items()}
-        evidence = Evidence(session, truth, {name: (x, y, z) for name, (x, y, z) in positions.items()})
+        evidence = Evidence(session, truth, {name: (x, y, z) for name, (x, y, z) in positions.items()}, driven)
         return joined(predicate(evidence) for predicate in predicates)
 
     return judge
@@ -82,7 +87,9 @@ def metric_names(config: RunConfig) -> list[str]:
 
 def _problems(config: RunConfig) -> Iterator[Problem]:
     task = config.task
-    given: dict[str, bool] = {name: getattr(task, name) is not None for name in ("opening", "tidy", "reach", "lift")}
+    given: dict[str, bool] = {
+        name: getattr(task, name) is not None for name in ("opening", "tidy", "reach", "lift", "drive")
+    }
     given["goal"] = bool(task.all_goals)
     for index, name in enumerate(task.predicates):
         path = ("predicate",) if isinstance(task.predicate, str) else ("predicate", index)

@@ -23,11 +23,13 @@ class Evidence:
     """What a predicate judges by, after the rest time.
 
     ``before``: name → position at the beginning of the rest, of each object that the task names and that is there.
+    ``driven``: metres that the base has driven.
     """
 
     session: Session
     truth: GroundTruth
     before: dict[str, tuple[float, float, float]]
+    driven: float = 0.0
 
 
 Predicate = Callable[[Evidence], Verdict]

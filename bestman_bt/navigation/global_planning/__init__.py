@@ -4,6 +4,7 @@ from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFa
 from bestman_bt.navigation.global_planning.costmap import Costmap, CostmapParameters
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.global_planning.grid_astar import GridAStar, GridAStarParameters
+from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, shortest_length
 
 __all__ = [
     "Costmap",
@@ -14,4 +15,6 @@ __all__ = [
     "GridAStarParameters",
     "PlanningFailure",
     "PlanningFailureReason",
+    "areas_of_disc",
+    "shortest_length",
 ]

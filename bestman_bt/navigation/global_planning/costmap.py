@@ -111,6 +111,12 @@ class Costmap:
         centres: NDArray[np.float64] = (np.asarray(cells, dtype=float)[..., ::-1] + 0.5) * self.resolution
         return centres + self.origin
 
+    def cells(self, points: ArrayLike) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of map points (..., 2); of points beyond the costmap, those of its border."""
+        cells = np.floor((np.asarray(points, dtype=float) - self.origin) / self.resolution).astype(np.intp)
+        rows, columns = self.distance.shape
+        return np.clip(cells[..., 1], 0, rows - 1), np.clip(cells[..., 0], 0, columns - 1)
+
     def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
         """Which map points (..., 2) lie on the costmap."""
         cells = (np.asarray(points, dtype=float) - self.origin) / self.resolution

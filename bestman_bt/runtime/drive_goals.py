@@ -1,0 +1,87 @@
+"""Where a task asks the base to drive: somewhere on the free floor, or close before a piece of furniture."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.configuration.task import DriveConfig
+from bestman_bt.messages import Pose2D
+from bestman_bt.navigation.global_planning import Costmap, CostmapParameters, Footprint, areas_of_disc
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.scene import SceneError, World, semantic_map
+from bestman_bt.world_model import SemanticMap
+
+_TRIES = 1000
+_ROOM = 0.05
+"""Metres around the base on open floor."""
+_BEFORE_FURNITURE = 0.06
+"""Metres before the front of a piece, where the map has it: as a robot stands that is to reach over it."""
+_STRAIGHT = 0.6
+"""Metres within which there is room to turn, straight behind a goal before furniture."""
+_EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
+
+
+def base_footprint(robot: RobotModel) -> Footprint:
+    """The outline of the robot's first base."""
+    return Footprint(np.array(next(iter(robot.bases.values())).footprint))
+
+
+def true_costmap(world: World, robot: RobotModel) -> Costmap:
+    """Where things really stand, without margins; walkers are left out."""
+    actual = tuple(replace(piece, nominal=piece.actual) for piece in world.furniture)
+    return Costmap.from_map(semantic_map(replace(world, furniture=actual)), base_footprint(robot), (), _EXACT)
+
+
+def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:
+    """The pose that the seed chooses, map_from_base; SceneError where there is none.
+
+    The base has room there as the map has it and as it really is, and a disc around the base gets there: before
+    furniture, to a place straight behind it.
+    """
+    rng = np.random.default_rng([seed, 5])
+    truth, believed = true_costmap(world, robot), Costmap.from_map(known, base_footprint(robot))
+    radius = truth.footprint.circumscribed_radius
+    areas = areas_of_disc(truth, radius)
+    home = int(areas[truth.cells(world.robot_start.xy)])
+    before_furniture = bool(rng.random() < asked.at_furniture)
+    for _ in range(_TRIES):
+        goal = _before_furniture(known, truth.footprint, rng) if before_furniture else _anywhere(truth, rng)
+        if goal.distance_to(world.robot_start) < asked.distance or not truth.contains(goal.xy):
+            continue
+        if min(truth.clearance_at(goal), believed.clearance_at(goal)) <= 0.0:
+            continue
+        if not before_furniture and min(truth.distance_at(goal.xy), believed.distance_at(goal.xy)) < radius + _ROOM:
+            continue
+        behind = _straight_behind(goal, _STRAIGHT if before_furniture else 0.0)
+        clearance = np.minimum(truth.footprint_clearance(behind), believed.footprint_clearance(behind))
+        free = np.logical_and.accumulate(clearance > 0.0)
+        free &= believed.distance_at(behind[:, :2]) > radius
+        if home and np.any(free & (areas[truth.cells(behind[:, :2])] == home)):
+            return goal
+    raise SceneError(f"scene {world.scene!r}, seed {seed}: the base can get to none of {_TRIES} poses drawn")
+
+
+def _anywhere(costmap: Costmap, rng: np.random.Generator) -> Pose2D:
+    rows, columns = costmap.distance.shape
+    x, y = costmap.origin + rng.random(2) * (columns, rows) * costmap.resolution
+    return Pose2D(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
+
+
+def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D:
+    """Facing the front of a piece, somewhere along it."""
+    pieces = list(known.furniture.values())
+    piece = pieces[int(rng.integers(len(pieces)))]
+    reach = max(0.0, piece.footprint[1] / 2 - 0.1)
+    away = piece.footprint[0] / 2 + _BEFORE_FURNITURE + float(footprint.corners[:, 0].max())
+    return piece.pose @ Pose2D(-away, float(rng.uniform(-reach, reach)), 0.0)
+
+
+def _straight_behind(goal: Pose2D, distance: float) -> NDArray[np.float64]:
+    """Poses (N, 3) from the goal straight back."""
+    along = -np.arange(0.0, distance + 1e-9, 0.02)
+    x, y = goal.x + along * math.cos(goal.theta), goal.y + along * math.sin(goal.theta)
+    return np.column_stack([x, y, np.full_like(along, goal.theta)])

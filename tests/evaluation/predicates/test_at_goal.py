@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, load_run, load_task
+from bestman_bt.evaluation.episode import prepare_episode, run_episode
+from bestman_bt.messages import Pose2D
+from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.runtime.drive_goals import base_footprint, true_costmap
+from bestman_bt.runtime.setup import Setup, prepare
+from tests.evaluation.predicates.staged import Staged, judged, why
+
+DRIVE = {"scene": "kitchen", "predicate": "at_goal", "drive": {"distance": "2 m"}}
+
+
+@pytest.fixture(scope="module")
+def setups() -> list[Setup]:
+    return [prepare(load_run("navigate_kitchen", seed=seed)) for seed in range(16)]
+
+
+def goal_of(setup: Setup) -> Pose2D:
+    assert setup.drive_goal is not None
+    return setup.drive_goal
+
+
+def test_a_base_that_stayed_where_it_was_is_told_by_how_much_it_is_off(tmp_path: Path) -> None:
+    result = judged(tmp_path, DRIVE, Staged())
+    assert result.metrics["final_error_mm"] > 2000
+    assert "mm from the goal" in why(result)
+    assert "path_ratio" not in result.metrics
+
+
+def test_the_heading_is_asked_for_only_where_the_task_has_a_tolerance_of_yaw(tmp_path: Path) -> None:
+    anywhere = {**DRIVE, "tolerances": {"position": "20 m"}}
+    assert judged(tmp_path, anywhere, Staged()).success
+    turned = judged(tmp_path, {**anywhere, "tolerances": {"position": "20 m", "yaw": "0.1 deg"}}, Staged())
+    assert "turned away by" in why(turned)
+
+
+def test_a_drive_is_measured_against_the_shortest_way(tmp_path: Path) -> None:
+    result = run_episode(load_run("navigate_kitchen", seed=2))
+    assert result.success
+    assert result.metrics["final_error_mm"] < 20
+    assert 0.9 < result.metrics["path_ratio"] < 1.2
+
+
+def test_half_of_the_goals_are_close_before_furniture_and_the_others_have_room(setups: list[Setup]) -> None:
+    close = 0
+    for setup in setups:
+        goal = goal_of(setup)
+        believed = Costmap.from_map(setup.world_model.map, base_footprint(setup.robot_model))
+        assert goal.distance_to(setup.world.robot_start) >= 1.0
+        assert true_costmap(setup.world, setup.robot_model).clearance_at(goal) > 0.0
+        assert believed.clearance_at(goal) > 0.0
+        close += bool(believed.distance_at(goal.xy) < believed.footprint.circumscribed_radius)
+    assert 4 <= close <= 12
+
+
+def test_the_seed_chooses_the_goal(setups: list[Setup]) -> None:
+    again = goal_of(prepare(load_run("navigate_kitchen", seed=3)))
+    assert again == goal_of(setups[3])
+    assert len({(goal_of(setup).x, goal_of(setup).y) for setup in setups}) == len(setups)
+
+
+def test_the_truth_has_furniture_where_it_really_stands(setups: list[Setup]) -> None:
+    setup = setups[0]
+    costmap = true_costmap(setup.world, setup.robot_model)
+    table = next(piece for piece in setup.world.furniture if piece.name == "table")
+    beyond = table.actual.apply(np.array([[-table.model.footprint[0] / 2 - 0.1, 0.0]]))[0]
+    assert costmap.distance_at(beyond) == pytest.approx(0.1, abs=1e-3)
+
+
+def test_a_task_without_a_drive_cannot_be_judged_by_at_goal() -> None:
+    with pytest.raises(ConfigurationError, match="needs a drive"):
+        prepare_episode(load_run("fetch_cup", settings=["predicate=at_goal"]))
+
+
+def test_a_goal_for_the_base_and_one_for_an_object_are_too_many(tmp_path: Path) -> None:
+    path = tmp_path / "task.yaml"
+    path.write_text(
+        "{tree: navigate, scene: kitchen, robot: diff_panda, drive: {},\n"
+        " goal: {name: place, object: cup, source: table, surface: counter}}"
+    )
+    with pytest.raises(ConfigurationError, match="both would be the tree's 'goal'"):
+        load_task(path)
+
+
+def test_drawn_headings_go_all_around(setups: list[Setup]) -> None:
+    assert max(abs(goal_of(setup).theta) for setup in setups) <= math.pi
+    assert min(goal_of(setup).theta for setup in setups) < -1.0 < 1.0 < max(goal_of(setup).theta for setup in setups)
