@@ -26,6 +26,7 @@ from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner
+from bestman_bt.navigation.localization import GlobalLocalizer
 from bestman_bt.perception.affordance import HandleDetector
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
@@ -60,6 +61,7 @@ class Algorithms:
     collision: CollisionModel
     motion_planning: TimedMotionPlanner
     global_planning: GlobalPlanner
+    global_localization: GlobalLocalizer
 
 
 @dataclass

@@ -13,7 +13,7 @@ from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPl
 from bestman_bt.manipulation.trajectory import TimeParametrization
 from bestman_bt.navigation.global_planning import GlobalPlanner
 from bestman_bt.navigation.local_planning import PathFollower
-from bestman_bt.navigation.localization import Localizer
+from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
 from bestman_bt.perception.affordance import HandleDetector
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
@@ -55,6 +55,7 @@ def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
             make("motion_planning", MotionPlanner), make("trajectory", TimeParametrization)
         ),
         global_planning=make("global_planning", GlobalPlanner),
+        global_localization=make("global_localization", GlobalLocalizer, kind="localization"),
     )
 
 
@@ -62,6 +63,15 @@ def make_localizer(config: RunConfig, semantic_map: SemanticMap) -> Localizer:
     """What tells the base controller where the base is; raises as ``make_algorithm``."""
     localizer: Localizer = make_algorithm(config, "localization", Localizer, semantic_map)
     return localizer
+
+
+def make_odometry_filter(config: RunConfig, model: RobotModel) -> OdometryFilter:
+    """What the base controller's odometry goes through; raises as ``make_algorithm``, and without the IMU it needs."""
+    made: OdometryFilter = make_algorithm(config, "odometry", OdometryFilter, kind="localization")
+    if made.uses_gyro and not model.imus:
+        message = f"needs a robot with an inertial measurement unit, and {config.task.robot} has none"
+        raise ConfigurationError([config.problem(("algorithms", "odometry", "algorithm"), message)])
+    return made
 
 
 def make_local_planner(config: RunConfig) -> PathFollower:

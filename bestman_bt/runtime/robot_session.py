@@ -23,16 +23,17 @@ from bestman_bt.engine import Node, Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model import RobotModel, joints_above
-from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer
+from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer, make_odometry_filter
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.policies import find_policy
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.sensing.force_torque import WristWrench
+from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
-from hal.api import Arm, Camera, ForceTorque, Gripper, JointGroup, Lidar, MobileBase, Robot, Tactile
+from hal.api import Arm, Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Tactile
 
 COMPUTATION_COSTS = {
     "detection": 0.25,
@@ -48,6 +49,7 @@ COMPUTATION_COSTS = {
     "policy": 0.05,
     "trajectory": 0.05,
     "global_planning": 0.05,
+    "global_localization": 0.5,
     "clear_stop": 0.1,
 }
 """Seconds that each computation takes on the robot's computer, in simulated time."""
@@ -179,6 +181,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         make_localizer(config, world.map),
         make_local_planner(config),
         world,
+        odometry=_odometry(setup, robot, forward),
     )
     algorithms = make_algorithms(config, model)
     wrist = next(
@@ -205,6 +208,17 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         rng=np.random.default_rng([config.seed, 2]),
         policies=partial(find_policy, tree=find_data("tree", config.task.tree)),
     )
+
+
+def _odometry(setup: Setup, robot: Robot, forward: ForwardKinematics) -> FusedOdometry:
+    """What the base's localisation predicts with."""
+    imu = next((part for part in robot.parts.values() if isinstance(part, Imu)), None)
+    gyro: GyroHeading | None = None
+    if imu is not None:
+        upwards = forward.pose(imu.frame, {}).rotation[2]
+        gyro = GyroHeading(imu, robot.clock, (float(upwards[0]), float(upwards[1]), float(upwards[2])))
+    made = make_odometry_filter(setup.config, setup.robot_model)
+    return FusedOdometry(_first(robot, MobileBase), robot.clock, made, gyro)
 
 
 def _camera_on_hand(model: RobotModel, cameras: Mapping[str, Camera]) -> Camera | None:

@@ -14,7 +14,8 @@ from bestman_bt.control.reading import READING_ERRORS
 from bestman_bt.control.wheeled.progress import ProgressWatch
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.local_planning import PathFollower, RotateToHeading
-from bestman_bt.navigation.localization import LocalizationEstimate, Localizer
+from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, OdometryScan, WheelOdometry
+from bestman_bt.sensing.inertial import FusedOdometry
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, WorldModel
 from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, Timer
@@ -51,7 +52,8 @@ class BaseControllerParameters:
 class BaseController:
     """Drives one base by odometry and lidar; keeps ``world.base`` up to date from ``start`` to ``close``.
 
-    A new action supersedes the one under way. Every handle's result is the believed pose at the end.
+    A new action supersedes the one under way. Every handle's result is the believed pose at the end. ``odometry``: of
+    wheels and gyroscope together; by default that of the wheels.
     """
 
     def __init__(
@@ -64,11 +66,13 @@ class BaseController:
         world: WorldModel,
         parameters: BaseControllerParameters | None = None,
         rotation: RotateToHeading | None = None,
+        odometry: FusedOdometry | None = None,
     ) -> None:
         self._base, self._clock, self._lidar = base, clock, lidar
         self._localizer, self._follower, self._world = localizer, follower, world
         self._parameters = parameters or BaseControllerParameters()
         self._rotation = rotation or RotateToHeading()
+        self._odometer = odometry or FusedOdometry(base, clock, WheelOdometry())
         self._lock = threading.RLock()
         self._timer: Timer | None = None
         self._action: _Action | None = None
@@ -93,14 +97,30 @@ class BaseController:
         """The localizer's estimate; RuntimeError before ``start``."""
         return self._localizer.estimate
 
+    @property
+    def lost(self) -> bool:
+        """Whether the base does not know where it is: it drives by the map only after a scan has fitted again."""
+        return self._lost
+
+    @property
+    def base_from_lidar(self) -> Pose2D:
+        """The lidar's pose in the base frame."""
+        return self._lidar.base_from_lidar
+
+    def scan(self) -> OdometryScan:
+        """What the lidar sees now; raises as its readings do."""
+        with self._lock:
+            return OdometryScan(self._odometer.pose(), self._lidar.scan())
+
     def start(self) -> None:
         """Begin to localise, from the believed ``world.base``; idempotent."""
         if self._timer is None:
             believed = self._world.base
-            self._odometry = self._base.odometry()
+            self._odometer.begin()
+            self._odometry = self._odometer.pose()
             self._localizer.reset(believed.pose, self._odometry, believed.position_std, believed.heading_std)
             self._scans_at_rest = self._refused_scans = 0
-            self._lost = False
+            self._lost = believed.position_std > self._parameters.lost_position_std
             self._timer = self._clock.every(1.0 / self._parameters.rate, self._tick)
 
     def close(self) -> None:
@@ -109,6 +129,17 @@ class BaseController:
             self._timer.cancel()
             self._timer = None
             self._replace(None)
+            self._odometer.end()
+
+    def believe(self, pose: Pose2D, position_std: float, heading_std: float) -> None:
+        """Stop, and go on from another pose in the map frame; it is lost until a scan has fitted there."""
+        with self._lock:
+            self.stop()
+            self._odometry = self._odometer.pose()
+            self._localizer.reset(pose, self._odometry, position_std, heading_std)
+            self._world.base = BasePose(pose, position_std, heading_std, self._clock.now())
+            self._scans_at_rest = self._refused_scans = 0
+            self._lost = True
 
     def follow(self, path: Path2D) -> ControlHandle[BasePose]:
         """Drive along a path in the map frame to its goal pose."""
@@ -129,6 +160,11 @@ class BaseController:
         self._follower.reset(Path2D(points, goal, np.array([distance < 0.0])))
         return self._begin(self._follower, goal)
 
+    def turn(self, angle: float) -> ControlHandle[BasePose]:
+        """Turn on the spot by ``angle``, within ±pi, as the odometry counts it: also where the base is lost."""
+        self._rotation.turn_to(wrap_angle(self._odometry.theta + angle))
+        return self._begin(self._rotation, None, by_odometry=True)
+
     def park(self) -> ControlHandle[BasePose]:
         """Come to rest, hold the wheels and let the localisation settle."""
         with self._lock:
@@ -142,7 +178,11 @@ class BaseController:
             self._replace(None)
 
     def _begin(
-        self, follower: PathFollower | None, goal: Pose2D | None, position_tolerance: float | None = None
+        self,
+        follower: PathFollower | None,
+        goal: Pose2D | None,
+        position_tolerance: float | None = None,
+        by_odometry: bool = False,
     ) -> ControlHandle[BasePose]:
         with self._lock:
             if self._timer is None:
@@ -151,7 +191,7 @@ class BaseController:
             tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
             handle: ControlHandle[BasePose] = ControlHandle(self._base.stop)
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
-            self._replace(_Action(handle, follower, goal, tolerance, watch))
+            self._replace(_Action(handle, follower, goal, tolerance, watch, by_odometry))
             self._scans_at_rest = self._refused_scans = 0
             return handle
 
@@ -180,14 +220,15 @@ class BaseController:
 
     def _localise(self) -> None:
         p = self._parameters
-        odometry = self._base.odometry()
+        odometry = self._odometer.pose()
         moved = self._odometry.inverse() @ odometry
         self._odometry = odometry
         if math.hypot(moved.x, moved.y) * p.rate > p.still_speed or abs(moved.theta) * p.rate > p.still_turn_rate:
             self._scans_at_rest = 0
         estimate = self._localizer.predict(odometry)
         self._ticks += 1
-        every = p.scan_every if self._scans_at_rest < p.settle_scans else p.rest_scan_every
+        settled = self._scans_at_rest >= p.settle_scans and not self._lost
+        every = p.rest_scan_every if settled else p.scan_every
         if self._ticks % every == 0:
             estimate = self._localizer.correct(self._lidar.scan(), self._lidar.base_from_lidar)
             self._scans_at_rest += 1
@@ -202,25 +243,29 @@ class BaseController:
         if action.follower is None:
             self._settle(action)
             return
-        if estimate.position_std > p.lost_position_std or self._refused_scans >= p.lost_scans:
+        pose = self._odometry if action.by_odometry else estimate.pose
+        if not action.by_odometry and not self._knows_where(estimate):
             why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
             text = f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
             self._lost = True
             self._halt(ControlErrorCode.LOST, text)
             return
-        if self._lost:
+        if self._lost and not action.by_odometry:
             self._scans_at_rest = 0  # stand and go on scanning: what begins while lost must not drive blindly
             return
-        if action.watch.is_stuck(estimate.pose, self._clock.now()):
-            pose = estimate.pose
+        if action.watch.is_stuck(pose, self._clock.now()):
             text = f"the base does not get on at ({pose.x:.2f}, {pose.y:.2f}) m: something is in its way"
             self._halt(ControlErrorCode.BLOCKED, text)
             return
-        command = action.follower.compute(estimate.pose, self._base.velocity(), 1.0 / p.rate)
+        command = action.follower.compute(pose, self._base.velocity(), 1.0 / p.rate)
         self._command(command.twist)
         if command.done:
             action.follower = None
             self._scans_at_rest = 0
+
+    def _knows_where(self, estimate: LocalizationEstimate) -> bool:
+        p = self._parameters
+        return estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
 
     def _settle(self, action: _Action) -> None:
         """Wait until the base rests and the scans taken there have told where, then judge."""
@@ -264,11 +309,15 @@ class BaseController:
 
 @dataclass
 class _Action:
-    """What the base is doing: driving by ``follower`` (None: coming to rest), towards ``goal`` (None: wherever)."""
+    """What the base is doing: driving by ``follower`` (None: coming to rest), towards ``goal`` (None: wherever).
+
+    ``by_odometry``: in its frame, without the map.
+    """
 
     handle: ControlHandle[BasePose]
     follower: PathFollower | None
     goal: Pose2D | None
     position_tolerance: float
     watch: ProgressWatch
+    by_odometry: bool = False
     corrections: int = 0

@@ -1,7 +1,42 @@
 """Localization: the base's pose on the map."""
 
-from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization.base import (
+    GlobalLocalizer,
+    LocalizationEstimate,
+    Localizer,
+    OdometryScan,
+    Place,
+    ScanMatch,
+)
+from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch, CorrelativeSearchParameters
+from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.ekf import OdometryEkf, OdometryEkfParameters
+from bestman_bt.navigation.localization.map_lines import MapLines, PlanarMap, map_lines
+from bestman_bt.navigation.localization.odometry import OdometryFilter, WheelOdometry
+from bestman_bt.navigation.localization.particle_filter import ParticleFilter, ParticleFilterParameters
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 from bestman_bt.navigation.localization.scan_to_map import ScanToMap, ScanToMapParameters
 
-__all__ = ["LocalizationEstimate", "Localizer", "ScanMatch", "ScanToMap", "ScanToMapParameters", "cast_rays"]
+__all__ = [
+    "CorrelativeSearch",
+    "CorrelativeSearchParameters",
+    "DistanceField",
+    "GlobalLocalizer",
+    "LocalizationEstimate",
+    "Localizer",
+    "MapLines",
+    "OdometryEkf",
+    "OdometryEkfParameters",
+    "OdometryFilter",
+    "OdometryScan",
+    "ParticleFilter",
+    "ParticleFilterParameters",
+    "Place",
+    "PlanarMap",
+    "ScanMatch",
+    "ScanToMap",
+    "ScanToMapParameters",
+    "WheelOdometry",
+    "cast_rays",
+    "map_lines",
+]

@@ -1,9 +1,10 @@
-"""Localizers: where the base is on the map, from odometry and lidar scans."""
+"""Where the base is on the map: localizers keep track of it, global localizers find it."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.frozen_array import frozen_array
+from bestman_bt.navigation.localization.map_lines import PlanarMap
 
 
 @dataclass(frozen=True)
@@ -72,3 +74,39 @@ class Localizer(ABC):
     @abstractmethod
     def estimate(self) -> LocalizationEstimate:
         """The present estimate; RuntimeError before the first ``reset``."""
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryScan:
+    """A scan and the odometry pose (``odom`` frame) of the base when it was taken."""
+
+    odometry: Pose2D
+    scan: LaserScan
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the base may be: ``pose`` in the map frame, ``probability`` that it is there rather than elsewhere.
+
+    ``position_std`` metres, ``heading_std`` radians: how well the pose is known if it is there. ``explained``: share of
+    the beams that met what the map has there, 0 to 1.
+    """
+
+    pose: Pose2D
+    probability: float
+    position_std: float
+    heading_std: float
+    explained: float
+
+
+class GlobalLocalizer(ABC):
+    """Finds the base on the whole map."""
+
+    @abstractmethod
+    def locate(
+        self, planar_map: PlanarMap, scans: Sequence[OdometryScan], base_from_lidar: Pose2D
+    ) -> tuple[Place, ...]:
+        """Where the base may be at the last of ``scans``, the most probable first; empty if the map has no such place.
+
+        ``scans``: one or more, with what the base has moved in between.
+        """

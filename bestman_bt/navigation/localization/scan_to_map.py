@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
 from bestman_bt.navigation.localization.ray_casting import cast_rays
-from bestman_bt.world_model import SemanticMap
 
 WEAK_PRIOR = 1e-6 * np.eye(3)
 
@@ -33,7 +33,8 @@ class ScanToMapParameters:
     heading variance per metre (rad²/m). A match is refused with less than ``min_inlier_ratio`` of the hits explained,
     or when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
     ``sure_inlier_ratio`` of the hits all the same, the wheels have slipped, and the variances grow by ``surprise``
-    until it is believed.
+    until it is believed. Nothing is matched where the pose is less certain than ``unknown_std``: a place that fits is
+    then no more than one of many.
     """
 
     iterations: int = 8
@@ -52,14 +53,16 @@ class ScanToMapParameters:
     max_deviation: float = 4.5
     sure_inlier_ratio: float = 0.6
     surprise: float = 4.0
+    unknown_std: float = 0.5
 
 
 class ScanToMap(Localizer):
     """Scan-to-map tracking; needs a first pose within about 10 cm and 5°."""
 
-    def __init__(self, semantic_map: SemanticMap, parameters: ScanToMapParameters | None = None) -> None:
-        self._parameters = parameters or ScanToMapParameters()
-        self._segments, self._bodies, self._body_std = _bodies(semantic_map, self._parameters)
+    def __init__(self, planar_map: PlanarMap, parameters: ScanToMapParameters | None = None) -> None:
+        self._parameters = p = parameters or ScanToMapParameters()
+        lines = map_lines(planar_map, p.wall_std, p.furniture_std)
+        self._segments, self._bodies, self._body_std = lines.segments, lines.bodies, lines.body_std
         self._estimate: LocalizationEstimate | None = None
         self._odometry = Pose2D()
 
@@ -99,6 +102,9 @@ class ScanToMap(Localizer):
         hits = base_from_lidar.apply(scan.points())
         if len(hits) < 10:
             return self._refused(ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything"))
+        if estimate.position_std > p.unknown_std:
+            text = f"a pose as uncertain as ±{estimate.position_std:.1f} m cannot be tracked"
+            return self._refused(ScanMatch(False, 0.0, math.inf, text))
         visible = self._visible(estimate.pose @ base_from_lidar, scan)
         if len(visible) == 0:
             return self._refused(ScanMatch(False, 0.0, math.inf, "nothing in the map is in view"))
@@ -196,18 +202,3 @@ def _nearest(
     dy -= u * along[:, 1]
     nearest: NDArray[np.intp] = np.argmin(dx * dx + dy * dy, axis=1)
     return nearest
-
-
-def _bodies(
-    semantic_map: SemanticMap, parameters: ScanToMapParameters
-) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.float64]]:
-    """All segments (N, 4), the body that each belongs to (N,), and the error of each body (M,), metres."""
-    walls = semantic_map.walls
-    solid = [f for f in semantic_map.furniture.values() if f.solid_at_lidar]
-    segments = [walls]
-    for furniture in solid:
-        corners = furniture.corners()
-        segments.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
-    bodies = np.concatenate([np.arange(len(walls)), len(walls) + np.repeat(np.arange(len(solid)), 4)])
-    stds = np.array([parameters.wall_std] * len(walls) + [parameters.furniture_std] * len(solid))
-    return np.concatenate(segments), bodies, stds

@@ -1,0 +1,68 @@
+"""How well a scan agrees with the map at a pose: the beam model of Thrun, Burgard, Fox, Probabilistic Robotics, 6.3.
+
+Unlike a likelihood field it knows that nothing is seen through a wall.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.navigation.localization.ray_casting import cast_rays
+
+
+@dataclass(frozen=True)
+class BeamModelParameters:
+    """``beams``: that are looked at, evenly spread. ``hit_std``: metres, of lidar, map and pose together.
+
+    ``hit``, ``short``, ``random``: shares of beams that meet what the map has, something before it that the map does
+    not know (the nearer the likelier, with the decay ``short_decay``, metres), or anything. ``lost``: likelihood of a
+    beam that meets nothing where the map has something. ``explained_within``: metres.
+    """
+
+    beams: int = 120
+    hit_std: float = 0.06
+    hit: float = 0.7
+    short: float = 0.2
+    random: float = 0.1
+    short_decay: float = 2.0
+    lost: float = 0.1
+    explained_within: float = 0.12
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """``log_likelihood``: mean over the beams. ``explained``: share of the beams that met what they should, 0 to 1."""
+
+    log_likelihood: float
+    explained: float
+
+
+def agreement(
+    segments: NDArray[np.float64], map_from_lidar: Pose2D, scan: LaserScan, parameters: BeamModelParameters
+) -> Agreement:
+    """Compare a scan with what would be seen of ``segments`` (N, 4) from ``map_from_lidar``."""
+    p = parameters
+    step = max(1, len(scan.ranges) // p.beams)
+    measured = scan.ranges[::step]
+    expected, _ = cast_rays(segments, map_from_lidar, scan.angles[::step])
+    expected = np.where(expected > scan.range_max, np.inf, expected)
+    visible = expected > scan.range_min  # what is nearer cannot be measured
+    hit, seen = np.isfinite(measured), np.isfinite(expected)
+    with np.errstate(invalid="ignore"):
+        error = measured - expected
+        near = p.hit * np.exp(-0.5 * (error / p.hit_std) ** 2) / (p.hit_std * np.sqrt(2.0 * np.pi))
+        before = np.where(error < 0.0, p.short * np.exp(-measured / p.short_decay) / p.short_decay, 0.0)
+    by_chance = p.random / scan.range_max
+    likelihood = np.where(hit & seen, near + before, 0.0) + by_chance
+    likelihood[hit & ~seen] = by_chance + p.short * np.exp(-measured[hit & ~seen] / p.short_decay) / p.short_decay
+    likelihood[~hit & seen] = p.lost
+    likelihood[~hit & ~seen] = 1.0
+    told = visible & (hit | seen)
+    if not told.any():
+        return Agreement(float(np.log(by_chance)), 0.0)
+    fits = hit & seen & (np.abs(np.where(hit & seen, error, np.inf)) < p.explained_within)
+    return Agreement(float(np.log(likelihood[told]).mean()), float(fits[told].mean()))

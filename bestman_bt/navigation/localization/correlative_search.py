@@ -1,0 +1,158 @@
+"""Global localisation by laying a scan everywhere on the map.
+
+E. Olson, "Real-time correlative scan matching", 2009: a coarse pass over every cell of the floor and every heading, in
+a field that is blurred as the pass is coarse. The best places are then matched finely, as ``ScanToMap`` does, and
+judged by a beam model, which knows that no beam goes through a wall.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.navigation.localization.base import GlobalLocalizer, LocalizationEstimate, OdometryScan, Place
+from bestman_bt.navigation.localization.beam_model import Agreement, BeamModelParameters, agreement
+from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
+from bestman_bt.navigation.localization.scan_to_map import ScanToMap, ScanToMapParameters
+
+
+@dataclass(frozen=True)
+class CorrelativeSearchParameters:
+    """Lengths in metres, angles in radians.
+
+    ``resolution`` and ``heading_step`` of the coarse pass, with ``points`` of the scan and a field blurred by ``blur``.
+    ``candidates``: places that are matched finely, at least ``apart`` and ``turned_apart`` from each other;
+    ``matches``: how often each is matched. Two places are one where they end within ``same`` and ``same_heading``.
+    ``independent_beams``: as how many independent measurements a scan counts. ``min_explained``: share of the beams
+    that a place must explain. ``clearance``: of the base's centre from everything.
+    """
+
+    resolution: float = 0.1
+    heading_step: float = math.radians(4.0)
+    points: int = 72
+    blur: float = 0.15
+    candidates: int = 40
+    apart: float = 0.3
+    turned_apart: float = math.radians(15.0)
+    matches: int = 3
+    same: float = 0.2
+    same_heading: float = math.radians(6.0)
+    independent_beams: float = 15.0
+    min_explained: float = 0.5
+    clearance: float = 0.2
+    beam_model: BeamModelParameters = field(default_factory=BeamModelParameters)
+
+
+class CorrelativeSearch(GlobalLocalizer):
+    """Exhaustive search; deterministic."""
+
+    def __init__(self, parameters: CorrelativeSearchParameters | None = None) -> None:
+        self._parameters = parameters or CorrelativeSearchParameters()
+
+    def locate(
+        self, planar_map: PlanarMap, scans: Sequence[OdometryScan], base_from_lidar: Pose2D
+    ) -> tuple[Place, ...]:
+        """See ``GlobalLocalizer.locate``; ValueError without a scan."""
+        if not scans:
+            raise ValueError("locate needs at least one scan")
+        p = self._parameters
+        search = _Search(planar_map, p, base_from_lidar)
+        latest = scans[-1]
+        found: list[tuple[float, float, LocalizationEstimate]] = []
+        for rough in search.coarse(latest.scan):
+            estimate = search.matched(rough, 0.5 * p.apart, p.heading_step, latest.scan)
+            if any(_is_same(estimate.pose, other.pose, p) for _, _, other in found):
+                continue
+            fits = [search.agreement(estimate.pose, latest.scan)]
+            fits += [
+                search.fit(estimate.pose @ latest.odometry.inverse() @ taken.odometry, taken.scan)
+                for taken in scans[:-1]
+            ]
+            # The mean: scans from nearly one place tell the same again.
+            score, explained = np.mean([(fit.log_likelihood, fit.explained) for fit in fits], axis=0).tolist()
+            found.append((score, explained, estimate))
+        return tuple(self._places(found))
+
+    def _places(self, found: list[tuple[float, float, LocalizationEstimate]]) -> Iterator[Place]:
+        p = self._parameters
+        if not found:
+            return
+        found.sort(key=lambda place: -place[0])
+        weights = np.exp(p.independent_beams * np.array([score - found[0][0] for score, _, _ in found]))
+        for probability, (_, explained, estimate) in zip((weights / weights.sum()).tolist(), found, strict=True):
+            if explained >= p.min_explained:
+                yield Place(estimate.pose, probability, estimate.position_std, estimate.heading_std, explained)
+
+
+class _Search:
+    """One search on one map; scans are taken from ``base_from_lidar``."""
+
+    def __init__(self, planar_map: PlanarMap, parameters: CorrelativeSearchParameters, base_from_lidar: Pose2D) -> None:
+        self._parameters = p = parameters
+        self._base_from_lidar = base_from_lidar
+        self._segments = map_lines(planar_map, 0.0, 0.0).segments
+        self._field = DistanceField.of_map(planar_map, p.resolution, reach=3.0 * p.blur, clearance=p.clearance)
+        # The places are off by half a cell and half a step, and furniture by centimetres: much may not fit yet.
+        self._matcher = ScanToMap(planar_map, ScanToMapParameters(min_inlier_ratio=0.2))
+
+    def coarse(self, scan: LaserScan) -> Iterator[Pose2D]:
+        """The best of all places on the floor, best first; none where the scan has hit too little."""
+        p, field_ = self._parameters, self._field
+        points = self._base_from_lidar.apply(scan.points())
+        if len(points) < 10:
+            return
+        points = points[np.linspace(0, len(points) - 1, min(p.points, len(points))).astype(int)]
+        reach = math.ceil(float(np.linalg.norm(points, axis=1).max()) / p.resolution) + 1
+        score_of_cell = np.exp(-0.5 * (field_.distance / p.blur) ** 2)
+        padded = np.pad(score_of_cell, reach)
+        columns = padded.shape[1]
+        cells = np.argwhere(field_.floor)
+        base = ((cells[:, 0] + reach) * columns + cells[:, 1] + reach).astype(np.int32)
+        headings = np.arange(-math.pi, math.pi, p.heading_step)
+        scores = np.empty((len(headings), len(cells)), dtype=np.float32)
+        flat = padded.ravel()
+        for number, heading in enumerate(headings):
+            offsets = np.rint(Pose2D(0.0, 0.0, heading).apply(points) / p.resolution).astype(np.int32)
+            total = np.zeros(len(cells), dtype=np.float32)
+            for offset in np.unique(offsets[:, 1] * columns + offsets[:, 0]):
+                total += flat.take(base + offset)
+            scores[number] = total
+        centres = field_.floor_points()
+        for _ in range(p.candidates):
+            best, cell = np.unravel_index(int(np.argmax(scores)), scores.shape)
+            if scores[best, cell] <= 0.0:
+                return
+            x, y = centres[cell].tolist()
+            yield Pose2D(x, y, float(headings[best]))
+            near = np.linalg.norm(centres - centres[cell], axis=1) < p.apart
+            turns = np.abs((headings - headings[best] + math.pi) % (2 * math.pi) - math.pi) < p.turned_apart
+            scores[np.ix_(turns, near)] = -1.0
+
+    def matched(self, pose: Pose2D, position_std: float, heading_std: float, scan: LaserScan) -> LocalizationEstimate:
+        """The pose near ``pose`` at which a scan fits best."""
+        estimate = self._matcher.reset(pose, Pose2D(), position_std, heading_std)
+        for _ in range(self._parameters.matches):
+            # Each time as unsure as before: the scan is one measurement, however often it is matched.
+            self._matcher.reset(estimate.pose, Pose2D(), position_std, heading_std)
+            estimate = self._matcher.correct(scan, self._base_from_lidar)
+        return estimate
+
+    def fit(self, pose: Pose2D, scan: LaserScan) -> Agreement:
+        """How well an earlier scan fits near where the odometry says that it was taken."""
+        p = self._parameters
+        matched = self.matched(pose, 0.25 * p.apart, 0.5 * p.heading_step, scan)
+        return self.agreement(matched.pose, scan)
+
+    def agreement(self, pose: Pose2D, scan: LaserScan) -> Agreement:
+        """How well a scan fits at a pose of the base."""
+        return agreement(self._segments, pose @ self._base_from_lidar, scan, self._parameters.beam_model)
+
+
+def _is_same(pose: Pose2D, other: Pose2D, parameters: CorrelativeSearchParameters) -> bool:
+    turned = abs(wrap_angle(pose.theta - other.theta))
+    return pose.distance_to(other) < parameters.same and turned < parameters.same_heading

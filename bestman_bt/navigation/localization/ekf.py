@@ -1,0 +1,112 @@
+"""Odometry of wheels and gyroscope together: an extended Kalman filter that also learns the gyroscope's bias.
+
+As robot_localization does it (T. Moore, D. Stouch, 2014), with a state (x, y, heading, rate, bias): wheels measure the
+rate, badly where they slip, the gyroscope measures it well, but for its bias. The wheels alone tell the distance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.navigation.localization.odometry import OdometryFilter
+
+
+@dataclass(frozen=True)
+class OdometryEkfParameters:
+    """``acceleration``: rad/s², standard deviation of how the rate changes within a step, per second of it.
+
+    ``turn_slip``: relative error of a turn by the wheels, ``drive_slip``: radians that they turn unnoticed per metre,
+    ``wheel_std``: rad/s at rest. ``slip``: relative error of a distance. ``gyro_noise``: rad/sqrt(s), of the sum of
+    rates. ``bias_std``: rad/s, of the bias at the start, ``bias_walk``: rad/s per sqrt(s). ``gate``: standard
+    deviations beyond which the wheels' turn is slip and left out.
+    """
+
+    acceleration: float = 8.0
+    turn_slip: float = 0.1
+    drive_slip: float = 0.15
+    wheel_std: float = 0.002
+    slip: float = 0.1
+    gyro_noise: float = 0.0005
+    bias_std: float = 0.005
+    bias_walk: float = 2e-5
+    gate: float = 5.0
+
+
+class OdometryEkf(OdometryFilter):
+    """Wheels and gyroscope in one estimate, which knows how uncertain it is."""
+
+    uses_gyro: ClassVar[bool] = True
+
+    def __init__(self, parameters: OdometryEkfParameters | None = None) -> None:
+        self._parameters = parameters or OdometryEkfParameters()
+        self.reset(Pose2D())
+
+    def reset(self, odometry: Pose2D) -> None:
+        """See ``OdometryFilter.reset``; the base should rest."""
+        self._wheels = odometry
+        self._state = np.array([odometry.x, odometry.y, odometry.theta, 0.0, 0.0])
+        self._covariance = np.diag([0.0, 0.0, 0.0, 1e-6, self._parameters.bias_std**2])
+
+    @property
+    def bias(self) -> float:
+        """Of the gyroscope, rad/s."""
+        return float(self._state[4])
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(5, 5), of x, y, heading, rate and bias; metres, radians, seconds."""
+        return self._covariance
+
+    def update(self, odometry: Pose2D, turned: float, elapsed: float) -> Pose2D:
+        """See ``OdometryFilter.update``."""
+        if elapsed > 0.0:
+            wheels = self._wheels.inverse() @ odometry
+            self._wheels = odometry
+            self._step(wheels, turned, elapsed)
+        x, y, theta = self._state[:3].tolist()
+        return Pose2D(x, y, wrap_angle(theta))
+
+    def _step(self, wheels: Pose2D, turned: float, elapsed: float) -> None:
+        p = self._parameters
+        distance = math.hypot(wheels.x, wheels.y)
+        self._covariance[3, 3] += (p.acceleration * elapsed) ** 2
+        self._covariance[4, 4] += p.bias_walk**2 * elapsed
+        wheel_std = (p.turn_slip * abs(wheels.theta) + p.drive_slip * distance) / elapsed + p.wheel_std
+        gyro_std = p.gyro_noise / math.sqrt(elapsed)
+        self._measure(np.array([0.0, 0.0, 0.0, 1.0, 1.0]), turned / elapsed, gyro_std)
+        self._measure(np.array([0.0, 0.0, 0.0, 1.0, 0.0]), wheels.theta / elapsed, wheel_std, p.gate)
+        self._move(wheels, distance, elapsed)
+
+    def _move(self, wheels: Pose2D, distance: float, elapsed: float) -> None:
+        """Drive what the wheels say along the mean heading of the step, and turn at the rate."""
+        p = self._parameters
+        turn = self._state[3] * elapsed
+        # The wheels count along the arc that they think they drive; its chord is turned by half of their own angle.
+        heading = self._state[2] + turn / 2.0
+        chord = math.atan2(wheels.y, wheels.x) - wheels.theta / 2.0
+        dx, dy = distance * math.cos(heading + chord), distance * math.sin(heading + chord)
+        jacobian = np.eye(5)
+        jacobian[0, 2], jacobian[1, 2] = -dy, dx
+        jacobian[0, 3], jacobian[1, 3] = -dy * elapsed / 2.0, dx * elapsed / 2.0
+        jacobian[2, 3] = elapsed
+        self._state[:3] += (dx, dy, turn)
+        self._covariance = jacobian @ self._covariance @ jacobian.T
+        driven = np.array([math.cos(heading + chord), math.sin(heading + chord)])
+        self._covariance[:2, :2] += (p.slip * distance) ** 2 * np.outer(driven, driven)
+
+    def _measure(self, row: NDArray[np.float64], value: float, std: float, gate: float = math.inf) -> None:
+        innovation = value - row @ self._state
+        projected = self._covariance @ row
+        variance = float(row @ projected) + std**2
+        if innovation**2 > gate**2 * variance:
+            return
+        gain = projected / variance
+        self._state = self._state + gain * innovation
+        keep = np.eye(5) - np.outer(gain, row)
+        self._covariance = keep @ self._covariance @ keep.T + std**2 * np.outer(gain, gain)

@@ -1,0 +1,73 @@
+"""The lines that a lidar can meet on a map, and how well each of them is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import OccupancyGrid
+from bestman_bt.messages.occupancy_grid import OCCUPIED
+from bestman_bt.world_model import SemanticMap
+
+PlanarMap: TypeAlias = SemanticMap | OccupancyGrid
+"""What localisation works on: walls and furniture with names, or cells."""
+
+CELL_STD = 0.3
+"""Standard deviation of where in a cell a surface lies, cells: it may be anywhere between the cell's sides."""
+STRAIGHT = 0.8
+"""Cells by which the border of what is occupied may leave a line that it is taken for."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapLines:
+    """``segments``: (N, 4) x1, y1, x2, y2 in metres. ``bodies``: (N,) the index of the body that each belongs to.
+
+    ``body_std``: (M,) metres, how far off a body may be as a whole.
+    """
+
+    segments: NDArray[np.float64]
+    bodies: NDArray[np.intp]
+    body_std: NDArray[np.float64]
+
+
+def map_lines(planar_map: PlanarMap, wall_std: float, furniture_std: float) -> MapLines:
+    """Walls and the outlines of solid furniture, or the borders of what is occupied in a grid.
+
+    ``wall_std``, ``furniture_std``: metres, errors of a wall and of a piece of furniture; those of a grid follow from
+    its cells.
+    """
+    if isinstance(planar_map, OccupancyGrid):
+        borders = _borders(planar_map)
+        std = np.full(len(borders), CELL_STD * planar_map.resolution)
+        return MapLines(borders, np.arange(len(borders)), std)
+    walls = planar_map.walls
+    solid = [f for f in planar_map.furniture.values() if f.solid_at_lidar]
+    segments = [walls]
+    for furniture in solid:
+        corners = furniture.corners()
+        segments.append(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+    bodies = np.concatenate([np.arange(len(walls)), len(walls) + np.repeat(np.arange(len(solid)), 4)])
+    stds = np.concatenate([np.full(len(walls), wall_std), np.full(len(solid), furniture_std)])
+    return MapLines(np.concatenate(segments), bodies, stds)
+
+
+def _borders(grid: OccupancyGrid) -> NDArray[np.float64]:
+    """Borders of the occupied regions as segments (N, 4), through the centres of their outermost cells.
+
+    A wall of one cell becomes a line there and back, as one that is seen from both sides should.
+    """
+    occupied = (grid.data == OCCUPIED).astype(np.uint8)
+    contours, _ = cv2.findContours(occupied, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    segments = [np.empty((0, 4))]
+    for contour in contours:
+        corners = cv2.approxPolyDP(contour, STRAIGHT, True)[:, 0, ::-1]
+        points = grid.to_points(corners)
+        if len(points) == 1:  # a lone cell is as wide as a cell
+            half = np.array([grid.resolution / 2, 0.0])
+            points = np.vstack([points - half, points + half])
+        segments.append(np.hstack([points, np.roll(points, -1, axis=0)]))
+    return np.concatenate(segments)

@@ -1,0 +1,212 @@
+"""Adaptive Monte Carlo localisation, as nav2's AMCL does it (Thrun, Burgard, Fox, Probabilistic Robotics, 8.3).
+
+Particles move as the odometry may have, are weighed by the likelihood field of the map (6.4) and are drawn anew with
+low variance, as many as KLD-sampling asks for. When scans fit worse than they used to (augmented MCL), some are drawn
+from the whole floor instead, and of those the ones that the scan speaks for (mixture MCL, S. Thrun et al. 2001).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
+from bestman_bt.navigation.localization.distance_field import DistanceField
+from bestman_bt.navigation.localization.kld_sampling import KldParameters, bins, enough
+from bestman_bt.navigation.localization.map_lines import PlanarMap
+from bestman_bt.navigation.localization.odometry_motion import OdometryMotionParameters, sample_motion
+
+
+@dataclass(frozen=True)
+class ParticleFilterParameters:
+    """Lengths in metres.
+
+    ``beams``: of a scan that are looked at. ``hit_std``: of where they meet what the map has; ``random``: share of
+    beams that meet anything else. ``independent_beams``: as how many independent measurements they count.
+    ``resolution``: of the field. ``slow``, ``fast``: how quickly the two averages of the fit follow it, per scan;
+    ``candidates``: poses on the floor from which those that replace particles are drawn. ``unknown_std``: a first pose
+    less certain than that is no pose at all, and the particles are spread over the floor. A scan is accepted where at
+    least ``sure`` of the weight lies within ``place_radius`` and ``place_angle`` of one place, and ``min_inlier_ratio``
+    of the beams meet the map within ``inlier``. ``move_every``: metres or radians after which the particles move
+    without a scan, too. ``seed``: of the drawing.
+    """
+
+    beams: int = 72
+    hit_std: float = 0.04
+    random: float = 0.05
+    independent_beams: float = 12.0
+    resolution: float = 0.02
+    reach: float = 0.6
+    slow: float = 0.01
+    fast: float = 0.2
+    candidates: int = 5000
+    unknown_std: float = 0.5
+    place_radius: float = 0.5
+    place_angle: float = math.radians(30.0)
+    sure: float = 0.9
+    inlier: float = 0.1
+    min_inlier_ratio: float = 0.35
+    clearance: float = 0.2
+    move_every: float = 0.1
+    seed: int = 0
+    motion: OdometryMotionParameters = field(default_factory=OdometryMotionParameters)
+    kld: KldParameters = field(default_factory=KldParameters)
+
+
+class ParticleFilter(Localizer):
+    """AMCL: tracks from a known pose, finds itself from an unknown one, recovers when it has been carried off."""
+
+    def __init__(self, planar_map: PlanarMap, parameters: ParticleFilterParameters | None = None) -> None:
+        self._parameters = p = parameters or ParticleFilterParameters()
+        self._field = DistanceField.of_map(planar_map, p.resolution, p.reach, p.clearance)
+        hits = (1.0 - p.random) * np.exp(-0.5 * (self._field.distance / p.hit_std) ** 2)
+        self._log_likelihood = np.log(hits + p.random).astype(np.float32).ravel()
+        self._rng = np.random.default_rng(p.seed)
+        self._particles = np.empty((0, 3))
+        self._slow = self._fast = 0.0
+        self._odometry = self._moved_at = Pose2D()
+        self._place = Pose2D()
+        self._estimate: LocalizationEstimate | None = None
+
+    @property
+    def estimate(self) -> LocalizationEstimate:
+        """See ``Localizer.estimate``."""
+        if self._estimate is None:
+            raise RuntimeError("ParticleFilter was used before reset")
+        return self._estimate
+
+    @property
+    def particles(self) -> NDArray[np.float64]:
+        """The poses (N, 3) of x, y, theta that are thought possible, equally likely, in the map frame."""
+        return self._particles
+
+    def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
+        """See ``Localizer.reset``; from a pose less certain than ``unknown_std`` the whole floor is searched."""
+        p = self._parameters
+        self._rng = np.random.default_rng(p.seed)
+        self._odometry = self._moved_at = odometry
+        self._slow = self._fast = 0.0
+        if position_std > p.unknown_std:
+            self._particles = self._field.draw(p.kld.most, self._rng)
+        else:
+            spread = self._rng.standard_normal((p.kld.fewest, 3)) * (position_std, position_std, heading_std)
+            self._particles = np.array([pose.x, pose.y, pose.theta]) + spread
+        self._place = pose
+        covariance = np.diag([position_std**2, position_std**2, heading_std**2])
+        self._estimate = LocalizationEstimate(pose, covariance)
+        return self._estimate
+
+    def predict(self, odometry: Pose2D) -> LocalizationEstimate:
+        """See ``Localizer.predict``; the particles follow with the next scan, or after ``move_every``."""
+        estimate, p = self.estimate, self._parameters
+        self._odometry = odometry
+        moved = self._moved_at.inverse() @ odometry
+        if max(math.hypot(moved.x, moved.y), abs(moved.theta)) > p.move_every:
+            self._move()
+            pose, covariance, _ = self._heaviest(np.full(len(self._particles), 1.0 / len(self._particles)))
+            self._place = pose
+            self._estimate = LocalizationEstimate(pose, covariance, estimate.match)
+        else:
+            self._estimate = LocalizationEstimate(self._place @ moved, estimate.covariance, estimate.match)
+        return self._estimate
+
+    def correct(self, scan: LaserScan, base_from_lidar: Pose2D) -> LocalizationEstimate:
+        """See ``Localizer.correct``."""
+        estimate, p = self.estimate, self._parameters
+        hits = base_from_lidar.apply(scan.points())
+        if len(hits) < 10:
+            refused = ScanMatch(False, 0.0, math.inf, f"only {len(hits)} beams hit anything")
+            self._estimate = LocalizationEstimate(estimate.pose, estimate.covariance, refused)
+            return self._estimate
+        hits = hits[np.linspace(0, len(hits) - 1, min(p.beams, len(hits))).astype(int)]
+        self._move()
+        fits = self._fit(self._particles, hits)
+        weights = np.exp(p.independent_beams * (fits - fits.max()))
+        weights /= weights.sum()
+        pose, covariance, share = self._heaviest(weights)
+        self._place = pose
+        self._estimate = LocalizationEstimate(pose, covariance, self._judged(pose, share, hits))
+        self._draw_anew(weights, self._replaced(fits), hits)
+        return self._estimate
+
+    def _move(self) -> None:
+        moved = self._moved_at.inverse() @ self._odometry
+        self._moved_at = self._odometry
+        self._particles = sample_motion(self._particles, moved, self._parameters.motion, self._rng)
+
+    def _fit(self, poses: NDArray[np.float64], hits: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean log likelihood of the hits (M, 2) in the base frame from each of ``poses`` (N, 3), (N,)."""
+        index = self._field.index(*_placed(poses, hits))
+        fits: NDArray[np.float64] = self._log_likelihood.take(index).mean(axis=1, dtype=np.float64)
+        return fits
+
+    def _heaviest(self, weights: NDArray[np.float64]) -> tuple[Pose2D, NDArray[np.float64], float]:
+        """Mean and covariance (3, 3) of the particles about the heaviest place, and its share of the weight."""
+        p = self._parameters
+        _, of = np.unique(bins(self._particles, p.kld), return_inverse=True)
+        heaviest = self._particles[of == np.argmax(np.bincount(of, weights))]
+        turns = self._particles[:, 2] - heaviest[0, 2]
+        turns = (turns + math.pi) % (2.0 * math.pi) - math.pi
+        away = np.linalg.norm(self._particles[:, :2] - heaviest[:, :2].mean(axis=0), axis=1)
+        about = (away < p.place_radius) & (np.abs(turns) < p.place_angle)
+        share = float(weights[about].sum())
+        chosen = np.column_stack([self._particles[about, :2], turns[about]])
+        mean = np.average(chosen, axis=0, weights=weights[about])
+        covariance = np.cov(chosen.T, aweights=weights[about], ddof=0)
+        x, y, turn = mean.tolist()
+        return Pose2D(x, y, wrap_angle(heaviest[0, 2] + turn)), covariance, share
+
+    def _judged(self, pose: Pose2D, share: float, hits: NDArray[np.float64]) -> ScanMatch:
+        p = self._parameters
+        x, y = pose.apply(hits).T
+        distance = self._field.distance.ravel()[self._field.index(x, y)]
+        near = distance < p.inlier
+        inliers = float(near.mean())
+        residual = math.sqrt(float(np.mean(distance[near] ** 2))) if near.any() else math.inf
+        reason = ""
+        if share < p.sure:
+            reason = f"the base may be in several places; {share:.0%} speaks for the likeliest"
+        elif inliers < p.min_inlier_ratio:
+            reason = f"only {inliers:.0%} of the hits lie on something in the map"
+        return ScanMatch(not reason, inliers, residual, reason)
+
+    def _replaced(self, fits: NDArray[np.float64]) -> float:
+        """The share of particles to draw from the floor: how much worse scans fit now than in the long run."""
+        p = self._parameters
+        average = float(np.exp(fits).mean())
+        if self._slow == 0.0:
+            self._slow = self._fast = average
+        self._slow += p.slow * (average - self._slow)
+        self._fast += p.fast * (average - self._fast)
+        return max(0.0, 1.0 - self._fast / self._slow)
+
+    def _draw_anew(self, weights: NDArray[np.float64], replaced: float, hits: NDArray[np.float64]) -> None:
+        p = self._parameters
+        kept = self._particles[_low_variance(weights, len(weights), self._rng)]
+        count = enough(len(np.unique(bins(kept, p.kld))), p.kld)
+        from_floor = round(replaced * count)
+        self._particles = self._particles[_low_variance(weights, count - from_floor, self._rng)]
+        if from_floor:
+            candidates = self._field.draw(p.candidates, self._rng)
+            fits = self._fit(candidates, hits)
+            chosen = np.exp(p.independent_beams * (fits - fits.max()))
+            found = candidates[_low_variance(chosen / chosen.sum(), from_floor, self._rng)]
+            self._particles = np.vstack([self._particles, found])
+
+
+def _low_variance(weights: NDArray[np.float64], count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Indices (count,) drawn with ``weights``, which sum to 1, by one random number (table 4.4)."""
+    positions = (rng.random() + np.arange(count)) / max(count, 1)
+    return np.minimum(np.searchsorted(np.cumsum(weights), positions), len(weights) - 1)
+
+
+def _placed(poses: NDArray[np.float64], points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """x and y, each (N, M), of the points (M, 2) as seen from each of ``poses`` (N, 3)."""
+    cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
+    x = poses[:, 0, None] + cos * points[:, 0] - sin * points[:, 1]
+    y = poses[:, 1, None] + sin * points[:, 0] + cos * points[:, 1]
+    return x, y
