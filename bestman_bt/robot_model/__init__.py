@@ -16,6 +16,7 @@ from bestman_bt.robot_model.payload import Payload, payload
 from bestman_bt.robot_model.sensor_models import (
     BatteryModel,
     CameraModel,
+    EncoderModel,
     ForceTorqueModel,
     ImuModel,
     LidarModel,
@@ -27,6 +28,7 @@ __all__ = [
     "BaseModel",
     "BatteryModel",
     "CameraModel",
+    "EncoderModel",
     "ForceTorqueModel",
     "GripperModel",
     "ImuModel",

@@ -90,6 +90,7 @@ def describe(
                     joint_names=arm.joints,
                     base_frame=part.root,
                     tool_frame=_tool(hand) or arm.tip,
+                    encoders=arm.encoders.model(),
                     **_limits(arm.limits),
                 )
             case GripperPart() as gripper:
@@ -97,7 +98,10 @@ def describe(
             case SuctionPart() as cup:
                 grippers[part_name] = _suction(cup, part.root)
             case JointGroupPart() as group:
-                groups[part_name] = JointGroupModel(joint_names=group.joints, **_limits(group.limits))
+                encoders = group.encoders.model()
+                groups[part_name] = JointGroupModel(
+                    joint_names=group.joints, encoders=encoders, **_limits(group.limits)
+                )
             case CameraPart() as camera:
                 cameras[part_name] = camera_model(camera)
             case LidarPart() as lidar:
@@ -228,6 +232,9 @@ def _base(
         steering_joints=base.steering_joints,
         steering_torque=base.steering_torque,
         steering_speed=base.steering_speed,
+        encoders=base.encoders.model(),
+        max_jerk=base.max_jerk,
+        max_angular_jerk=base.max_angular_jerk,
     )
 
 

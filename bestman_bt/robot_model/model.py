@@ -14,6 +14,7 @@ from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
 from bestman_bt.robot_model.sensor_models import (
     BatteryModel,
     CameraModel,
+    EncoderModel,
     ForceTorqueModel,
     ImuModel,
     LidarModel,
@@ -36,6 +37,7 @@ class ArmModel:
     velocity: NDArray[np.float64]
     acceleration: NDArray[np.float64]
     effort: NDArray[np.float64]
+    encoders: EncoderModel = field(default_factory=EncoderModel)
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,9 @@ class BaseModel:
     legs: tuple[LegModel, ...] = ()
     trunk_link: str = ""
     stand_height: float = 0.0
+    encoders: EncoderModel = field(default_factory=EncoderModel)
+    max_jerk: float = 2.0
+    max_angular_jerk: float = 10.0
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -182,6 +187,7 @@ class JointGroupModel:
     velocity: NDArray[np.float64]
     acceleration: NDArray[np.float64]
     effort: NDArray[np.float64]
+    encoders: EncoderModel = field(default_factory=EncoderModel)
 
 
 @dataclass(frozen=True)

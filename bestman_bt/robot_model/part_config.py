@@ -22,7 +22,7 @@ from bestman_bt.configuration.quantity import (
     Speed,
     Torque,
 )
-from bestman_bt.robot_model.part_fields import FrameConfig, JointLimitsConfig, PartConfig
+from bestman_bt.robot_model.part_fields import EncodersConfig, FrameConfig, JointLimitsConfig, PartConfig
 from bestman_bt.robot_model.sensor_part_config import (
     BatteryPart,
     CameraPart,
@@ -62,6 +62,7 @@ class BasePart(PartConfig):
     max_vx: Speed
     max_vy: Speed = 0.0
     max_wz: AngularSpeed
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     max_acceleration: Acceleration
     max_angular_acceleration: AngularAcceleration
 
@@ -123,6 +124,7 @@ class GripperPart(PartConfig):
     """A parallel gripper; ``tool``: the link between the pads, z out of the hand, y along the closing direction.
 
     ``max_speed`` and the widths are of the opening; ``max_force`` is per finger. Sliding fingers share the width
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     equally. Fingers on a linkage say at which position of ``joints`` they are ``open_at`` ``max_width`` and
     ``closed_at`` ``min_width``; what lies between, and the joints that the URDF lets mimic these, is derived.
     ``rotor_inertia``: of the drive, as it is felt at each of its joints behind the reduction.
@@ -182,6 +184,7 @@ JointedPart: TypeAlias = ArmPart | JointGroupPart | LeggedBasePart
 
 AnyPart: TypeAlias = (
     BasePart
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     | LeggedBasePart
     | StructurePart
     | ArmPart

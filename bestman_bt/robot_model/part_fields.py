@@ -9,6 +9,7 @@ from typing import Any
 from bestman_bt.configuration.quantity import (
     Angles3,
     Damping,
+    Frequency,
     Friction,
     JointAcceleration,
     JointEffort,
@@ -17,8 +18,12 @@ from bestman_bt.configuration.quantity import (
     Lengths3,
     Mass,
     Size3,
+    Spread,
+    SpreadOfSpeed,
     Stiffness,
+    Time,
 )
+from bestman_bt.robot_model.sensor_models import EncoderModel
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,24 @@ class JointLimitsConfig:
     velocity: tuple[JointSpeed, ...]
     acceleration: tuple[JointAcceleration, ...]
     effort: tuple[JointEffort, ...]
+
+
+@dataclass(frozen=True)
+class EncodersConfig:
+    """What a part tells of its joints or wheels; nothing said: exact, at once, whenever it is asked.
+
+    ``noise``, ``noise_speed``: standard deviations of each reading of a position and of a speed. ``rate``: how often
+    joints are read; ``latency``: until the reading can be had. Motors have their own encoders and do not err.
+    """
+
+    rate: Frequency | None = None
+    latency: Time = 0.0
+    noise: Spread = 0.0
+    noise_speed: SpreadOfSpeed = 0.0
+
+    def model(self) -> EncoderModel:
+        """The same for the robot model."""
+        return EncoderModel(self.rate, self.latency, self.noise, self.noise_speed)
 
 
 @dataclass(frozen=True, kw_only=True)

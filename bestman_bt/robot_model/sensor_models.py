@@ -8,6 +8,20 @@ from bestman_bt.messages import CameraIntrinsics
 
 
 @dataclass(frozen=True)
+class EncoderModel:
+    """The encoders of an arm, another joint group, or of wheels: what a robot tells of its joints.
+
+    ``rate``: hertz; None: whenever it is asked. ``latency``: seconds. Standard deviations of the noise of each reading:
+    ``noise``, rad or m, and ``noise_speed``, rad/s or m/s.
+    """
+
+    rate: float | None = None
+    latency: float = 0.0
+    noise: float = 0.0
+    noise_speed: float = 0.0
+
+
+@dataclass(frozen=True)
 class CameraModel:
     """An RGB-D camera; ``optical_frame``: x right, y down, z forward.
 

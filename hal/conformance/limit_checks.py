@@ -87,7 +87,9 @@ def trajectories_are_checked(robot: Robot) -> None:
 def servo_refuses_jumps(robot: Robot) -> None:
     """A set-point that would need more than the velocity limits."""
     arm = first(robot, Arm)
-    require_refusal(lambda: arm.servo(nearby(robot, arm, 0.5)), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
+    jump, limit = np.array(arm.positions()), arm.limits[0]
+    jump[0] += 0.5 if jump[0] < (limit.lower + limit.upper) / 2 else -0.5
+    require_refusal(lambda: arm.servo(jump), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
 
 
 def base_commands_beyond_limits_are_refused(robot: Robot) -> None:

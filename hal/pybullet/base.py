@@ -11,6 +11,7 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.robot_model import BaseModel
 from hal.api import NotConnectedError
 from hal.pybullet.drive import Odometry, make_drives
+from hal.pybullet.encoders import EncoderReading, Encoders
 from hal.pybullet.mobile_base import SimulatedMobileBase
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.simulation import Simulation
@@ -35,6 +36,7 @@ class SimulatedBase(SimulatedMobileBase):
     ) -> None:
         super().__init__(name, model, parameters, stopped, ARRIVED)
         self._drive, self._believed = make_drives(model, parameters.odometry_calibration, rng)
+        self.encoders = Encoders(name, model.encoders, parameters.step_rate, rng)
         self._odometry = Odometry(self._believed, np.zeros(len(model.wheel_joints)))
         self._attached: WheelMotors | None = None
         self._still_for = 0.0
@@ -43,24 +45,33 @@ class SimulatedBase(SimulatedMobileBase):
     # Measurements
 
     def odometry(self) -> Pose2D:
-        """Dead reckoning since connecting, with the calibration errors of this robot."""
+        """Dead reckoning since connecting, with the calibration errors of this robot; NoDataError as ``velocity``."""
         self._update_odometry()
         return self._odometry.pose
 
     def velocity(self) -> Twist2D:
-        """Velocity from the wheels' speeds over the last control period."""
-        return Twist2D(*self._believed.motion(self._motors.speeds, self._motors.steering))
+        """Velocity from the wheels' speeds over the last control period; NoDataError where encoders tell none."""
+        reading = self.encoders.read()
+        return Twist2D(*self._believed.motion(reading.speeds, reading.positions[self._wheels :]))
 
     # The simulation's side
 
     def attach(self, simulation: Simulation) -> None:
         """Stand, with odometry at zero."""
         self._connection.attach(simulation)
-        self._attached = WheelMotors(simulation, self._model, self._parameters)
+        motors = self._attached = WheelMotors(simulation, self._model, self._parameters)
+        self.encoders.attach(
+            simulation, lambda: EncoderReading(np.concatenate([motors.angles, motors.steering]), motors.speeds)
+        )
         self._odometry = Odometry(self._believed, self._motors.angles)
         self._parked = False
         self._park()
         self._begin(simulation)
+
+    def detach(self) -> None:
+        """Let go."""
+        super().detach()
+        self.encoders.detach()
 
     def _control(self) -> None:
         self._motors.count()
@@ -90,6 +101,10 @@ class SimulatedBase(SimulatedMobileBase):
         self._parked = True
 
     @property
+    def _wheels(self) -> int:
+        return len(self._model.wheel_joints)
+
+    @property
     def _motors(self) -> WheelMotors:
         if self._attached is None or not self._connection.present:
             raise NotConnectedError(f"{self.name} was used while the robot is not connected; call connect()")
@@ -104,4 +119,5 @@ class SimulatedBase(SimulatedMobileBase):
         return self._odometry.travelled
 
     def _update_odometry(self) -> None:
-        self._odometry.update(self._motors.angles, self._motors.steering)
+        positions = self.encoders.read().positions
+        self._odometry.update(positions[: self._wheels], positions[self._wheels :])

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.robot_model import ArmModel, JointGroupModel
 from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
 from hal.parts import Brake, BrakeThenMove, Drift, Hold, JointCommandChecks, PartMotion, Reach, Setpoints
+from hal.pybullet.encoders import EncoderReading, Encoders
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation
@@ -27,10 +28,12 @@ class SimulatedJointGroup(JointGroup):
         model: JointGroupModel | ArmModel,
         parameters: PhysicsParameters,
         stopped: Callable[[], bool],
+        rng: np.random.Generator,
     ) -> None:
         super().__init__(name)
         self._model, self._parameters = model, parameters
         self._connection = Connection(name, stopped)
+        self.encoders = Encoders(name, model.encoders, parameters.step_rate, rng)
         self._checks = JointCommandChecks(name, model)
         self._lower, self._upper = self._checks.lower, self._checks.upper
         self._speed, self._acceleration = self._checks.speed, self._checks.acceleration
@@ -59,12 +62,12 @@ class SimulatedJointGroup(JointGroup):
     # Measurements
 
     def positions(self) -> Array:
-        """Measured positions, (n,)."""
-        return self._measured(0)
+        """Measured positions, (n,); NoDataError where the encoders tell none."""
+        return self.encoders.read().positions
 
     def velocities(self) -> Array:
-        """Measured velocities, (n,)."""
-        return self._measured(1)
+        """Measured velocities, (n,); NoDataError where the encoders tell none."""
+        return self.encoders.read().speeds
 
     def efforts(self) -> Array:
         """Efforts of the motors, (n,)."""
@@ -91,7 +94,7 @@ class SimulatedJointGroup(JointGroup):
             self._take_over(drift, None)
         else:
             torques = self._checks.efforts("command", np.asarray(efforts))
-            self._take_over(Hold(self.positions()), None)
+            self._take_over(Hold(self._measured(0)), None)
             self._release_motors()
             self._torques = torques
             self._connection.simulation.torques[self._slots] = torques
@@ -126,7 +129,8 @@ class SimulatedJointGroup(JointGroup):
         self._connection.attach(simulation)
         self._indices = simulation.indices(self.joint_names)
         self._slots = simulation.slots(self.joint_names)
-        self._position, self._velocity = self.positions(), np.zeros(len(self._lower))
+        self.encoders.attach(simulation, lambda: EncoderReading(self._measured(0), self._measured(1)))
+        self._position, self._velocity = self._measured(0), np.zeros(len(self._lower))
         self._setpoints, self._torques, self._astray = Hold(self._position), None, 0.0
         self._send(self._position, self._velocity)
         simulation.controls.append(self._control)
@@ -135,6 +139,7 @@ class SimulatedJointGroup(JointGroup):
     def detach(self) -> None:
         """Let go."""
         self._connection.detach()
+        self.encoders.detach()
 
     def _control(self) -> None:
         if self._torques is not None:
@@ -154,7 +159,7 @@ class SimulatedJointGroup(JointGroup):
             self._setpoints = Hold(position)
 
     def _watch_tracking(self, period: float) -> None:
-        error = np.abs(self._position - self.positions())
+        error = np.abs(self._position - self._measured(0))
         if np.any(error > self._parameters.tracking_tolerance):
             self._astray += period
         else:
@@ -162,14 +167,14 @@ class SimulatedJointGroup(JointGroup):
         if self._astray > self._parameters.tracking_time:
             worst = int(np.argmax(error))
             text = f"{self.joint_names[worst]} is {error[worst]:.3f} off its set-point"
-            self._position, self._velocity = np.clip(self.positions(), self._lower, self._upper), 0.0 * error
+            self._position, self._velocity = np.clip(self._measured(0), self._lower, self._upper), 0.0 * error
             self._setpoints, self._astray = Hold(self._position), 0.0
             self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TRACKING, text)
 
     def _watch_settling(self, motion: PartMotion, period: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
-        error = float(np.max(np.abs(self._position - self.positions())))
-        speed = float(np.max(np.abs(self.velocities())))
+        error = float(np.max(np.abs(self._position - self._measured(0))))
+        speed = float(np.max(np.abs(self._measured(1))))
         self._waiting += period
         if error < self._parameters.settle_tolerance and speed < 0.02:
             motion.succeed()
@@ -222,10 +227,11 @@ class SimulatedJointGroup(JointGroup):
         if self._torques is not None:
             self._torques = None
             self._connection.simulation.torques[self._slots] = np.nan
-            self._position = np.clip(self.positions(), self._lower, self._upper)
-            self._velocity = np.clip(self.velocities(), -self._speed, self._speed)
+            self._position = np.clip(self._measured(0), self._lower, self._upper)
+            self._velocity = np.clip(self._measured(1), -self._speed, self._speed)
             self._setpoints = self._braking()
 
     def _measured(self, row: int) -> Array:
+        """What the drives know by their own encoders."""
         values: Array = self._connection.simulation.joint_states()[row, self._slots]
         return values

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 from bestman_bt.robot_model import BaseModel
-from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus
+from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
 from hal.parts import BaseCommandChecks, PartMotion
 from hal.pybullet.drive import Velocity
 from hal.pybullet.parameters import PhysicsParameters
@@ -46,7 +46,7 @@ class SimulatedMobileBase(MobileBase):
 
     @abstractmethod
     def _update_odometry(self) -> None:
-        """Take in what encoders say; raises NotConnectedError."""
+        """Take in what encoders say; raises NotConnectedError, NoDataError."""
 
     @property
     @abstractmethod
@@ -119,8 +119,13 @@ class SimulatedMobileBase(MobileBase):
         self._connection.detach()
 
     def _control(self) -> None:
-        self._update_odometry()
         period = self._parameters.control_period
+        try:
+            self._update_odometry()
+        except NoDataError as error:
+            if self._course is not None:
+                self._halt((0.0, 0.0))
+                self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.FAULT, str(error))
         if self._course is not None:
             self._steer(self._course, period)
         elif self._wanted != STILL:

@@ -217,12 +217,12 @@ class PyBulletRobot(Robot):
             else:
                 parts[name] = SimulatedBase(name, base, parameters, stopped, self._generator(name))
         for name, arm in model.arms.items():
-            parts[name] = SimulatedArm(name, arm, parameters, stopped)
+            parts[name] = SimulatedArm(name, arm, parameters, stopped, self._generator(name))
         for name, gripper in model.grippers.items():
             hand = SimulatedSuction if gripper.kind == "suction" else SimulatedGripper
             parts[name] = hand(name, gripper, parameters, stopped)
         for name, group in model.joint_groups.items():
-            parts[name] = SimulatedJointGroup(name, group, parameters, stopped)
+            parts[name] = SimulatedJointGroup(name, group, parameters, stopped, self._generator(name))
         for name, camera in model.cameras.items():
             parts[name] = SimulatedCamera(name, camera, self._generator(name))
         for name, lidar in model.lidars.items():
