@@ -168,8 +168,6 @@ class BaseModel:
     trunk_link: str = ""
     stand_height: float = 0.0
     encoders: EncoderModel = field(default_factory=EncoderModel)
-    max_jerk: float = 2.0
-    max_angular_jerk: float = 10.0
 
     @property
     def joint_names(self) -> tuple[str, ...]:
