@@ -27,8 +27,8 @@ class IsOpen(SkillCondition):
         leaf = find_leaf(self.skills, name).leaf
         position = self.skills.world.articulations.get(name, 0.0)
         unit = "rad" if leaf.kind == "revolute" else "m"
-        if position < at_least:
+        if not position >= at_least:  # nor where the belief is no number
             return "not_open", f"{name} is open by {position:.2f} {unit} only"
-        if position > at_most:
+        if not position <= at_most:
             return "not_closed", f"{name} is open by {position:.2f} {unit}"
         return None

@@ -86,11 +86,11 @@ def test_a_place_out_of_the_arms_reach_is_refused(arm: Session) -> None:
         '<LookAt point="{pose}"/>',
         '<FindStandPose surface="table" goal="{pose}" stand="{s}"/>',
         '<Push object="can" goal="{pose}"/>',
-        '<Retreat distance="nan"/>',
+        '<Retreat distance="{none}"/>',
         '<RunPolicy policy="reach_diff_panda" goal="{pose}"/>',
-        '<RunPolicy policy="reach_diff_panda" goal="0.5;0.1;0.9" timeout="nan"/>',
-        '<IsOpen articulation="table/none" at_least="nan"/>',
-        '<IsOpen articulation="table/none" at_most="nan"/>',
+        '<RunPolicy policy="reach_diff_panda" goal="0.5;0.1;0.9" timeout="{none}"/>',
+        '<IsOpen articulation="table/none" at_least="{none}"/>',
+        '<IsOpen articulation="table/none" at_most="{none}"/>',
         '<ObjectAt object="cup" goal="{pose}"/>',
     ],
     ids=["NavigateTo", "LookAt", "FindStandPose", "Push", "Retreat", "RunPolicy", "timeout", "IsOpen", "shut", "At"],
@@ -99,6 +99,7 @@ def test_numbers_that_are_none_are_refused_and_nothing_moves(arm: Session, body:
     tree = arm.load(tree_of(body))
     tree.blackboard.set("pose", Pose([np.nan, 0.0, 0.8]))
     tree.blackboard.set("flat", Pose2D(1.0, np.nan, 0.0))
+    tree.blackboard.set("none", np.nan)
     assert tick(tree, 200) == FAILURE
     ((code, words),) = failures_of(arm)
     assert code == "bad_input", words

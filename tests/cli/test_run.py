@@ -48,6 +48,19 @@ def only_folder(parent: Path) -> Path:
     return found
 
 
+def test_what_is_odd_about_a_tree_is_printed_before_it_runs_and_does_not_stop_it(
+    bestman_bt: Command, folder: Path
+) -> None:
+    odd = '<Delay delay_msec="1ms"><AlwaysSuccess/></Delay>'
+    (folder / "odd.xml").write_text(f'<root BTCPP_format="4">\n<BehaviorTree ID="Odd">{odd}</BehaviorTree></root>')
+    answer = bestman_bt("run", "odd.xml", "--seed", "3", "--json")
+    assert answer.code == 0
+    (warning,) = (line for line in answer.err.splitlines() if "odd.xml:2:" in line)
+    assert "only the beginning of '1ms' is read as a number" in warning
+    assert answer.err.index(warning) < answer.err.index("odd, seed 3")
+    assert json.loads(answer.out)["success"] is True
+
+
 def test_a_tree_without_a_task_runs_and_is_not_judged(bestman_bt: Command, folder: Path) -> None:
     (folder / "look.xml").write_text(LOOK)
     answer = bestman_bt("run", "look.xml", "--seed", "3")
@@ -159,7 +172,7 @@ def test_ctrl_c_ends_an_evaluation_on_two_processes_and_what_was_done_is_summari
     )
     wait_for(folder, "runs/*-fetch_cup-4/transitions.btlog")
     program.interrupt()
-    answer = program.answer(timeout=20.0)
+    answer = program.answer(timeout=60.0)
     assert answer.code == 130
     assert 2 <= answer.document["episodes"] < 100
     assert answer.document["false_successes"] == answer.document["episodes"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -121,6 +122,39 @@ def test_of_objects_to_choose_from_those_that_are_left_out_are_not_chosen(tmp_pa
         assert [goal.object for goal in setup.goals] == ["box"]
     with pytest.raises(ConfigurationError, match=r"5: goal.object: the scene leaves out all of these objects"):
         prepare(load_run(task, settings=["scene.objects.can=absent", "scene.objects.box=absent"]))
+
+
+OPENING = "scene: {scene}\npredicate: opened\nopening: {{articulation: {name}, at_least: {asked}}}\n"
+DOOR, DRAWER = ("fridge_room", "fridge/upper_door"), ("chest_room", "drawer_chest/drawer_1")
+
+
+@pytest.mark.parametrize(
+    ("leaf", "asked", "told"),
+    [
+        (DOOR, "20 cm", "'fridge/upper_door' has a revolute joint: expected an angle in rad"),
+        (DRAWER, "10 deg", "'drawer_chest/drawer_1' has a prismatic joint: expected a length in m"),
+        (DOOR, "110 deg", "'fridge/upper_door' opens from 0 to 108.9 deg, got 110 deg"),
+        (DRAWER, "33 cm", "'drawer_chest/drawer_1' opens from 0 to 32.8 cm, got 33 cm"),
+    ],
+)
+def test_an_opening_is_asked_in_a_unit_of_its_joint_and_within_its_range(
+    leaf: tuple[str, str], asked: str, told: str, tmp_path: Path
+) -> None:
+    (problem,) = problems(tmp_path, OPENING.format(scene=leaf[0], name=leaf[1], asked=asked))
+    assert problem.startswith(f"5: opening.at_least: {told}")
+
+
+@pytest.mark.parametrize(
+    ("leaf", "asked", "value"),
+    [(DOOR, "90 deg", math.pi / 2), (DOOR, "1.2 rad", 1.2), (DRAWER, "250 mm", 0.25), (DRAWER, "0.3", 0.3)],
+)
+def test_an_opening_is_known_in_radians_or_metres(
+    leaf: tuple[str, str], asked: str, value: float, tmp_path: Path
+) -> None:
+    path = written(tmp_path, OPENING.format(scene=leaf[0], name=leaf[1], asked=asked))
+    opening = prepare(load_run(path, seed=1)).config.task.opening
+    assert opening is not None
+    assert opening.at_least == pytest.approx(value)
 
 
 def test_the_tree_is_told_each_goal_in_order(tmp_path: Path) -> None:
