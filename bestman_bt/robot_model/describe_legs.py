@@ -37,6 +37,8 @@ def legged_base_model(
         max_wz=base.max_wz,
         max_acceleration=base.max_acceleration,
         max_angular_acceleration=base.max_angular_acceleration,
+        max_jerk=base.max_jerk,
+        max_angular_jerk=base.max_angular_jerk,
         footprint=outline,
         wheel_friction=base.foot_friction,
         legs=tuple(_leg(base, index, links[3 * index : 3 * index + 3], places) for index in range(len(base.feet))),

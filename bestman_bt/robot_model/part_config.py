@@ -9,11 +9,13 @@ from typing import Literal, TypeAlias
 from bestman_bt.configuration.quantity import (
     Acceleration,
     AngularAcceleration,
+    AngularJerk,
     AngularSpeed,
     Factor,
     Force,
     Friction,
     Inertia,
+    Jerk,
     JointPosition,
     Length,
     Mass,
@@ -41,7 +43,8 @@ class BasePart(PartConfig):
     drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
     2007). ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
     ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``deck``: where a column for an
-    arm stands on it. ``payload``: what it may carry by its maker's word.
+    arm stands on it. ``payload``: what it may carry by its maker's word. ``max_jerk``, ``max_angular_jerk``: m/s³ and
+    rad/s³ that local planners keep to.
     """
 
     kind: Literal["base"]
@@ -59,12 +62,14 @@ class BasePart(PartConfig):
     steering_speed: AngularSpeed = 0.0
     deck: FrameConfig | None = None
     payload: Mass | None = None
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     max_vx: Speed
     max_vy: Speed = 0.0
     max_wz: AngularSpeed
-    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     max_acceleration: Acceleration
     max_angular_acceleration: AngularAcceleration
+    max_jerk: Jerk = 2.0
+    max_angular_jerk: AngularJerk = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +97,8 @@ class LeggedBasePart(PartConfig):
     max_wz: AngularSpeed
     max_acceleration: Acceleration
     max_angular_acceleration: AngularAcceleration
+    max_jerk: Jerk = 2.0
+    max_angular_jerk: AngularJerk = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +124,7 @@ class ArmPart(PartConfig):
     limits: JointLimitsConfig
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
     payload: Mass | None = None
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +132,6 @@ class GripperPart(PartConfig):
     """A parallel gripper; ``tool``: the link between the pads, z out of the hand, y along the closing direction.
 
     ``max_speed`` and the widths are of the opening; ``max_force`` is per finger. Sliding fingers share the width
-    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     equally. Fingers on a linkage say at which position of ``joints`` they are ``open_at`` ``max_width`` and
     ``closed_at`` ``min_width``; what lies between, and the joints that the URDF lets mimic these, is derived.
     ``rotor_inertia``: of the drive, as it is felt at each of its joints behind the reduction.
@@ -177,6 +184,7 @@ class JointGroupPart(PartConfig):
     rotor_inertia: Inertia = 0.0
     tool: str | None = None
     states: Mapping[str, tuple[JointPosition, ...]] = field(default_factory=dict)
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
 JointedPart: TypeAlias = ArmPart | JointGroupPart | LeggedBasePart
@@ -184,7 +192,6 @@ JointedPart: TypeAlias = ArmPart | JointGroupPart | LeggedBasePart
 
 AnyPart: TypeAlias = (
     BasePart
-    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     | LeggedBasePart
     | StructurePart
     | ArmPart

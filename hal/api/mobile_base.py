@@ -15,6 +15,8 @@ from hal.api.part import Part
 class BaseDescription:
     """Limits of a base: m/s, rad/s, m/s², rad/s²; ``max_vy`` is 0 for a base that cannot move sideways.
 
+    ``max_jerk``, ``max_angular_jerk``: m/s³ and rad/s³ that whoever plans motions should keep; drivers do not check it.
+
     ``command_timeout``: seconds after which ``set_velocity`` lapses (dead-man). ``footprint``: corners (x, y) in
     metres in the base frame, counter-clockwise.
     """
@@ -26,6 +28,8 @@ class BaseDescription:
     max_angular_acceleration: float
     command_timeout: float
     footprint: tuple[tuple[float, float], ...]
+    max_jerk: float = 2.0
+    max_angular_jerk: float = 10.0
 
 
 class MobileBase(Part):

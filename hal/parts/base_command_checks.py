@@ -26,6 +26,8 @@ class BaseCommandChecks:
             max_angular_acceleration=model.max_angular_acceleration,
             command_timeout=command_timeout,
             footprint=model.footprint,
+            max_jerk=model.max_jerk,
+            max_angular_jerk=model.max_angular_jerk,
         )
 
     def velocity(self, vx: float, vy: float, wz: float) -> Twist2D:

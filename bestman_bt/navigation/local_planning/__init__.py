@@ -1,14 +1,32 @@
 """Local planning: path followers."""
 
-from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
+from bestman_bt.navigation.local_planning.base import FollowerCommand, MotionLimits, PathFollower
+from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
+from bestman_bt.navigation.local_planning.dwa import DWA, DWAParameters
+from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion
+from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles, LocalObstaclesParameters
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle, MovingObstacles
+from bestman_bt.navigation.local_planning.mppi import MPPI, MPPIParameters
 from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit, PurePursuitParameters
 from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
 
 __all__ = [
+    "DWA",
+    "MPPI",
+    "DWAParameters",
     "FollowerCommand",
+    "FootprintMotion",
+    "LocalObstacles",
+    "LocalObstaclesParameters",
+    "MPPIParameters",
+    "MotionLimits",
+    "MovingObstacle",
+    "MovingObstacles",
     "PathFollower",
     "PurePursuit",
     "PurePursuitParameters",
     "RotateToHeading",
     "RotateToHeadingParameters",
+    "braking_time",
+    "safe_share",
 ]

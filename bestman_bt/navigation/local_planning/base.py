@@ -5,7 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
-from bestman_bt.messages import Path2D, Pose2D, Twist2D
+from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.footprint import Footprint
 
 
 @dataclass(frozen=True)
@@ -21,12 +23,36 @@ class FollowerCommand:
     remaining: float
 
 
+@dataclass(frozen=True)
+class MotionLimits:
+    """What a base can do: m/s, rad/s, and their first and second derivatives; ``vy`` is 0 if it cannot go sideways."""
+
+    vx: float
+    vy: float
+    wz: float
+    acceleration: float
+    angular_acceleration: float
+    jerk: float
+    angular_jerk: float
+    footprint: Footprint
+
+
 class PathFollower(ABC):
-    """Follows one path at a time; holds the progress along it and nothing else."""
+    """Follows one path at a time; holds the progress along it and nothing else.
+
+    Those that go around obstacles are told the base that they drive (``configure``) and, as scans come, what is around
+    it (``observe``). The others leave both as they are here.
+    """
+
+    def configure(self, limits: MotionLimits) -> None:
+        """The base that will be driven; once, before the first ``reset``."""
+
+    def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
+        """A new scan and where it was taken."""
 
     @abstractmethod
-    def reset(self, path: Path2D) -> None:
-        """Begin ``path``; ValueError if it has no point."""
+    def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
+        """Begin ``path``; ValueError if it has no point. ``costmap``: what it was planned on, where that is known."""
 
     @abstractmethod
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:

@@ -5,7 +5,6 @@ The path is driven leg by leg: at a sharp corner, or where the driving direction
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, field
 
@@ -13,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
+from bestman_bt.navigation.local_planning.path_progress import densified, metres_left
 from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
 
 _SPACING = 0.02
@@ -77,7 +78,7 @@ class PurePursuit(PathFollower):
         self._speed = self._turn_rate = 0.0
         self._at = 0
 
-    def reset(self, path: Path2D) -> None:
+    def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
         """See ``PathFollower.reset``."""
         if len(path.points) == 0:
             raise ValueError("PurePursuit path should have at least one point but has none")
@@ -178,18 +179,9 @@ def _split(path: Path2D, corner: float) -> list[_Leg]:
     for i in range(1, len(points)):
         last = i == len(points) - 1
         if last or reverse[i] != reverse[i - 1] or abs(wrap_angle(headings[i] - headings[i - 1])) > corner:
-            dense = _densified(points[first : i + 1])
-            lengths = np.linalg.norm(np.diff(dense, axis=0), axis=1)
-            arc = np.append(np.cumsum(lengths[::-1])[::-1], 0.0)
+            dense = densified(points[first : i + 1], _SPACING)
+            arc = metres_left(dense)
             if arc[0] > 0.0:
                 legs.append(_Leg(dense, arc, bool(reverse[i - 1])))
             first = i
     return legs
-
-
-def _densified(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    pieces = [points[:1]]
-    for start, end in itertools.pairwise(points):
-        count = math.ceil(float(np.linalg.norm(end - start)) / _SPACING)
-        pieces.append(start + (np.arange(1, count + 1) / max(count, 1))[:, None] * (end - start))
-    return np.vstack(pieces)

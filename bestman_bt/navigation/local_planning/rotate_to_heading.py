@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 
 
@@ -38,14 +39,14 @@ class RotateToHeading(PathFollower):
         """The last command, rad/s."""
         return self._speed
 
-    def reset(self, path: Path2D) -> None:
+    def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
         """Begin to turn to ``path.goal.theta``."""
         self.turn_to(path.goal.theta)
 
-    def turn_to(self, heading: float) -> None:
-        """Begin to turn to ``heading``, radians in the map frame."""
+    def turn_to(self, heading: float, speed: float = 0.0) -> None:
+        """Begin to turn to ``heading``, radians in the map frame; ``speed``: rad/s at which the base turns already."""
         self._heading = heading
-        self._speed = 0.0
+        self._speed = speed
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
         """See ``PathFollower.compute``; ``remaining`` is 0, as no distance is driven."""

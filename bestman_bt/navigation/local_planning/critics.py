@@ -1,0 +1,138 @@
+"""Critics: what a simulated drive costs, as in nav2's DWB and MPPI controllers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.local_planning.cost_to_go import CostToGo
+from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
+from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
+from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class CriticParameters:
+    """Weights; a cost of 1 is worth a metre of the way.
+
+    ``goal``: metres that are left at the end of the drive (and, ``goal_early``, in its mean). ``path``: metres beside
+    the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within ``obstacle_decay`` metres
+    from the outline. ``heading``: radians off the way ahead after a third of the drive. ``backwards``, ``sideways``:
+    metres driven so. ``turning``: radians turned. ``contact``: for touching something, more the sooner.
+    ``prediction``: seconds that moving obstacles are taken to go on as they do, ``moving_margin``: metres kept from
+    where they will be, ``moving``: weight of coming nearer than ``moving_distance``.
+    """
+
+    goal: float = 1.0
+    goal_early: float = 0.4
+    path: float = 0.35
+    obstacle: float = 0.3
+    obstacle_decay: float = 0.12
+    heading: float = 0.25
+    backwards: float = 1.0
+    sideways: float = 0.2
+    turning: float = 0.03
+    contact: float = 20.0
+    prediction: float = 1.2
+    moving_margin: float = 0.08
+    moving_distance: float = 0.5
+    moving: float = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """B simulated drives of T steps of ``dt`` seconds: poses after each, (B, T), map frame.
+
+    ``twists``: the velocities (vx, vy, wz) of each step, three arrays (B, T) or (B, 1).
+    """
+
+    x: Floats
+    y: Floats
+    theta: Floats
+    twists: tuple[Floats, Floats, Floats]
+    dt: float
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What drives are judged by. ``margin``: metres around the outline that nothing may enter."""
+
+    distance: DistanceGrid
+    to_go: CostToGo
+    moving: list[MovingObstacle]
+    margin: float
+
+
+class Critics:
+    """Sums up what drives cost a base with a given footprint."""
+
+    def __init__(self, parameters: CriticParameters, footprint: Footprint, sideways: bool) -> None:
+        self._parameters, self._sideways = parameters, sideways
+        self._check = FootprintCheck(footprint)
+        edges = np.roll(footprint.corners, -1, axis=0) - footprint.corners
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+        self._normals = normals.astype(np.float32)
+        self._offsets = np.einsum("ij,ij->i", normals, footprint.corners).astype(np.float32)
+        self._reach = footprint.circumscribed_radius
+
+    def judge(self, drives: Drives, around: Surroundings) -> tuple[Floats, NDArray[np.intp]]:
+        """The cost of each drive (B,), and the step in which it touches something, T where it does not."""
+        p = self._parameters
+        steps = drives.x.shape[1]
+        touches, middle = self._check.touches(around.distance, drives.x, drives.y, drives.theta, around.margin)
+        left = around.to_go.field.at(drives.x[:, 1::2], drives.y[:, 1::2])
+        beside = around.to_go.beside.at(drives.x[:, 1::4], drives.y[:, 1::4])
+        near = np.exp((self._check.inner - middle) / np.float32(p.obstacle_decay))
+        cost = np.float32(p.goal) * left[:, -1] + np.float32(p.goal_early) * left.mean(axis=1)
+        cost += np.float32(p.path) * beside.mean(axis=1) + np.float32(p.obstacle) * near.mean(axis=1)
+        cost += self._heading(drives, around.to_go)
+        vx, vy, wz = drives.twists
+        duration = np.float32(drives.dt * steps)
+        cost += np.float32(p.backwards) * duration * np.maximum(-vx, 0.0).mean(axis=1)
+        cost += np.float32(p.turning) * duration * np.abs(wz).mean(axis=1)
+        if self._sideways:
+            cost += np.float32(p.sideways) * duration * np.abs(vy).mean(axis=1)
+        for obstacle in around.moving:
+            meets, nearness = self._meet(drives, obstacle)
+            touches |= meets
+            cost += np.float32(p.moving) * nearness
+        first = np.where(touches.any(axis=1), touches.argmax(axis=1), steps)
+        cost += np.where(first < steps, np.float32(p.contact) * (2.0 - first / steps), 0.0).astype(np.float32)
+        return cost, first
+
+    def _heading(self, drives: Drives, to_go: CostToGo) -> Floats:
+        step = drives.x.shape[1] // 3
+        dx = np.float32(to_go.carrot[0]) - drives.x[:, step]
+        dy = np.float32(to_go.carrot[1]) - drives.y[:, step]
+        off = np.arctan2(dy, dx) - drives.theta[:, step]
+        off = np.abs((off + np.float32(np.pi)) % np.float32(2 * np.pi) - np.float32(np.pi))
+        # A carrot that has been reached says nothing about the heading any more.
+        weight = np.minimum(np.hypot(dx, dy) / np.float32(0.4), np.float32(1.0))
+        heading: Floats = np.float32(self._parameters.heading) * off * weight
+        return heading
+
+    def _meet(self, drives: Drives, obstacle: MovingObstacle) -> tuple[NDArray[np.bool_], Floats]:
+        """Where the base and a moving disc touch (B, T), and how near they come, 0 (far) to 1, for each drive (B,)."""
+        p = self._parameters
+        steps = drives.x.shape[1]
+        times = np.minimum((np.arange(steps) + 1) * drives.dt, p.prediction)
+        dx = (obstacle.x + obstacle.vx * times).astype(np.float32) - drives.x
+        dy = (obstacle.y + obstacle.vy * times).astype(np.float32) - drives.y
+        apart = np.hypot(dx, dy) - np.float32(self._reach + obstacle.radius)
+        gap = apart.copy()
+        # Nearer than the circumscribed circle, the outline tells. Predictions further ahead are worth nothing.
+        unsure = np.flatnonzero((apart < p.moving_margin).ravel())
+        if len(unsure):
+            cos, sin = np.cos(drives.theta.ravel()[unsure]), np.sin(drives.theta.ravel()[unsure])
+            ux, uy = dx.ravel()[unsure], dy.ravel()[unsure]
+            own = np.stack([cos * ux + sin * uy, cos * uy - sin * ux], axis=1)
+            gap.ravel()[unsure] = (own @ self._normals.T - self._offsets).max(axis=1) - np.float32(obstacle.radius)
+        predicted = (np.arange(steps) + 1) * drives.dt <= p.prediction + 1e-9
+        meets = (gap < p.moving_margin) & predicted
+        nearness = np.clip(1.0 - gap[:, predicted] / np.float32(p.moving_distance), 0.0, 1.0).mean(axis=1)
+        return meets, nearness.astype(np.float32)

@@ -1,0 +1,131 @@
+"""The dynamic window approach (Fox, Burgard and Thrun 1997) with critics, as nav2's DWB controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.navigation.local_planning.base import MotionLimits
+from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
+from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class DWAParameters(ObstacleAwareParameters):
+    """Of the window: ``forward_samples``, ``sideways_samples`` (of bases that can), ``turn_samples`` velocities.
+
+    ``window``: seconds within which a velocity must be reachable. ``horizon``, ``step``: seconds, of the drives at
+    constant velocity. ``reverse``: m/s backwards at most. ``oscillation_distance`` (m), ``oscillation_angle`` (rad):
+    how far the base must come before a velocity may change its sign a second time.
+    """
+
+    forward_samples: int = 11
+    sideways_samples: int = 5
+    turn_samples: int = 15
+    window: float = 0.3
+    horizon: float = 1.6
+    step: float = 0.1
+    reverse: float = 0.15
+    oscillation_distance: float = 0.05
+    oscillation_angle: float = 0.2
+
+
+class DWA(ObstacleAwareFollower):
+    """Tries the velocities that the base can reach soon, each kept up for the horizon; deterministic."""
+
+    def __init__(self, parameters: DWAParameters | None = None) -> None:
+        self._parameters = parameters or DWAParameters()
+        super().__init__(self._parameters)
+        self._oscillation: _Oscillation | None = None
+
+    def _begin(self, limits: MotionLimits, critics: Critics) -> None:
+        self._base, self._critics = limits, critics
+
+    def _restart(self) -> None:
+        self._oscillation = None
+
+    def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
+        p, base = self._parameters, self._base
+        if self._oscillation is None:
+            self._oscillation = _Oscillation(p.oscillation_distance, p.oscillation_angle)
+        vx, vy, wz = self._window(twist)
+        allowed = self._oscillation.allowed(vx, vy, wz, pose)
+        vx, vy, wz = vx[allowed], vy[allowed], wz[allowed]
+        drives = _simulated(pose, vx, vy, wz, round(p.horizon / p.step), p.step)
+        costs, contact = self._critics.judge(drives, around)
+        # Fox's admissible velocities: those from which the base can stop before it touches anything.
+        braking = np.maximum(np.hypot(vx, vy) / base.acceleration, np.abs(wz) / base.angular_acceleration)
+        admissible = contact * p.step > p.reaction + braking / 2.0
+        if not admissible.any():
+            return Twist2D()
+        best = int(np.argmin(np.where(admissible, costs, np.inf)))
+        chosen = Twist2D(float(vx[best]), float(vy[best]), float(wz[best]))
+        self._oscillation.note(chosen, pose)
+        return chosen
+
+    def _window(self, twist: Twist2D) -> tuple[Floats, Floats, Floats]:
+        """Velocities that can be reached within the window, (B,) each; standing still and going straight among them."""
+        p, base = self._parameters, self._base
+        change, turn = base.acceleration * p.window, base.angular_acceleration * p.window
+        forward = _samples(twist.vx, change, -p.reverse, base.vx, p.forward_samples)
+        turning = _samples(twist.wz, turn, -base.wz, base.wz, p.turn_samples)
+        count = p.sideways_samples if base.vy else 1
+        sideways = _samples(twist.vy, change, -base.vy, base.vy, count)
+        vx, vy, wz = (grid.ravel().astype(np.float32) for grid in np.meshgrid(forward, sideways, turning))
+        possible = np.hypot(vx, vy) <= base.vx + 1e-6
+        return vx[possible], vy[possible], wz[possible]
+
+
+class _Oscillation:
+    """nav2's oscillation critic: a velocity that has changed its sign keeps the new one until the base got on."""
+
+    def __init__(self, distance: float, angle: float) -> None:
+        self._distance, self._angle = distance, angle
+        self._signs = [0, 0, 0]
+        self._kept: list[Pose2D | None] = [None, None, None]
+
+    def allowed(self, vx: Floats, vy: Floats, wz: Floats, pose: Pose2D) -> NDArray[np.bool_]:
+        allowed = np.ones(len(vx), dtype=bool)
+        for axis, values in enumerate((vx, vy, wz)):
+            since = self._kept[axis]
+            if since is None:
+                continue
+            if pose.distance_to(since) > self._distance or abs(pose.theta - since.theta) > self._angle:
+                self._kept[axis] = None
+            else:
+                allowed &= values * self._signs[axis] >= 0.0
+        return allowed
+
+    def note(self, chosen: Twist2D, pose: Pose2D) -> None:
+        for axis, (value, still) in enumerate(((chosen.vx, 0.02), (chosen.vy, 0.02), (chosen.wz, 0.05))):
+            sign = 0 if abs(value) < still else (1 if value > 0.0 else -1)
+            if sign and self._signs[axis] and sign != self._signs[axis]:
+                self._kept[axis] = pose
+            self._signs[axis] = sign or self._signs[axis]
+
+
+def _samples(now: float, change: float, lowest: float, highest: float, count: int) -> NDArray[np.float64]:
+    """``count`` velocities around ``now``; one of them is zero where zero can be reached."""
+    if count == 1:
+        return np.zeros(1)
+    values = np.linspace(max(lowest, min(now - change, highest)), min(highest, max(now + change, lowest)), count)
+    if values[0] < 0.0 < values[-1]:
+        values[np.argmin(np.abs(values))] = 0.0
+    return values
+
+
+def _simulated(pose: Pose2D, vx: Floats, vy: Floats, wz: Floats, steps: int, step: float) -> Drives:
+    """Drives at constant velocities (B,): arcs, by the midpoint rule, which is exact but for a millimetre."""
+    times = (np.arange(steps, dtype=np.float32) + np.float32(1.0)) * np.float32(step)
+    theta = np.float32(pose.theta) + wz[:, None] * times
+    middle = theta - wz[:, None] * np.float32(step / 2)
+    cos, sin = np.cos(middle), np.sin(middle)
+    forward, sideways = vx[:, None], vy[:, None]
+    x = np.float32(pose.x) + np.cumsum(forward * cos - sideways * sin, axis=1) * np.float32(step)
+    y = np.float32(pose.y) + np.cumsum(forward * sin + sideways * cos, axis=1) * np.float32(step)
+    return Drives(x, y, theta, (forward, sideways, wz[:, None]), step)

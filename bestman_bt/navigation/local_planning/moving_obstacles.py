@@ -1,0 +1,152 @@
+"""People and other things that walk about: clusters of hits, tracked with their velocity."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+
+@dataclass(frozen=True)
+class MovingObstaclesParameters:
+    """Lengths in metres, times in seconds, speeds in m/s.
+
+    ``gap``: between two neighbouring hits that belong to two clusters. ``max_size``: of a cluster that may move.
+    ``gate``: how far from its prediction a track is looked for. ``acceleration``: m/s², standard deviation of how a
+    walker changes its velocity, ``position_std``: error of a cluster's middle. ``min_speed``, ``min_sigma``: what moves
+    is faster than the former, and than so many standard deviations of its estimate, and has come ``min_distance`` far.
+    ``forget``: unseen for that long. ``max_speed``: nothing here is faster.
+    """
+
+    gap: float = 0.2
+    max_size: float = 0.9
+    gate: float = 0.4
+    acceleration: float = 1.0
+    position_std: float = 0.04
+    min_speed: float = 0.12
+    min_sigma: float = 2.0
+    min_distance: float = 0.10
+    forget: float = 0.8
+    max_speed: float = 2.0
+
+
+@dataclass(frozen=True)
+class MovingObstacle:
+    """A disc: its middle (m, map frame), velocity (m/s, map frame) and radius (m)."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    radius: float
+
+
+class MovingObstacles:
+    """Kalman filters of constant velocity, one per cluster; nearest neighbours, each to one (Hungarian algorithm)."""
+
+    def __init__(self, parameters: MovingObstaclesParameters | None = None) -> None:
+        self._parameters = parameters or MovingObstaclesParameters()
+        self._tracks: list[_Track] = []
+        self.moving: list[MovingObstacle] = []
+
+    def update(self, hits: NDArray[np.float64], lidar: NDArray[np.float64], stamp: float) -> NDArray[np.float64]:
+        """Take in hits (N, 2) in the order of the beams, seen from ``lidar`` (2,); answer with those that stand."""
+        p = self._parameters
+        clusters = _clusters(hits, p.gap)
+        small = [c for c in clusters if len(c) >= 3 and _size(hits[c]) <= p.max_size]
+        discs = [_disc(hits[c], lidar) for c in small]
+        for track in self._tracks:
+            track.predict(stamp, p.acceleration)
+        cluster_of = self._associate(discs)
+        moving_hits = np.zeros(len(hits), dtype=bool)
+        for track, cluster in cluster_of.items():
+            self._tracks[track].correct(discs[cluster], stamp, p.position_std)
+        for index, disc in enumerate(discs):
+            if index not in cluster_of.values():
+                self._tracks.append(_Track(disc, stamp))
+                cluster_of[len(self._tracks) - 1] = index
+        self.moving = []
+        for index, track in enumerate(self._tracks):
+            if not track.moves(p):
+                continue
+            self.moving.append(track.obstacle())
+            if index in cluster_of:
+                moving_hits[small[cluster_of[index]]] = True
+        self._tracks = [track for track in self._tracks if stamp - track.seen <= p.forget]
+        return hits[~moving_hits]
+
+    def _associate(self, discs: list[NDArray[np.float64]]) -> dict[int, int]:
+        """Track → cluster."""
+        if not self._tracks or not discs:
+            return {}
+        places = np.array([track.state[:2] for track in self._tracks])
+        distances = np.linalg.norm(places[:, None] - np.array(discs)[None, :, :2], axis=-1)
+        rows, columns = linear_sum_assignment(np.minimum(distances, 1.0))
+        near = distances[rows, columns] < self._parameters.gate
+        return {int(r): int(c) for r, c in zip(rows[near], columns[near], strict=True)}
+
+
+class _Track:
+    """State (x, y, vx, vy) and its covariance."""
+
+    def __init__(self, disc: NDArray[np.float64], stamp: float) -> None:
+        self.state = np.array([disc[0], disc[1], 0.0, 0.0])
+        self.covariance = np.diag([0.05**2, 0.05**2, 0.5**2, 0.5**2])
+        self.radius = float(disc[2])
+        self.first = self.state[:2].copy()
+        self.seen = self._stamp = stamp
+
+    def predict(self, stamp: float, acceleration: float) -> None:
+        dt = max(0.0, stamp - self._stamp)
+        self._stamp = stamp
+        step = np.eye(4)
+        step[0, 2] = step[1, 3] = dt
+        noise = np.array([[dt**4 / 4, dt**3 / 2], [dt**3 / 2, dt**2]]) * acceleration**2
+        self.state = step @ self.state
+        self.covariance = step @ self.covariance @ step.T + np.kron(noise, np.eye(2))
+
+    def correct(self, disc: NDArray[np.float64], stamp: float, std: float) -> None:
+        expected = self.covariance[:2, :2] + std**2 * np.eye(2)
+        gain = self.covariance[:, :2] @ np.linalg.inv(expected)
+        self.state = self.state + gain @ (disc[:2] - self.state[:2])
+        self.covariance = self.covariance - gain @ self.covariance[:2]
+        self.radius += 0.3 * (float(disc[2]) - self.radius)
+        self.seen = stamp
+
+    def moves(self, p: MovingObstaclesParameters) -> bool:
+        speed = float(np.hypot(*self.state[2:]))
+        sigma = math.sqrt(float(np.trace(self.covariance[2:, 2:])) / 2.0)
+        far = float(np.linalg.norm(self.state[:2] - self.first)) > p.min_distance
+        return far and p.min_speed < speed < p.max_speed and speed > p.min_sigma * sigma
+
+    def obstacle(self) -> MovingObstacle:
+        return MovingObstacle(*(float(value) for value in self.state), self.radius)
+
+
+def _clusters(hits: NDArray[np.float64], gap: float) -> list[NDArray[np.intp]]:
+    """Runs of neighbouring hits; the last and the first are neighbours, too."""
+    if len(hits) < 2:
+        return [np.arange(len(hits))] if len(hits) else []
+    breaks = np.flatnonzero(np.linalg.norm(np.diff(hits, axis=0), axis=1) > gap) + 1
+    runs = np.split(np.arange(len(hits)), breaks)
+    if len(runs) > 1 and np.linalg.norm(hits[0] - hits[-1]) <= gap:
+        runs = [np.concatenate([runs[-1], runs[0]]), *runs[1:-1]]
+    return runs
+
+
+def _size(hits: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(hits.max(axis=0) - hits.min(axis=0)))
+
+
+def _disc(hits: NDArray[np.float64], lidar: NDArray[np.float64]) -> NDArray[np.float64]:
+    """x, y, radius of the disc whose near side the hits are: its width across the view tells its radius."""
+    away = hits.mean(axis=0) - lidar
+    distance = max(float(np.linalg.norm(away)), 1e-6)
+    away = away / distance
+    across = (hits - lidar) @ np.array([-away[1], away[0]])
+    radius = float(np.clip((across.max() - across.min()) / 2.0, 0.05, 0.45))
+    # The hits on the near half of a disc lie a quarter of pi times the radius before its middle, in the mean.
+    return np.array([*(lidar + away * (distance + radius * math.pi / 4.0)), radius])

@@ -1,0 +1,116 @@
+"""Model predictive path integral control (Williams et al. 2017) with critics, as nav2's MPPI controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.navigation.local_planning.base import MotionLimits
+from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
+from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
+
+Floats = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class MPPIParameters(ObstacleAwareParameters):
+    """``batch`` drives of ``steps`` steps of ``step`` seconds, sampled ``iterations`` times for each command.
+
+    ``forward_std``, ``sideways_std`` (m/s), ``turn_std`` (rad/s): of what is added to the last best drive, at
+    ``knots`` times with straight lines between them, so that drives are smooth. ``temperature``: of the mean over
+    drives; low: the best few decide. ``reverse``: m/s backwards at most. ``seed``: of the samples.
+    """
+
+    batch: int = 320
+    steps: int = 20
+    step: float = 0.1
+    iterations: int = 1
+    knots: int = 6
+    forward_std: float = 0.2
+    sideways_std: float = 0.2
+    turn_std: float = 0.5
+    temperature: float = 0.08
+    reverse: float = 0.15
+    seed: int = 0
+
+
+class MPPI(ObstacleAwareFollower):
+    """Bends the last best drive at random and goes on with the mean, weighted by what each costs.
+
+    Equal calls give equal commands: the samples come from a generator that each path begins anew.
+    """
+
+    def __init__(self, parameters: MPPIParameters | None = None) -> None:
+        self._parameters = p = parameters or MPPIParameters()
+        super().__init__(p)
+        at = np.linspace(0.0, p.knots - 1.0, p.steps)
+        self._spread = np.maximum(0.0, 1.0 - np.abs(at[None, :] - np.arange(p.knots)[:, None])).astype(np.float32)
+        self._restart()
+
+    def _begin(self, limits: MotionLimits, critics: Critics) -> None:
+        p = self._parameters
+        self._base, self._critics = limits, critics
+        self._axes = (0, 1, 2) if limits.vy else (0, 2)
+        self._std = np.array([p.forward_std, p.sideways_std, p.turn_std], dtype=np.float32)
+        self._low = np.array([-p.reverse, -limits.vy, -limits.wz], dtype=np.float32)
+        self._high = np.array([limits.vx, limits.vy, limits.wz], dtype=np.float32)
+        change = np.array([limits.acceleration, limits.acceleration, limits.angular_acceleration])
+        self._change = (change * p.step).astype(np.float32)
+
+    def _restart(self) -> None:
+        self._rng = np.random.default_rng(self._parameters.seed)
+        self._plan = np.zeros((3, self._parameters.steps), dtype=np.float32)
+
+    def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
+        p = self._parameters
+        now = np.array([twist.vx, twist.vy, twist.wz], dtype=np.float32)
+        for _ in range(p.iterations):
+            controls = self._sampled(now)
+            drives = self._simulated(pose, controls)
+            costs, contact = self._critics.judge(drives, around)
+            weights = np.exp((costs.min() - costs) / np.float32(p.temperature))
+            self._plan = np.einsum("b,abt->at", weights / weights.sum(), controls)
+        if contact[int(np.argmin(costs))] < p.steps // 2:
+            self._plan[:] = 0.0
+            return Twist2D()
+        # The velocity that the plan has when the command has taken effect; then the plan moves on by dt.
+        chosen = self._plan[:, 0].astype(float)
+        share = np.float32(dt / p.step)
+        self._plan[:, :-1] += share * (self._plan[:, 1:] - self._plan[:, :-1])
+        return Twist2D(*chosen.tolist())
+
+    def _sampled(self, now: NDArray[np.float32]) -> Floats:
+        """Velocities (3, B, T) within the limits of speed and acceleration; the last plan and braking are among them."""
+        p = self._parameters
+        controls = np.repeat(self._plan[:, None, :], p.batch, axis=1)
+        for axis in self._axes:
+            knots = self._rng.standard_normal((p.batch - 2, p.knots), dtype=np.float32)
+            controls[axis, 2:] += self._std[axis] * (knots @ self._spread)
+        controls[:, 1] = 0.0
+        np.clip(controls, self._low[:, None, None], self._high[:, None, None], out=controls)
+        by_step = np.ascontiguousarray(controls.transpose(2, 0, 1))
+        before: Floats = np.repeat(now[:, None], p.batch, axis=1)
+        change = self._change[:, None]
+        for step in by_step:
+            np.clip(step, before - change, before + change, out=step)
+            before = step
+        return by_step.transpose(1, 2, 0)
+
+    def _simulated(self, pose: Pose2D, controls: Floats) -> Drives:
+        dt = np.float32(self._parameters.step)
+        vx, vy, wz = controls
+        theta = np.cumsum(wz, axis=1)
+        theta *= dt
+        theta += np.float32(pose.theta)
+        middle = theta - np.float32(0.5) * dt * wz
+        cos, sin = np.cos(middle), np.sin(middle)
+        if self._base.vy:
+            dx, dy = vx * cos - vy * sin, vx * sin + vy * cos
+        else:
+            dx, dy = vx * cos, vx * sin
+        x = np.float32(pose.x) + np.cumsum(dx, axis=1) * dt
+        y = np.float32(pose.y) + np.cumsum(dy, axis=1) * dt
+        return Drives(x, y, theta, (vx, vy, wz), self._parameters.step)

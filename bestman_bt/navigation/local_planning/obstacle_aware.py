@@ -1,0 +1,252 @@
+"""What followers that go around obstacles share: what is around, where the path leads, and how its ends are driven.
+
+Tight places at the ends of a path are left and entered as the global planner says: straight, by pure pursuit, which
+arrives to millimetres. In between a subclass chooses velocities freely. Whoever drives, the command keeps to the limits
+of acceleration and jerk, and to the speed from which the base still stops before what it sees.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.local_planning.base import FollowerCommand, MotionLimits, PathFollower
+from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
+from bestman_bt.navigation.local_planning.cost_to_go import CostToGo, cost_to_go
+from bestman_bt.navigation.local_planning.critics import CriticParameters, Critics, Surroundings
+from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
+from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion, arc
+from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
+from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles, LocalObstaclesParameters
+from bestman_bt.navigation.local_planning.path_progress import PathProgress
+from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit, PurePursuitParameters
+from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
+
+STILL = 0.03
+TURN_ENDS = 0.25
+"""m/s at which the base counts as standing; radians off the way ahead at which a turn on the spot has done enough."""
+
+
+@dataclass(frozen=True)
+class ObstacleAwareParameters:
+    """Lengths in metres, speeds in m/s, angles in radians, times in seconds.
+
+    ``max_speed``, ``max_turn_rate``: no more than the base's own. ``margin``: kept around the outline. ``clearance``:
+    added to the inscribed radius where a way around obstacles is looked for. ``hand_over``: metres before the goal
+    where pure pursuit takes over, ``entry``: the part of them that is driven exactly as planned. ``carrot``: how far
+    ahead the base looks for where to head. ``turn_first``: farther off, a base that cannot go sideways turns on the
+    spot. ``reaction``: before the brakes act. ``field_every``: commands after which the way is looked at again where
+    no scan comes.
+    """
+
+    max_speed: float = 0.6
+    max_turn_rate: float = 1.2
+    margin: float = 0.03
+    clearance: float = 0.05
+    hand_over: float = 0.6
+    entry: float = 0.42
+    carrot: float = 0.7
+    turn_first: float = 1.0
+    reaction: float = 0.1
+    field_every: int = 10
+    critics: CriticParameters = field(default_factory=CriticParameters)
+    obstacles: LocalObstaclesParameters = field(default_factory=LocalObstaclesParameters)
+    ends: PurePursuitParameters = field(default_factory=PurePursuitParameters)
+    turning: RotateToHeadingParameters = field(default_factory=RotateToHeadingParameters)
+
+
+class ObstacleAwareFollower(PathFollower):
+    """Subclasses choose the velocity where there is room: ``_begin`` and ``_choose``."""
+
+    def __init__(self, parameters: ObstacleAwareParameters) -> None:
+        self._common = parameters
+        self._limits: MotionLimits | None = None
+        self._obstacles = LocalObstacles(parameters.obstacles)
+        self._exact = PurePursuit(parameters.ends)
+        self._turn = RotateToHeading(parameters.turning)
+        self._progress: PathProgress | None = None
+        self._to_go: CostToGo | None = None
+        self._driving_exactly = self._handing_over = self._turning = False
+        self._since_field = 0
+
+    @abstractmethod
+    def _begin(self, limits: MotionLimits, critics: Critics) -> None:
+        """A base to drive, and how its drives are judged."""
+
+    @abstractmethod
+    def _restart(self) -> None:
+        """What was chosen before says nothing about what comes now."""
+
+    @abstractmethod
+    def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
+        """The velocity to head for, from the present pose and commanded ``twist``; zero where nothing is free."""
+
+    def configure(self, limits: MotionLimits) -> None:
+        """See ``PathFollower.configure``."""
+        p = self._common
+        self._limits = limits = replace(
+            limits,
+            vx=min(p.max_speed, limits.vx),
+            vy=min(p.max_speed, limits.vy),
+            wz=min(p.max_turn_rate, limits.wz),
+        )
+        self._smooth = JerkLimit(limits)
+        self._motion = FootprintMotion(limits.footprint, p.margin)
+        self._check = FootprintCheck(limits.footprint)
+        self._begin(limits, Critics(p.critics, limits.footprint, limits.vy > 0.0))
+
+    def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
+        """See ``PathFollower.observe``."""
+        self._obstacles.update(scan, map_from_lidar)
+        self._since_field = self._common.field_every
+
+    def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
+        """See ``PathFollower.reset``."""
+        if self._limits is None:
+            raise RuntimeError(f"{type(self).__name__}.reset was called before configure: it must know its base")
+        if len(path.points) == 0:
+            raise ValueError(f"{type(self).__name__} path should have at least one point but has none")
+        self._obstacles.use_costmap(costmap)
+        self._path = path
+        self._backwards = int(np.argmin(np.append(path.reverse, False)))  # segments at the start
+        self._handing_over = self._turning = False
+        self._smooth.reset(Twist2D())
+        self._restart()
+        self._progress = PathProgress(path.points[self._backwards :])
+        if self._progress.remaining <= self._common.hand_over:
+            self._drive_exactly(path)
+        elif self._backwards:
+            points = path.points[: self._backwards + 1]
+            heading = math.atan2(*(points[-2] - points[-1])[::-1])
+            self._drive_exactly(Path2D(points, Pose2D(*points[-1], heading), path.reverse[: self._backwards]))
+        else:
+            self._driving_exactly = False
+
+    def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
+        """See ``PathFollower.compute``."""
+        if self._progress is None:
+            raise RuntimeError(f"{type(self).__name__}.compute was called before reset")
+        self._obstacles.centre_on(pose)
+        if self._driving_exactly:
+            command = self._exact.compute(pose, velocity, dt)
+            if not command.done:
+                return replace(command, twist=self._scaled(command.twist, self._share_seen(pose, command.twist)))
+            if self._handing_over or self._progress.remaining <= self._common.hand_over:
+                return command
+            self._driving_exactly = False
+        self._progress.advance(pose.xy)
+        remaining = self._progress.remaining
+        if self._near_the_end(pose):
+            twist = self._smooth.towards(Twist2D(), dt)
+            if max(abs(twist.vx), abs(twist.vy), abs(twist.wz)) < STILL:
+                self._handing_over = True
+                self._drive_exactly(self._final_path(pose))
+            return FollowerCommand(twist, False, remaining)
+        wanted = self._wanted(pose, dt)
+        before = self._smooth.twist
+        share = min(self._share_around(pose, before), self._share_seen(pose, before))
+        if share < 1.0:
+            return FollowerCommand(self._smooth.brake(self._scaled(before, share), dt), False, remaining)
+        return FollowerCommand(self._smooth.towards(wanted, dt), False, remaining)
+
+    def _wanted(self, pose: Pose2D, dt: float) -> Twist2D:
+        """Where there is room: turn on the spot towards a way that lies far off, else what the subclass chooses."""
+        assert self._limits is not None
+        p, to_go = self._common, self._field(pose)
+        if not to_go.reachable:
+            return Twist2D()
+        bearing = math.atan2(to_go.carrot[1] - pose.y, to_go.carrot[0] - pose.x)
+        off = abs(wrap_angle(bearing - pose.theta))
+        if self._limits.vy == 0.0 and not self._turning and off > p.turn_first:
+            self._turning = True
+            self._turn.turn_to(bearing)
+        if self._turning and off > TURN_ENDS:
+            self._turn.turn_to(bearing, self._smooth.twist.wz)
+            return self._turn.compute(pose, Twist2D(), dt).twist
+        if self._turning:
+            self._turning = False
+            self._restart()
+        start = np.array([[pose.x], [pose.y], [pose.theta]], dtype=np.float32)
+        here = float(self._check.clearance(self._obstacles.distance, *start)[0])
+        # Who stands closer to something than the margin must be able to leave.
+        margin = min(p.margin, here - 0.01)
+        around = Surroundings(self._obstacles.distance, to_go, self._obstacles.moving, margin)
+        wanted = self._choose(pose, self._smooth.twist, around, dt)
+        return self._slow_before_the_end(wanted)
+
+    def _field(self, pose: Pose2D) -> CostToGo:
+        assert self._limits is not None
+        assert self._progress is not None
+        self._since_field += 1
+        if self._to_go is None or self._since_field > self._common.field_every:
+            self._since_field = 0
+            ahead, left = self._progress.ahead
+            clearance = self._limits.footprint.inscribed_radius + self._common.clearance
+            self._to_go = cost_to_go(self._obstacles.distance, clearance, ahead, left, pose.xy, self._common.carrot)
+        return self._to_go
+
+    def _near_the_end(self, pose: Pose2D) -> bool:
+        assert self._progress is not None
+        return self._progress.remaining <= self._common.hand_over and self._progress.beside(pose.xy) < 0.25
+
+    def _slow_before_the_end(self, wanted: Twist2D) -> Twist2D:
+        assert self._limits is not None
+        assert self._progress is not None
+        before = max(0.0, self._progress.remaining - self._common.hand_over)
+        speed = math.hypot(wanted.vx, wanted.vy)
+        most = 0.12 + math.sqrt(self._limits.acceleration * before)
+        return self._scaled(wanted, min(1.0, most / speed)) if speed else wanted
+
+    def _final_path(self, pose: Pose2D) -> Path2D:
+        """From here to where the exact entry begins, and on as planned."""
+        assert self._progress is not None
+        points = self._progress.last(self._common.entry)
+        return Path2D(np.vstack([pose.xy, points]), self._path.goal)
+
+    def _drive_exactly(self, path: Path2D) -> None:
+        self._exact.reset(path)
+        self._driving_exactly = True
+
+    def _share_around(self, pose: Pose2D, twist: Twist2D) -> float:
+        """How much of ``twist`` the base can brake from before anything around, known or seen."""
+        reaction, braking, times = self._braking(twist)
+        x, y, theta = arc(twist, times)
+        cos, sin = math.cos(pose.theta), math.sin(pose.theta)
+        poses = (pose.x + cos * x - sin * y, pose.y + sin * x + cos * y, pose.theta + theta)
+        clearance = self._check.clearance(self._obstacles.distance, *(a.astype(np.float32) for a in poses))
+        touches = (clearance < 0.0) & (clearance < clearance[0] - 1e-3)
+        contact = float(times[max(0, int(touches.argmax()) - 1)]) if touches.any() else math.inf
+        return safe_share(contact, reaction, braking)
+
+    def _share_seen(self, pose: Pose2D, twist: Twist2D) -> float:
+        """The same before what the map does not know."""
+        reaction, braking, times = self._braking(twist)
+        contact, _ = self._motion.contact(pose.inverse().apply(self._seen(pose)), twist, float(times[-1]))
+        return safe_share(contact, reaction, braking)
+
+    def _braking(self, twist: Twist2D) -> tuple[float, float, NDArray[np.float64]]:
+        assert self._limits is not None
+        reaction = self._common.reaction
+        braking = braking_time(twist, self._limits.acceleration, self._limits.angular_acceleration)
+        return reaction, braking, np.linspace(0.0, reaction + braking / 2.0 + 0.1, 16)
+
+    def _seen(self, pose: Pose2D) -> NDArray[np.float64]:
+        """Points of what stands and the map lacks, and of what moves, now and a moment ahead; map frame."""
+        rim = np.linspace(0.0, 2.0 * math.pi, 12, endpoint=False)
+        circle = np.column_stack([np.cos(rim), np.sin(rim)])
+        moving = [
+            np.array([m.x + ahead * m.vx, m.y + ahead * m.vy]) + m.radius * circle
+            for m in self._obstacles.moving
+            for ahead in (0.0, 0.4)
+        ]
+        return np.vstack([self._obstacles.points, *moving])
+
+    @staticmethod
+    def _scaled(twist: Twist2D, share: float) -> Twist2D:
+        return twist if share == 1.0 else Twist2D(share * twist.vx, share * twist.vy, share * twist.wz)
