@@ -88,7 +88,7 @@ TRIALS = (
     Trial("xarm/protective_stop", XARM, Act.ARM, ARM, "protective_stop", ("collision",), AT_ONCE),
     Trial("xarm/joint_limit", XARM, Act.ARM, ARM, "joint_limit", ("fault",), AT_ONCE),
     Trial("xarm/gripper_jam", XARM, Act.HAND, ARM, "gripper_jam", ("fault",), 0.1 + AT_ONCE, undo="gripper_free"),
-    Trial("xarm/platform_drop", XARM, Act.ARM, PLATFORM, "drop", ("stopped",), WATCHDOG),
+    Trial("xarm/platform_drop", XARM, Act.ARM, PLATFORM, "drop", ("stopped", "disconnected"), WATCHDOG),
     Trial("rosbridge/drop", XARM, Act.BASE, PLATFORM, "drop", ("disconnected",), WATCHDOG, rests_in=1.3),
     Trial("rosbridge/delay", XARM, Act.BASE, PLATFORM, "delay", ("stopped",), LATE, 0.2, rests_in=1.3),
     Trial("rosbridge/stale_odometry", XARM, Act.BASE, PLATFORM, "stale_odometry", ("stopped",), STALE,

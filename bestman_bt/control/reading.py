@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
+from bestman_bt.sensing.joint_state import JointStateError
 from hal.api import NoDataError, NotConnectedError
 
-READING_ERRORS = (NotConnectedError, NoDataError)
-"""The robot is gone, or a sensor is silent; ``code`` tells which."""
+READING_ERRORS = (NotConnectedError, NoDataError, JointStateError)
+"""The robot or one of its controllers is gone, or a sensor is silent; ``code`` tells which."""

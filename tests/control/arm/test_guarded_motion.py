@@ -7,6 +7,7 @@ import pytest
 
 from bestman_bt.control import ControlErrorCode, ControlStatus
 from bestman_bt.messages import JointTrajectory, Pose2D
+from hal.api import NotConnectedError
 from hal.pybullet.reading_line import SensorFault
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
@@ -57,6 +58,21 @@ def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
     assert not scene.wrist.taring, "there is nothing to learn from"
     assert scene.wrist.tared == offset
     sensor.line.fault = None
+
+
+def test_a_guarded_move_ends_at_once_where_joints_of_another_controller_fall_silent(stand_before, monkeypatch):
+    scene = tared(stand_before(*DRAWER, flip=True))
+
+    def gone():
+        raise NotConnectedError("head delivers nothing")
+
+    moving = scene.arm.move_until(scene.handle.outward, 0.05, 0.1, 8.0)
+    scene.robot.clock.sleep(0.5)
+    monkeypatch.setattr(scene.robot.parts["head"], "positions", gone)
+    scene.robot.clock.sleep(0.1)
+    assert moving.status is ControlStatus.FAILED
+    assert moving.error.code is ControlErrorCode.DISCONNECTED
+    assert moving.error.text == "head delivers nothing"
 
 
 def swing(scene, joint: int, by: float, duration: float) -> JointTrajectory:
