@@ -233,6 +233,8 @@ def _base(
         steering_torque=base.steering_torque,
         steering_speed=base.steering_speed,
         encoders=base.encoders.model(),
+        max_jerk=base.max_jerk,
+        max_angular_jerk=base.max_angular_jerk,
     )
 
 

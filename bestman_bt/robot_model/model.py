@@ -135,7 +135,7 @@ class LegModel:
 
 @dataclass(frozen=True)
 class BaseModel:
-    """A base on wheels or legs; metres, m/s, rad/s, m/s², N m.
+    """A base on wheels or legs; metres, m/s, rad/s, m/s², m/s³, N m.
 
     ``kind``: ``differential``, ``skid``, ``steered`` or ``legged``: that one has no wheels but ``legs`` (front right,
     front left, rear right, rear left), and its ``trunk_link`` is ``stand_height`` above the floor when it stands.
@@ -168,6 +168,8 @@ class BaseModel:
     trunk_link: str = ""
     stand_height: float = 0.0
     encoders: EncoderModel = field(default_factory=EncoderModel)
+    max_jerk: float = 2.0
+    max_angular_jerk: float = 10.0
 
     @property
     def joint_names(self) -> tuple[str, ...]:

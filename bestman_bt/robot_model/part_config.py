@@ -9,11 +9,13 @@ from typing import Literal, TypeAlias
 from bestman_bt.configuration.quantity import (
     Acceleration,
     AngularAcceleration,
+    AngularJerk,
     AngularSpeed,
     Factor,
     Force,
     Friction,
     Inertia,
+    Jerk,
     JointPosition,
     Length,
     Mass,
@@ -41,7 +43,8 @@ class BasePart(PartConfig):
     drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
     2007). ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
     ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``deck``: where a column for an
-    arm stands on it. ``payload``: what it may carry by its maker's word.
+    arm stands on it. ``payload``: what it may carry by its maker's word. ``max_jerk``, ``max_angular_jerk``: m/s³ and
+    rad/s³ that local planners keep to.
     """
 
     kind: Literal["base"]
@@ -65,6 +68,8 @@ class BasePart(PartConfig):
     max_wz: AngularSpeed
     max_acceleration: Acceleration
     max_angular_acceleration: AngularAcceleration
+    max_jerk: Jerk = 2.0
+    max_angular_jerk: AngularJerk = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +97,8 @@ class LeggedBasePart(PartConfig):
     max_wz: AngularSpeed
     max_acceleration: Acceleration
     max_angular_acceleration: AngularAcceleration
+    max_jerk: Jerk = 2.0
+    max_angular_jerk: AngularJerk = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
