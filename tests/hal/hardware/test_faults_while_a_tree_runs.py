@@ -45,7 +45,7 @@ def session(robot_name: str, twin: TwinProcess) -> Iterator[Session]:
 
 def of_their_robots(*trials: Trial | ClientTrial) -> pytest.MarkDecorator:
     cases = [pytest.param(trial.robot, trial, id=trial.name) for trial in trials]
-    return pytest.mark.parametrize(("robot_name", "trial"), cases, indirect=["robot_name"])
+    return pytest.mark.parametrize(("robot_name", "trial"), cases, indirect=["robot_name"], scope="module")
 
 
 # These come first: while the session is open, nobody else may command the robot.
