@@ -50,7 +50,8 @@ def believe_shut_fronts(
 ) -> None:
     """Correct where the map has a piece that two fronts in one plane show to be farther off than the map may be.
 
-    ``explained_too``: also by less than that, and where the two are in two planes: the one farther back is shut.
+    ``explained_too``: also by less than that, and where the two are in two planes: the one farther back is shut, which
+    counts where the map's error explains it; by itself it shows no more.
     """
     piece = world.map.furniture[furniture]
     if piece.position_error <= POSITION_ERROR:
@@ -63,16 +64,17 @@ def believe_shut_fronts(
         for one in places
         if any(_same(one, other) for others in told[index + 1 :] for other in others)
     ]
+    candidates = agreed
     if explained_too and sum(bool(places) for places in told) > 1:
-        agreed = [one for places in told for one in places]
-    if not agreed:
+        candidates = [one for places in told for one in places]
+    if not candidates:
         return
     # Two that stand open as far as each other look like shut ones of a nearer piece: the farthest back counts.
-    pose = max(agreed, key=lambda place: float(_off(piece, place)[0]))
+    pose = max(candidates, key=lambda place: float(_off(piece, place)[0]))
     off = np.abs(_off(piece, pose)).max()
     if off > MISPLACED or _turned(piece, pose) > piece.heading_error + HEADING_ERROR:
         return
-    if _explained(piece, pose) and not explained_too:
+    if not (explained_too if _explained(piece, pose) else any(_same(pose, one) for one in agreed)):
         return
     placed = replace(piece, pose=pose, position_error=POSITION_ERROR, heading_error=HEADING_ERROR)
     world.map = world.map.with_furniture(placed)

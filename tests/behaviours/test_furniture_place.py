@@ -127,3 +127,30 @@ def test_what_does_not_show_that_the_map_is_wrong_leaves_it_as_it_is(believed, p
     seen = [handle_on(before.pose @ Pose2D(*off, 0.0), height) for off, height in zip(places, heights, strict=True)]
     believe_shut_fronts(believed, "drawer_chest", seen)
     assert believed.map.furniture["drawer_chest"] is before
+
+
+@pytest.mark.parametrize("off", [0.0, -0.02, 0.03])
+def test_of_two_fronts_the_one_farther_back_tells_the_place_that_the_maps_error_explains(believed, off) -> None:
+    true = believed.map.furniture["drawer_chest"].pose @ Pose2D(off, 0.01, 0.0)
+    out = true @ Pose2D(-0.09, 0.0, 0.0)
+    believe_shut_fronts(believed, "drawer_chest", [handle_on(out), handle_on(true, LOWER)], explained_too=True)
+    assert believed.map.furniture["drawer_chest"].pose.distance_to(true) < 1e-6
+
+
+@pytest.mark.parametrize("openings", [(0.06, 0.09), (0.10, 0.14), (0.15, 0.20)])
+def test_two_drawers_that_stand_open_unlike_do_not_move_the_piece_towards_them(believed, openings) -> None:
+    before = believed.map.furniture["drawer_chest"]
+    heights = (FRONT[2], LOWER)
+    seen = [
+        handle_on(before.pose @ Pose2D(-opening, 0.0, 0.0), height)
+        for opening, height in zip(openings, heights, strict=True)
+    ]
+    believe_shut_fronts(believed, "drawer_chest", seen, explained_too=True)
+    assert believed.map.furniture["drawer_chest"] is before
+
+
+def test_shut_fronts_of_a_piece_that_is_far_off_count_beside_one_that_stands_out_after_closing(believed) -> None:
+    true = believed.map.furniture["drawer_chest"].pose @ Pose2D(-0.10, 0.0, 0.0)
+    seen = [handle_on(true @ Pose2D(-0.05, 0.0, 0.0)), handle_on(true, LOWER), handle_on(true, LOWER - 0.261)]
+    believe_shut_fronts(believed, "drawer_chest", seen, explained_too=True)
+    assert believed.map.furniture["drawer_chest"].pose.distance_to(true) < 1e-6
