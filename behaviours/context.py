@@ -27,6 +27,7 @@ from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner
 from bestman_bt.navigation.localization import GlobalLocalizer
+from bestman_bt.navigation.slam import FrontierExplorer, Slam
 from bestman_bt.perception.affordance import HandleDetector
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
@@ -61,6 +62,8 @@ class Algorithms:
     collision: CollisionModel
     motion_planning: TimedMotionPlanner
     global_planning: GlobalPlanner
+    slam: Slam
+    exploration: FrontierExplorer
     global_localization: GlobalLocalizer
 
 

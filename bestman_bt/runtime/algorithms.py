@@ -14,6 +14,7 @@ from bestman_bt.manipulation.trajectory import TimeParametrization
 from bestman_bt.navigation.global_planning import GlobalPlanner
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
+from bestman_bt.navigation.slam import FrontierExplorer, Slam
 from bestman_bt.perception.affordance import HandleDetector
 from bestman_bt.perception.detection import Detector
 from bestman_bt.perception.grasp_pose import GraspPlanner
@@ -55,6 +56,8 @@ def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
             make("motion_planning", MotionPlanner), make("trajectory", TimeParametrization)
         ),
         global_planning=make("global_planning", GlobalPlanner),
+        slam=make("slam", Slam),
+        exploration=make("exploration", FrontierExplorer, kind="slam"),
         global_localization=make("global_localization", GlobalLocalizer, kind="localization"),
     )
 

@@ -49,6 +49,7 @@ COMPUTATION_COSTS = {
     "policy": 0.05,
     "trajectory": 0.05,
     "global_planning": 0.05,
+    "exploration": 0.1,
     "global_localization": 0.5,
     "clear_stop": 0.1,
 }

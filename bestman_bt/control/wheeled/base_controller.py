@@ -141,6 +141,14 @@ class BaseController:
             self._scans_at_rest = self._refused_scans = 0
             self._lost = True
 
+    def localise_by(self, localizer: Localizer) -> Localizer:
+        """Go on with another localizer from the pose that is believed now; returns the one before."""
+        with self._lock:
+            before, self._localizer = self._localizer, localizer
+            believed = self._world.base
+            self.believe(believed.pose, believed.position_std, believed.heading_std)
+            return before
+
     def follow(self, path: Path2D) -> ControlHandle[BasePose]:
         """Drive along a path in the map frame to its goal pose."""
         self._follower.reset(path)

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose2D, Sphere
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
+from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.world_model import MapFurniture, Obstacle, SemanticMap
 
@@ -94,6 +95,29 @@ class Costmap:
                 if outline_on_floor is not None:
                     np.minimum(distance, _distance_to_polygon(centres, outline_on_floor), out=distance)
         return cls((distance - parameters.clearance).reshape(rows, columns), origin, footprint, parameters)
+
+    @classmethod
+    def from_grid(
+        cls,
+        grid: OccupancyGrid,
+        footprint: Footprint,
+        unknown_is_obstacle: bool = True,
+        parameters: CostmapParameters | None = None,
+    ) -> Costmap:
+        """From a map of cells, for example of SLAM or of a file; the costmap takes over its resolution.
+
+        A cell is an obstacle from ``OCCUPIED`` / 2 on; unknown ones where ``unknown_is_obstacle``. An obstacle fills
+        its cell, so distances are from the cell's border.
+        """
+        parameters = replace(parameters or CostmapParameters(), resolution=grid.resolution)
+        blocked = grid.data >= OCCUPIED / 2
+        if unknown_is_obstacle:
+            blocked |= grid.data == UNKNOWN
+        outside = ndimage.distance_transform_edt(~blocked) if blocked.any() else np.full(blocked.shape, np.inf)
+        inside = ndimage.distance_transform_edt(blocked) if not blocked.all() else np.full(blocked.shape, np.inf)
+        cells = np.where(blocked, 0.5 - inside, outside - 0.5)
+        distance = cells * grid.resolution - parameters.clearance
+        return cls(np.clip(distance, -1e3, 1e3), grid.origin, footprint, parameters)
 
     @property
     def resolution(self) -> float:

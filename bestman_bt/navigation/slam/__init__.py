@@ -7,9 +7,17 @@ from bestman_bt.navigation.slam.correlative import (
     CorrelativeParameters,
     SearchWindow,
 )
+from bestman_bt.navigation.slam.frontiers import (
+    Frontier,
+    FrontierExplorer,
+    FrontierExplorerParameters,
+    FrontierView,
+    find_frontiers,
+)
 from bestman_bt.navigation.slam.log_odds_grid import LogOddsGrid, LogOddsGridParameters
 from bestman_bt.navigation.slam.loop_closure import LoopCloser, LoopClosureParameters
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints, oriented_points
+from bestman_bt.navigation.slam.overhangs import Overhangs, OverhangsParameters
 from bestman_bt.navigation.slam.point_to_line import LineReference, PointToLineParameters, ScanAlignment
 from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph, PoseGraphParameters
 from bestman_bt.navigation.slam.pose_graph_slam import PoseGraphSlam, PoseGraphSlamParameters
@@ -20,12 +28,18 @@ __all__ = [
     "CorrelativeMatch",
     "CorrelativeMatcher",
     "CorrelativeParameters",
+    "Frontier",
+    "FrontierExplorer",
+    "FrontierExplorerParameters",
+    "FrontierView",
     "LineReference",
     "LogOddsGrid",
     "LogOddsGridParameters",
     "LoopCloser",
     "LoopClosureParameters",
     "OrientedPoints",
+    "Overhangs",
+    "OverhangsParameters",
     "PointToLineParameters",
     "PoseGraph",
     "PoseGraphParameters",
@@ -37,5 +51,6 @@ __all__ = [
     "SlamEstimate",
     "SlamLocalizer",
     "SlamTrajectory",
+    "find_frontiers",
     "oriented_points",
 ]

@@ -15,7 +15,7 @@ from bestman_bt.navigation.localization import LocalizationEstimate
 
 @dataclass(frozen=True, eq=False)
 class SlamEstimate(LocalizationEstimate):
-    """As any localizer's estimate; the covariance is against the map nearby, the far side of the house may be less sure.
+    """As any localizer's estimate; the covariance is against the map nearby, not the far side of the house.
 
     ``loop_closures``: how many have been found so far.
     """

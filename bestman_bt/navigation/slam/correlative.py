@@ -19,8 +19,10 @@ from bestman_bt.messages import Pose2D, wrap_angle
 
 @dataclass(frozen=True)
 class CorrelativeParameters:
-    """``resolution``: metres per cell. ``std``: metres from a point at which a hit counts 61 %. ``levels`` of the pyramid:
-    the coarsest looks at 2**(levels - 1) cells at once. ``min_score``: mean of what the hits count, below which nothing is found.
+    """``resolution``: metres per cell. ``std``: metres from a point at which a hit counts 61 %.
+
+    ``levels`` of the pyramid: the coarsest looks at 2**(levels - 1) cells at once. ``min_score``: mean of what the hits
+    count, below which nothing is found.
     """
 
     resolution: float = 0.05
@@ -57,7 +59,7 @@ class CorrelativeMatcher:
         column, row = ((points - self._origin) / p.resolution).astype(int).T
         empty[row, column] = False
         likelihood = np.exp(-0.5 * (distance_transform_edt(empty) * p.resolution / p.std) ** 2).astype(np.float32)
-        # Level k holds at each cell the best of the 2**k cells from there on, in x and y; the border takes what lies outside.
+        # Level k has at each cell the best of the 2**k cells from there on, in x and y; blocks may begin in the border.
         border = 2 ** (p.levels - 1)
         likelihood = np.pad(likelihood, border)
         self._origin = self._origin - border * p.resolution

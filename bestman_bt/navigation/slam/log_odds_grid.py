@@ -19,8 +19,8 @@ class LogOddsGridParameters:
     """``resolution``: metres per cell. ``hit``, ``miss``: log odds that a scan adds to a cell that it hits or passes.
 
     ``limit``: they never exceed it, each way, so that what has changed is believed after a while. A cell is occupied
-    from ``occupied`` on (two hits), free from ``-free`` on (one pass). ``keep``: metres before a hit that a beam does not clear: its
-    noise, and a grazed wall.
+    from ``occupied`` on (two hits), free from ``-free`` on (one pass). ``keep``: metres before a hit that a beam does
+    not clear: its noise, and a grazed wall.
     """
 
     resolution: float = 0.05

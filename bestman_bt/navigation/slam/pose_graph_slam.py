@@ -30,7 +30,7 @@ class PoseGraphSlamParameters:
 
     ``loop_closure``: False leaves only scan matching, as a control. A scan becomes a keyframe after
     ``keyframe_distance`` or ``keyframe_angle``; a submap has ``submap_keyframes``, and its second half is the first
-    half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: oriented hits that a scan needs.
+    half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: on lines, that a scan needs.
     ``slip``, ``turn_slip``, ``drift``: variance that odometry gains per metre driven (m²/m), per radian turned
     (rad²/rad) and in heading per metre (rad²/m): wheels that slip by a tenth between two scans; ``rest_std``,
     ``rest_heading_std``: what is left at rest. A match that explains less than ``min_inlier_ratio`` of the hits is

@@ -1,7 +1,7 @@
 """Submaps: the points of consecutive keyframes in the frame of the first, rigid once they are finished.
 
-As in W. Hess et al., "Real-time loop closure in 2D lidar SLAM", 2016: drift inside a submap is small, so that corrections
-only move submaps against each other.
+As in W. Hess et al., "Real-time loop closure in 2D lidar SLAM", 2016: drift inside a submap is small, so that
+corrections only move submaps against each other.
 """
 
 from __future__ import annotations

@@ -1,0 +1,188 @@
+"""Exploring: mapping a place that nothing is known of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from py_trees.ports import PortInformation
+
+from behaviours.skill import Awaitable, Declaration, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
+from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D
+from bestman_bt.messages.occupancy_grid import FREE
+from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
+from bestman_bt.navigation.localization import Localizer
+from bestman_bt.navigation.map_file import MapFileError, write_map
+from bestman_bt.navigation.slam import FrontierView, Overhangs, SlamLocalizer
+from bestman_bt.world_model import BasePose
+
+AHEAD = (1.5, 0.0, 0.35)
+"""Where the camera looks on the way, metres in the base frame."""
+LOOK_PERIOD = 0.8
+"""Seconds between two looks at the way ahead and at what is still unknown."""
+LOOK_AHEAD = 1.5
+"""Metres of the path ahead that must be free."""
+EVERY_POINT = 7
+"""Of a depth image's points, one in so many is drawn."""
+PLANS = 6
+"""Ways that are planned in vain before the frontiers are ranked anew."""
+AGAIN = 0.3
+"""Metres: places nearer than this to one that was of no use are not tried."""
+
+
+@dataclass(frozen=True)
+class _Until(Awaitable):
+    """Waits for a drive or until ``time``, whatever comes first."""
+
+    handle: ControlHandle[BasePose]
+    now: Callable[[], float]
+    time: float
+
+    @property
+    def done(self) -> bool:
+        return self.handle.done or self.now() >= self.time
+
+    def cancel(self) -> None:
+        self.handle.cancel()
+
+
+class ExploreAndMap(Skill):
+    """Map the surroundings by lidar SLAM: drive to where most of the unknown can be seen until no such place is left.
+
+    The map's frame is the one in which the base believes to be at the start. The head camera looks for table tops and
+    what else the lidar does not see. Afterwards the base localises as before.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "file": PortInformation(str, required=False, description="where to save the map, NAME.yaml; else not saved"),
+        "max_time": PortInformation(float, required=False, default_value=900.0, description="seconds, then it ends"),
+    }
+    OUTPUT_PORTS: ClassVar = {
+        "grid": PortInformation(OccupancyGrid, required=False, description="the map"),
+        "area": PortInformation(float, required=False, description="floor that was found free, m²"),
+        "saved": PortInformation(str, required=False, description="the file, where one was written"),
+    }
+    DECLARATION = Declaration(
+        effects=("mapped()",),
+        recovery={"blocked": "Retreat and ExploreAndMap again", "lost": "Relocalise", "time_limit": "more max_time"},
+    )
+
+    def execute(self) -> Steps:
+        """Explore, then save."""
+        skills = self.skills
+        slam, told = skills.algorithms.slam, skills.world.base
+        before = skills.base.localise_by(SlamLocalizer(slam))
+        try:
+            finished = yield from self._explore()
+        finally:
+            skills.base.stop()
+            self._localise_by(before, told)
+        grid = slam.grid
+        area = float((grid.data == FREE).sum()) * grid.resolution**2
+        self.set_output("grid", grid)
+        self.set_output("area", area)
+        if self.get_input("file"):
+            try:
+                self.set_output("saved", str(write_map(grid, self.get_input("file"))))
+            except MapFileError as error:
+                raise SkillFailure("not_saved", str(error)) from error
+        if not finished:
+            text = f"{area:.0f} m² were mapped in {self.get_input('max_time'):.0f} s, and there is more to see"
+            raise SkillFailure("time_limit", text)
+        self.feedback_message = f"{area:.0f} m² of free floor, {slam.estimate.loop_closures} loop closures"
+
+    def _localise_by(self, localizer: Localizer, told: BasePose) -> None:
+        """Back to the map that was there before: as unsure as that was told where the base was at the start."""
+        base, now = self.skills.base, self.skills.world.base
+        base.localise_by(localizer)
+        far = told.pose.distance_to(now.pose)
+        position_std = math.hypot(now.position_std, told.position_std + told.heading_std * far)
+        base.believe(now.pose, position_std, math.hypot(now.heading_std, told.heading_std))
+
+    def _explore(self) -> Generator[Awaitable, object, bool]:
+        """Whether nothing is left to see; False where the time is up."""
+        skills = self.skills
+        end = skills.clock.now() + self.get_input("max_time")
+        slam, explorer = skills.algorithms.slam, skills.algorithms.exploration
+        yield skills.head.look_at(AHEAD)
+        yield skills.base.park()
+        overhangs: Overhangs | None = None
+        useless: list[NDArray[np.float64]] = []
+        while skills.clock.now() < end:
+            overhangs = overhangs or Overhangs(slam.grid.resolution)
+            grid, costmap = self._look(overhangs)
+            views: list[FrontierView] = yield self.compute("exploration", explorer.rank, grid, costmap, self._pose)
+            views = [view for view in views if all(np.linalg.norm(view.pose.xy - p) > AGAIN for p in useless)]
+            if not views:
+                return True
+            for view in views[:PLANS]:
+                path = yield self.compute("global_planning", self._plan, view.pose, costmap)
+                if isinstance(path, Path2D):
+                    self.feedback_message = f"{view.gain:.1f} m² unknown in view, {path.length:.1f} m away"
+                    if not (yield from self._drive(path, view, overhangs, end)):
+                        useless.append(view.pose.xy)
+                    break
+                useless.append(view.pose.xy)
+        return False
+
+    def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> StepsTo[bool]:
+        """Drive until there is nothing more to see from the goal; whether that is so, on the way or there."""
+        skills, explorer = self.skills, self.skills.algorithms.exploration
+        handle = skills.base.follow(path)
+        while True:
+            yield _Until(handle, skills.clock.now, skills.clock.now() + LOOK_PERIOD)
+            if handle.done and handle.status is not ControlStatus.SUCCEEDED:
+                error = handle.error
+                if error is None or error.code.value not in ("blocked", "tolerance"):
+                    raise SkillFailure(
+                        "fault" if error is None else error.code.value,
+                        "the controller gave up without a reason" if error is None else error.text,
+                    )
+                return False
+            grid, costmap = self._look(overhangs)
+            if explorer.gain(grid, view.pose.xy) < explorer.parameters.min_gain:
+                return True
+            if handle.done:
+                return False
+            if skills.clock.now() >= end:
+                return True
+            if not self._is_free(path, costmap):
+                skills.base.stop()
+                return costmap.clearance_at(view.pose) > 0.0
+
+    def _look(self, overhangs: Overhangs) -> tuple[OccupancyGrid, Costmap]:
+        """The map as it is now, and what to keep clear of."""
+        skills = self.skills
+        try:
+            view = skills.camera.capture().in_map
+        except READING_ERRORS as error:
+            raise SkillFailure("no_image", f"what hangs over the floor cannot be seen: {error}") from error
+        overhangs.add(view.cloud().points[::EVERY_POINT], view.frame_from_camera.position)
+        grid = skills.algorithms.slam.grid
+        footprint = Footprint(np.array(skills.base.description.footprint))
+        return grid, Costmap.from_grid(overhangs.drawn_on(grid), footprint)
+
+    @property
+    def _pose(self) -> Pose2D:
+        return self.skills.world.base.pose
+
+    def _plan(self, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
+        return self.skills.algorithms.global_planning.plan(self._pose, goal, costmap)
+
+    def _is_free(self, path: Path2D, costmap: Costmap) -> bool:
+        """Whether the next metres of the path are."""
+        steps = np.diff(path.points, axis=0)
+        lengths = np.linalg.norm(steps, axis=1)
+        pieces = [
+            start + step * np.arange(0.0, 1.0, 0.05 / max(float(length), 0.05))[:, None]
+            for start, step, length in zip(path.points[:-1], steps, lengths, strict=True)
+        ]
+        points = np.concatenate([*pieces, path.points[-1:]])
+        passed = int(np.argmin(np.linalg.norm(points - self._pose.xy, axis=1)))
+        ahead = points[passed : passed + round(LOOK_AHEAD / 0.05)]
+        return bool((costmap.distance_at(ahead) > 0.9 * costmap.footprint.inscribed_radius).all())
