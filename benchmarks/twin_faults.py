@@ -63,7 +63,7 @@ def _reports(trials: Sequence[Trial | ClientTrial], runs: int) -> Iterator[tuple
                     if isinstance(trial, Trial):
                         yield trial.name, run_trial(trial, twin, setup)
                     else:
-                        yield trial.name, run_client_trial(trial, twin, TASK, SEED, setup.world.robot_start)
+                        yield trial.name, run_client_trial(trial, twin, setup)
 
 
 def _row(trial: Trial, reports: list[Report]) -> dict[str, object]:

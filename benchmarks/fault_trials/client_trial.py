@@ -12,10 +12,15 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
+import numpy as np
+
 from benchmarks.fault_trials.left_behind import LeftBehind
 from benchmarks.fault_trials.trial import GRACE, UR, XARM
 from benchmarks.fault_trials.truth import moves, rests_at
-from bestman_bt.messages import Pose2D
+from bestman_bt.messages import Pose, Pose2D, wrap_angle
+from bestman_bt.runtime import Setup
+from hal.api import MobileBase
+from hal.hardware import IsolatedRobot
 from hal.twins import TwinProcess
 
 COMMAND = [sys.executable, "-m", "bestman_bt.cli.main"]
@@ -75,14 +80,21 @@ CLIENT_TRIALS = tuple(
 )
 
 
-def run_client_trial(trial: ClientTrial, twin: TwinProcess, task: str, seed: int, start: Pose2D) -> ClientReport:
-    """``start``: where the base stood at first, in the map."""
+def run_client_trial(trial: ClientTrial, twin: TwinProcess, setup: Setup) -> ClientReport:
+    """``setup``: of the twin's robot. The base faces where it did at first afterwards, as sessions believe it does."""
+    report = _end(trial, twin, setup)
+    if trial.base:
+        _turn_back(twin, setup)
+    return report
+
+
+def _end(trial: ClientTrial, twin: TwinProcess, setup: Setup) -> ClientReport:
     left = LeftBehind()
     with tempfile.TemporaryDirectory() as folder:
         tree, output = Path(folder) / "tree.xml", Path(folder) / "output"
-        tree.write_text(_round(start) if trial.base else TO_AND_FRO)
-        command = [*COMMAND, "run", str(tree), "--task", task, "--robot", trial.robot]
-        command += ["--driver", "hardware", "--seed", str(seed), "--runs", folder]
+        tree.write_text(_round(setup.world.robot_start) if trial.base else TO_AND_FRO)
+        command = [*COMMAND, "run", str(tree), "--task", setup.config.name, "--robot", trial.robot]
+        command += ["--driver", "hardware", "--seed", str(setup.config.seed), "--runs", folder]
         command += [word for key, value in twin.settings.items() for word in ("--set", f"robot.{key}={value}")]
         with (
             output.open("w") as stream,
@@ -103,6 +115,17 @@ def run_client_trial(trial: ClientTrial, twin: TwinProcess, task: str, seed: int
             rest = rests_at(twin, REST_TIME) - ended
             code = client.wait(END_TIME)
         return ClientReport(rest, code, output.read_text()[-300:], tuple(left.after(GRACE)))
+
+
+def _turn_back(twin: TwinProcess, setup: Setup) -> None:
+    told = twin.judge("base_pose")
+    heading = Pose(np.array(told["position"]), np.array(told["quaternion"])).to_pose2d().theta
+    with IsolatedRobot(setup.robot_model) as robot:
+        motion = robot.part("base", MobileBase).rotate(wrap_angle(setup.world.robot_start.theta - heading))
+        while not motion.done:
+            robot.clock.sleep(0.05)
+        if motion.error is not None:
+            raise RuntimeError(f"the base does not turn back: {motion.error.text}")
 
 
 def _round(start: Pose2D) -> str:

@@ -136,6 +136,7 @@ class _Course:
         self._failures = session.skills.failures
         self._known = len(self._failures)
         self._set, self._at_rest, self._stopped = np.nan, False, None
+        self._struck = False
         self._steps = self._follow()
 
     def tree(self) -> Node:
@@ -155,7 +156,7 @@ class _Course:
         try:
             yield
         finally:
-            self._twin.fault(self._trial.connection, self._trial.undo)
+            self._undo()
 
     def report(self, succeeded: bool, why: str) -> Report:
         """Once the tree has ended."""
@@ -170,7 +171,7 @@ class _Course:
         before = place(self._twin)
         while trial.act is not Act.LOOK and np.max(np.abs(place(self._twin) - before)) < MOVING:
             yield
-        self._set = clock.now()
+        self._set, self._struck = clock.now(), True
         self._twin.fault(trial.connection, trial.fault, trial.value)
         self._look()
         while len(self._failures) == self._known:
@@ -186,7 +187,12 @@ class _Course:
         while clock.now() < until:
             yield
         self._at_rest = bool(np.max(np.abs(place(self._twin) - before)) < RESTING)
-        self._twin.fault(trial.connection, trial.undo)
+        self._undo()
+
+    def _undo(self) -> None:
+        if self._struck:
+            self._twin.fault(self._trial.connection, self._trial.undo)
+            self._struck = False
 
 
 def _acts(trial: Trial, session: Session) -> tuple[Node, Node]:

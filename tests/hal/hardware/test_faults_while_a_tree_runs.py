@@ -53,7 +53,7 @@ def of_their_robots(*trials: Trial | ClientTrial) -> pytest.MarkDecorator:
 def test_a_client_that_is_killed_or_stopped_leaves_the_robot_at_rest_and_nothing_behind(
     robot_name: str, twin: TwinProcess, trial: ClientTrial
 ) -> None:
-    report = run_client_trial(trial, twin, TASK, SEED, hardware_setup(robot_name, twin).world.robot_start)
+    report = run_client_trial(trial, twin, hardware_setup(robot_name, twin))
     assert report.rest < trial.allowed + OVERDUE, report.words
     assert report.orphans == ()
     assert report.code == trial.exit_code, report.words
