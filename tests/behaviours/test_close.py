@@ -7,6 +7,8 @@ import math
 import pytest
 
 from bestman_bt.configuration import load_run
+from bestman_bt.engine import RUNNING
+from bestman_bt.runtime import open_session
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
 DRAWER, DOOR = "drawer_chest/drawer_3", "fridge/upper_door"
@@ -78,3 +80,18 @@ def test_a_drawer_that_is_not_where_it_is_believed_to_be_is_told() -> None:
         session.skills.world.articulations[DRAWER] = 0.22
         code, words = why_not(session, '<Close articulation="{articulation}"/>')
         assert code == "not_found", words
+
+
+def test_the_tree_knows_how_far_a_door_stands_open_before_the_robot_drives() -> None:
+    with open_session(load_run("close_fridge", seed=4003)) as session:
+        world, tree = session.skills.world, session.load("close_furniture")
+        start = world.base.pose
+        assert DOOR not in world.articulations
+        for _ in range(600):
+            assert tree.tick_once() == RUNNING
+            tree.sleep(0.05)
+            if world.base.pose.distance_to(start) > 0.05:
+                break
+        else:
+            raise AssertionError("it did not drive")
+        assert world.articulations[DOOR] == pytest.approx(math.radians(55.0), abs=math.radians(4.0))
