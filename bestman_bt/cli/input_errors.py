@@ -22,7 +22,10 @@ def input_errors() -> Iterator[None]:
 def _is_wrong_input(error: Exception) -> bool:
     """Recognised by class name first: the packages that define them may not be imported at all."""
     names = {cls.__name__ for cls in type(error).__mro__}
-    return bool(names & {"ConfigurationError", "TreeLoadError", "SceneError", "UnknownNameError", "RegistryError"})
+    return bool(
+        names
+        & {"ConfigurationError", "TreeLoadError", "SceneError", "MapFileError", "UnknownNameError", "RegistryError"}
+    )
 
 
 def _headline(error: Exception) -> str:

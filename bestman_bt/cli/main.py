@@ -17,6 +17,7 @@ VERBS = {
     "show": "print a tree",
     "nodes": "list the nodes that trees may use, with their ports",
     "validate": "check tree files without running them",
+    "map": "show a map: what is free, occupied and unknown",
     "object": "add, list and show objects",
     "robots": "list robots and the parts that they are made of",
     "robot": "show, check and import robots and their parts",

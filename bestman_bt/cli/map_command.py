@@ -1,0 +1,93 @@
+"""Examples: bestman-bt map show apartment.yaml; bestman-bt map show apartment.yaml --png apartment.png."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json
+from bestman_bt.messages import OccupancyGrid
+from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from bestman_bt.navigation.map_file import read_map
+
+verbs = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    no_args_is_help=True,
+    help="Show maps of ROS: a YAML file and its image.",
+    epilog=__doc__,
+)
+
+
+@verbs.callback()
+def root() -> None:
+    """Show maps of ROS: a YAML file and its image."""
+
+
+@verbs.command()
+def show(
+    file: Annotated[Path, typer.Argument(help="A map's YAML file, as ExploreAndMap and nav2 write it.")],
+    png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture with axes in metres.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Show what a map holds."""
+    with json_output(as_json) as write:
+        grid = read_map(file)
+        facts = _facts(grid)
+        if png is not None:
+            _picture(grid, png, file.stem)
+            facts["picture"] = str(png)
+        write(facts)
+        if not as_json:
+            rows, columns = facts["cells"]
+            print(f"{file}: {rows} × {columns} cells of {facts['resolution_m']:g} m, {_metres(facts['size_m'])}")
+            print(f"  origin     {facts['origin_m'][0]:.2f}, {facts['origin_m'][1]:.2f} m")
+            print(f"  free       {facts['free_m2']:.1f} m²")
+            print(f"  occupied   {facts['occupied_m2']:.1f} m²")
+            print(f"  unknown    {facts['unknown_m2']:.1f} m²")
+            if png is not None:
+                print(f"  picture    {png}")
+
+
+def _metres(size: list[float]) -> str:
+    return " × ".join(f"{extent:.1f}" for extent in size) + " m"
+
+
+def _facts(grid: OccupancyGrid) -> dict[str, Any]:
+    rows, columns = grid.data.shape
+    cell = grid.resolution**2
+    free, unknown = int((grid.data == FREE).sum()), int((grid.data == UNKNOWN).sum())
+    return {
+        "cells": [rows, columns],
+        "resolution_m": grid.resolution,
+        "size_m": [columns * grid.resolution, rows * grid.resolution],
+        "origin_m": grid.origin.tolist(),
+        "free_m2": free * cell,
+        "occupied_m2": (grid.data.size - free - unknown) * cell,
+        "unknown_m2": unknown * cell,
+    }
+
+
+def _picture(grid: OccupancyGrid, path: Path, title: str) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    rows, columns = grid.data.shape
+    x, y = grid.origin.tolist()
+    extent = (x, x + columns * grid.resolution, y, y + rows * grid.resolution)
+    known = 1.0 - grid.data.clip(FREE, OCCUPIED) / OCCUPIED
+    image = np.where((grid.data == UNKNOWN)[..., None], [0.80, 0.84, 0.88], known[..., None])
+    figure, axes = plt.subplots(figsize=(8.0, 0.8 + 7.2 * rows / columns), dpi=110)
+    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest")
+    axes.set_title(title)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    figure.tight_layout()
+    figure.savefig(path)
+    plt.close(figure)

@@ -1,0 +1,41 @@
+"""bestman-bt map: what a map file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bestman_bt.messages import OccupancyGrid
+from bestman_bt.navigation.map_file import write_map
+from tests.cli.command_line import Answer
+
+Command = Callable[..., Answer]
+
+
+def test_a_map_is_told_and_drawn(bestman_bt: Command, folder: Path) -> None:
+    data = np.zeros((40, 80), dtype=np.int8)
+    data[:, :20], data[:, 40] = -1, 100
+    write_map(OccupancyGrid(data, 0.05, np.array([-1.0, 0.5])), folder / "hall.yaml")
+    answer = bestman_bt("map", "show", "hall.yaml", "--png", "hall.png", "--json")
+    assert answer.code == 0, answer.err
+    facts = answer.document
+    assert facts["cells"] == [40, 80]
+    assert facts["unknown_m2"] == pytest.approx(2.0)
+    assert facts["occupied_m2"] == pytest.approx(0.1)
+    assert facts["free_m2"] == pytest.approx(5.9)
+    pixels = np.asarray(Image.open(folder / "hall.png").convert("RGB")).reshape(-1, 3)
+    assert {(0, 0, 0), (255, 255, 255)} <= set(map(tuple, pixels.tolist()))
+
+
+@pytest.mark.parametrize(("text", "words"), [(None, "no such file"), ("image: gone.pgm\n", "resolution")])
+def test_a_wrong_map_is_wrong_input(bestman_bt: Command, folder: Path, text: str | None, words: str) -> None:
+    if text is not None:
+        (folder / "hall.yaml").write_text(text)
+    answer = bestman_bt("map", "show", "hall.yaml")
+    assert answer.code == 2
+    assert words in answer.err
+    assert "hall.yaml" in answer.err

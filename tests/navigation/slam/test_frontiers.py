@@ -1,0 +1,92 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import OccupancyGrid, Pose2D
+from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.navigation.slam import FrontierExplorer, Overhangs, find_frontiers
+
+
+def floor(known_to, rows=80, columns=200):
+    """A hall of 10 by 4 m with walls, of which the part left of ``known_to`` metres is known."""
+    data = np.zeros((rows, columns), dtype=np.int8)
+    data[[0, -1], :] = data[:, [0, -1]] = 100
+    data[:, round(known_to / 0.05) :] = -1
+    return OccupancyGrid(data, 0.05, np.zeros(2))
+
+
+def test_a_frontier_is_where_free_floor_meets_the_unknown():
+    (frontier,) = find_frontiers(floor(6.0), 0.3)
+    assert frontier.length == pytest.approx(3.9)
+    assert frontier.points[:, 0] == pytest.approx(5.975)
+
+
+def test_short_frontiers_and_borders_behind_walls_are_none():
+    data = floor(10.0).data.copy()
+    data[40:43, 100] = -1  # a hole of 15 cm
+    assert len(find_frontiers(OccupancyGrid(data, 0.05, np.zeros(2)), 0.9)) == 0
+    assert find_frontiers(floor(10.0), 0.3) == []
+
+
+def test_views_lie_before_the_frontier_where_the_base_can_turn(footprint):
+    grid = floor(6.0)
+    costmap = Costmap.from_grid(grid, footprint)
+    views = FrontierExplorer().rank(grid, costmap, Pose2D(1.0, 2.0, 0.0))
+    assert views
+    best = views[0]
+    assert 4.0 < best.pose.x < 5.6
+    assert costmap.distance_at(best.pose.xy) > footprint.circumscribed_radius
+    assert best.distance == pytest.approx(np.hypot(best.pose.x - 1.0, best.pose.y - 2.0), rel=0.1)
+    assert [view.utility for view in views] == sorted((view.utility for view in views), reverse=True)
+
+
+def test_a_frontier_nearby_comes_before_an_equal_one_far_away(footprint):
+    data = floor(10.0).data.copy()
+    data[:, :40] = data[:, 160:] = -1  # 2 m unknown at each end
+    grid = OccupancyGrid(data, 0.05, np.zeros(2))
+    best = FrontierExplorer().rank(grid, Costmap.from_grid(grid, footprint), Pose2D(7.0, 2.0, 0.0))[0]
+    assert best.pose.x > 5.0
+
+
+def test_what_cannot_be_reached_is_no_goal(footprint):
+    data = floor(6.0).data.copy()
+    data[:, 60] = 100  # a wall across the hall at 3 m
+    grid = OccupancyGrid(data, 0.05, np.zeros(2))
+    assert FrontierExplorer().rank(grid, Costmap.from_grid(grid, footprint), Pose2D(1.0, 2.0, 0.0)) == []
+
+
+def test_gain_is_the_unknown_floor_in_view_up_to_walls():
+    # From 1 m before the border, in a hall 3.9 m wide: what lies within 5 m, up to the walls.
+    explorer = FrontierExplorer()
+    assert explorer.gain(floor(6.0), np.array([5.0, 2.0])) == pytest.approx(9.5, rel=0.15)
+    assert explorer.gain(floor(10.0), np.array([5.0, 2.0])) == 0.0
+
+
+def test_known_floor_leaves_nothing_to_explore(footprint):
+    grid = floor(10.0)
+    assert FrontierExplorer().rank(grid, Costmap.from_grid(grid, footprint), Pose2D(1.0, 2.0, 0.0)) == []
+
+
+def test_table_tops_are_obstacles_for_planning_but_not_beside_walls():
+    grid = floor(10.0)
+    overhangs = Overhangs(0.05)
+    top = np.column_stack([np.repeat(np.linspace(4.01, 4.99, 60), 60), np.tile(np.linspace(1.01, 1.99, 60), 60)])
+    camera = np.array([3.0, 1.5, 1.2])
+    overhangs.add(np.column_stack([top, np.full(len(top), 0.75)]), camera)
+    overhangs.add(np.column_stack([top + np.array([0.0, 1.0]), np.full(len(top), 0.01)]), camera)  # the floor
+    overhangs.add(np.column_stack([np.full(50, 4.0), np.full(50, 0.07), np.full(50, 0.5)]), camera)  # at the wall
+    drawn = overhangs.drawn_on(grid)
+    assert (drawn.data != grid.data).sum() == 20 * 20
+    assert drawn.data[tuple(grid.to_cells([4.5, 1.5]))] == 100
+    assert drawn.data[tuple(grid.to_cells([4.5, 2.5]))] == 0
+
+
+def test_a_costmap_of_a_grid_tells_distances_to_the_borders_of_occupied_and_unknown_cells(footprint):
+    grid = floor(6.0)
+    costmap = Costmap.from_grid(grid, footprint)
+    margin = costmap.parameters.clearance
+    assert costmap.distance_at([3.025, 2.0]) == pytest.approx(1.95 - margin, abs=0.01)  # walls at y 0.05 and 3.95
+    assert costmap.distance_at([5.025, 2.0]) == pytest.approx(0.975 - margin, abs=0.01)  # the unknown begins at 6
+    assert costmap.distance_at([3.025, 0.025]) == pytest.approx(-0.025 - margin, abs=0.01)
+    assert Costmap.from_grid(grid, footprint, unknown_is_obstacle=False).distance_at([5.8, 2.0]) > 1.5

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+import numpy as np
+
+from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.navigation.slam import LogOddsGrid
+
+
+def scan_of(ranges):
+    return LaserScan(np.array(ranges), 0.0, 0.01, 0.1, 8.0, 0.0)
+
+
+def value(grid, x, y):
+    row, column = grid.to_cells([x, y])
+    return grid.data[row, column]
+
+
+def test_beams_free_what_they_pass_and_two_hits_make_a_cell_occupied():
+    drawing = LogOddsGrid()
+    drawing.add(Pose2D(), scan_of([2.02]))
+    assert value(drawing.grid(), 1.0, 0.02) == 0
+    assert value(drawing.grid(), 2.02, 0.02) == -1  # a single hit may be a fly
+    drawing.add(Pose2D(), scan_of([2.02]))
+    assert value(drawing.grid(), 2.02, 0.02) == 100
+
+
+def test_beams_without_a_hit_tell_nothing():
+    drawing = LogOddsGrid()
+    drawing.add(Pose2D(), scan_of([2.0, np.inf]))
+    before = (drawing.grid().data != -1).sum()
+    drawing.add(Pose2D(0.0, 0.0, 1.0), scan_of([np.inf, np.inf]))
+    assert (drawing.grid().data != -1).sum() == before
+
+
+def test_what_has_gone_away_is_free_again_after_some_scans():
+    drawing = LogOddsGrid()
+    for _ in range(20):
+        drawing.add(Pose2D(), scan_of([2.02]))
+    scans = 0
+    while value(drawing.grid(), 2.02, 0.02) != 0:
+        drawing.add(Pose2D(), scan_of([3.02]))
+        scans += 1
+    assert 3 <= scans <= 20
+
+
+def test_it_grows_in_every_direction_and_keeps_what_it_knows():
+    drawing = LogOddsGrid()
+    for heading in (0.0, np.pi / 2, np.pi, -np.pi / 2):
+        for _ in range(2):
+            drawing.add(Pose2D(0.02, 0.02, heading), scan_of([5.0]))
+    grid = drawing.grid()
+    assert [value(grid, *end) for end in ((5.02, 0.02), (0.02, 5.02), (-4.98, 0.02), (0.02, -4.98))] == [100] * 4
+    assert value(grid, 0.02, 0.02) == 0
