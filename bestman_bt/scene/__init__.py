@@ -16,6 +16,7 @@ from bestman_bt.scene.scene import (
     World,
     wall_box,
 )
+from bestman_bt.scene.walker import Walker
 
 __all__ = [
     "LATCH_TRAVEL",
@@ -26,6 +27,7 @@ __all__ = [
     "SceneConfig",
     "SceneError",
     "Surface",
+    "Walker",
     "Wall",
     "World",
     "draw_world",

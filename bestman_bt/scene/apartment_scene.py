@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from bestman_bt.scene.apartment_generator import generate_apartment
 from bestman_bt.scene.scene_config import FurniturePlacement, RegionConfig, WallsConfig
 
 if TYPE_CHECKING:
     from bestman_bt.scene.load import SceneConfig
+
+_MOVED = 0.6  # metres each way
 
 
 def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
@@ -21,6 +25,7 @@ def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
         return scene
     options = scene.file.generator.apartment
     apartment = generate_apartment(options, seed if options.seed is None else options.seed, scene.file.passage)
+    rng = np.random.default_rng([seed, 6])
     corners = [room.x + room.y for room in apartment.rooms]
     whole = RegionConfig(
         x=(min(c[0] for c in corners), max(c[1] for c in corners)),
@@ -30,7 +35,11 @@ def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
         scene.file,
         walls=WallsConfig(options.wall_height, options.wall_thickness, apartment.walls),
         furniture={
-            piece.name: FurniturePlacement(piece.model.name, (piece.at.x, piece.at.y, piece.at.theta))
+            piece.name: FurniturePlacement(
+                piece.model.name,
+                (piece.at.x, piece.at.y, piece.at.theta),
+                moved=_MOVED if piece.model.name == "chair" and rng.random() < options.moved_chairs else 0.0,
+            )
             for piece in apartment.furniture
         },
         robot_start=scene.file.robot_start or whole,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import zlib
 from collections.abc import Iterable, Iterator
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -14,12 +15,15 @@ from scipy.spatial import ConvexHull
 from bestman_bt.messages import Box, ObjectModel, Pose, Pose2D
 from bestman_bt.scene.apartment_generator import ApartmentError
 from bestman_bt.scene.apartment_scene import with_apartment
+from bestman_bt.scene.changes import draw_changes
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.furniture_standing import standing_furniture, surface_of
 from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
 from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement, RegionConfig
+from bestman_bt.scene.walker import Walker
+from bestman_bt.scene.walker_routes import draw_walkers
 
 _ATTEMPTS = 100  # whole draws
 _TRIES = 100  # places tried for one thing in one draw
@@ -42,13 +46,14 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     layout = scene.file.walls
     assert layout is not None
     walls = tuple(Wall(start, end, layout.height, layout.thickness) for start, end in layout.lines)
-    furniture = standing_furniture(scene, lambda piece: _generator(seed, 0, "furniture", piece).uniform(-1.0, 1.0, 3))
+    furniture = standing_furniture(scene, lambda piece: _shares(seed, piece))
     complaint = ""
     for attempt in range(_ATTEMPTS):
         try:
             objects = _objects(scene, seed, attempt, furniture)
             goals = {name: _goal(scene, seed, attempt, name, furniture, objects) for name in scene.file.goals}
             start = _start(scene, seed, attempt, walls, furniture)
+            standing, walkers = _changed(scene, seed, attempt, walls, furniture, start)
         except _NoRoomError as error:
             complaint = str(error)
             continue
@@ -56,12 +61,13 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
             scene=scene.name,
             seed=seed,
             walls=walls,
-            furniture=furniture,
+            furniture=standing,
             objects=objects,
             robot_start=start,
             goals=goals,
             finger_friction=scene.file.finger_friction,
             goal_heights={name: float(model.size[2]) for name, model in scene.goal_models.items()},
+            walkers=walkers,
         )
     raise SceneError(f"scene {scene.name!r}, seed {seed}: no world in {_ATTEMPTS} draws; {complaint}")
 
@@ -72,6 +78,12 @@ class _NoRoomError(Exception):
 
 def _generator(seed: int, attempt: int, *names: str) -> np.random.Generator:
     return np.random.default_rng([seed, attempt, zlib.crc32("/".join(names).encode())])
+
+
+def _shares(seed: int, piece: str) -> list[float]:
+    """How far a piece is off along x, along y and in its heading, -1 to 1 of what it may be off."""
+    shares: list[float] = _generator(seed, 0, "furniture", piece).uniform(-1.0, 1.0, 3).tolist()
+    return shares
 
 
 def _sample(generator: np.random.Generator, region: RegionConfig) -> Pose2D:
@@ -157,6 +169,28 @@ def _start(
         if min(distance_to_polygon(obstacle, pose.xy) for obstacle in obstacles) >= scene.file.start_clearance:
             return pose
     raise _NoRoomError("no room for the robot's start")
+
+
+def _changed(
+    scene: SceneConfig,
+    seed: int,
+    attempt: int,
+    walls: tuple[Wall, ...],
+    furniture: tuple[PlacedFurniture, ...],
+    start: Pose2D,
+) -> tuple[tuple[PlacedFurniture, ...], tuple[Walker, ...]]:
+    """The furniture as it stands after what has changed since the map was made, and who walks between it."""
+    fixed = [wall_rectangle(wall) for wall in walls] + [line for piece in furniture for line in _open_leaves(piece)]
+    standing = draw_changes(scene, furniture, fixed, start, partial(_generator, seed, attempt, "changes"))
+    if standing is None:
+        raise _NoRoomError("no room for furniture that was moved or that the map does not have")
+    asked = scene.file.walkers
+    if asked is None:
+        return standing, ()
+    walkers = draw_walkers(asked, _outlines(walls, standing), start, partial(_generator, seed, attempt, "walkers"))
+    if walkers is None:
+        raise _NoRoomError(f"no room for {asked.count} walkers")
+    return standing, walkers
 
 
 def _outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture]) -> list[NDArray[np.float64]]:

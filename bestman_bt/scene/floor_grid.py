@@ -45,6 +45,12 @@ class FloorGrid:
             window |= inside
         return cls(ndimage.distance_transform_edt(~taken) * resolution, origin, resolution)
 
+    def every(self, count: int) -> FloorGrid:
+        """One cell of so many each way, with the room at its middle."""
+        first = count // 2
+        origin = self.origin + (first + 0.5 - count / 2) * self.resolution
+        return FloorGrid(self.room[first::count, first::count], origin, count * self.resolution)
+
     def areas(self, radius: float) -> NDArray[np.intp]:
         """(rows, columns) The number of the connected area that the middle of a disc of this radius is in; 0: none."""
         labels, _ = ndimage.label(self.room > radius, structure=np.ones((3, 3)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from bestman_bt.scene.scene_config import SceneFile
 from bestman_bt.scene.scene_faults import scene_faults
 
 _ABSENT = "absent"
-_REMOVABLE = ("furniture", "objects", "goals")
+_REMOVABLE = ("furniture", "unmapped", "objects", "goals")
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,7 @@ class SceneConfig:
 
     ``furniture``: model of each piece by its name in the scene. ``models``: what the robot may know of objects: the
     model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
+    ``unmapped``: models of the furniture that the map does not have.
     ``absent``: names of furniture and objects that the scene or its settings leave out of what it extends.
     """
 
@@ -48,6 +49,7 @@ class SceneConfig:
     furniture: Mapping[str, FurnitureModel]
     models: Mapping[str, ObjectModel]
     goal_models: Mapping[str, ObjectModel]
+    unmapped: Mapping[str, FurnitureModel] = field(default_factory=dict)
     absent: tuple[str, ...] = ()
 
     def surface(self, name: str) -> tuple[str, Surface]:
@@ -98,8 +100,13 @@ def _from_its_folder(document: Document, path: Path) -> Document:
     data = copy.deepcopy(document.data)
     if isinstance(data.get("extends"), str):
         data["extends"] = beside(path, "scene", data["extends"])
-    for field, kind in (("furniture", "furniture"), ("objects", "object"), ("goals", "object")):
-        placements = data.get(field)
+    for key, kind in (
+        ("furniture", "furniture"),
+        ("unmapped", "furniture"),
+        ("objects", "object"),
+        ("goals", "object"),
+    ):
+        placements = data.get(key)
         for placement in placements.values() if isinstance(placements, dict) else ():
             if isinstance(placement, dict) and isinstance(placement.get("model"), str):
                 placement["model"] = beside(path, kind, placement["model"])
@@ -124,29 +131,33 @@ def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
     furniture: dict[str, FurnitureModel] = {}
     models: dict[str, ObjectModel] = {}
     goal_models: dict[str, ObjectModel] = {}
-    for piece, standing in file.furniture.items():
+    unmapped: dict[str, FurnitureModel] = {}
+    for kind, piece, standing, pieces in [
+        *(("furniture", name, placement, furniture) for name, placement in file.furniture.items()),
+        *(("unmapped", name, placement, unmapped) for name, placement in file.unmapped.items()),
+    ]:
         try:
-            furniture[piece] = read_furniture(standing.model, document.problem(("furniture", piece, "model"), ""))
+            pieces[piece] = read_furniture(standing.model, document.problem((kind, piece, "model"), ""))
         except ConfigurationError as error:
             problems += error.problems
     if file.generator is not None:
         furniture |= {name: read_furniture(name) for name in NEEDED}
     named_otherwise = {placement.model for key, placement in file.objects.items() if key != Path(placement.model).stem}
     # goals first: an object of the scene that bears the name of a goal's model decides what it means
-    for field, key, model in [
+    for kind, key, model in [
         *(("goals", goal, placement.model) for goal, placement in file.goals.items()),
         *(("objects", thing, placement.model) for thing, placement in file.objects.items()),
     ]:
         try:
-            found = read_object(model, document.problem((field, key, "model"), ""))
-            if field == "goals":
+            found = read_object(model, document.problem((kind, key, "model"), ""))
+            if kind == "goals":
                 goal_models[key] = found
                 if model in named_otherwise:
                     continue  # two equal models of one thing could not be told apart
-            models[found.name if field == "goals" else key] = found
+            models[found.name if kind == "goals" else key] = found
         except ConfigurationError as error:
             problems += error.problems
-    scene = SceneConfig(name, file, furniture, models, goal_models)
+    scene = SceneConfig(name, file, furniture, models, goal_models, unmapped)
     if not problems:
         problems += _placement_problems(scene, document)
     if problems:
@@ -170,15 +181,15 @@ def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]
     surfaces += [("goals", key, "surface", item.surface) for key, item in scene.file.goals.items()]
     surfaces += [("furniture", key, "on", item.on) for key, item in scene.file.furniture.items() if item.on]
     names = list(scene.file.furniture)
-    for field, key, attribute, surface in surfaces:
+    for kind, key, attribute, surface in surfaces:
         try:
             standing_on, _ = scene.surface(surface)
         except KeyError as error:
-            problems.append(document.problem((field, key, attribute), str(error.args[0])))
+            problems.append(document.problem((kind, key, attribute), str(error.args[0])))
             continue
-        if field == "furniture" and names.index(standing_on) >= names.index(key):
+        if kind == "furniture" and names.index(standing_on) >= names.index(key):
             message = f"{standing_on!r} should be named above what stands on it, got {surface!r}"
-            problems.append(document.problem((field, key, attribute), message))
+            problems.append(document.problem((kind, key, attribute), message))
     return problems or list(_overlap_problems(scene, document))
 
 

@@ -33,6 +33,7 @@ def semantic_map(world: World) -> SemanticMap:
             leaves=leaves(piece.model, piece.elevation),
         )
         for piece in world.furniture
+        if piece.mapped
     }
     return SemanticMap(walls=_wall_faces(world), furniture=furniture)
 

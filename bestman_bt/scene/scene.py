@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape, Pose, Pose2D, joint_motion
+from bestman_bt.scene.walker import Walker
 
 LATCH_TRAVEL = {"revolute": math.radians(1.5), "prismatic": 0.008}
 """How far a latch holds on, radians or metres from closed."""
@@ -92,6 +93,7 @@ class PlacedFurniture:
 
     ``elevation``: metres above the floor, of a piece that stands on another. ``on``: the name of that other. ``open``:
     how far its doors and drawers are open at the start, radians or metres by their names; the others are closed.
+    ``mapped``: whether the semantic map has it.
     """
 
     name: str
@@ -101,6 +103,7 @@ class PlacedFurniture:
     elevation: float = 0.0
     on: str | None = None
     open: Mapping[str, float] = field(default_factory=dict)
+    mapped: bool = True
 
     @property
     def pose(self) -> Pose:
@@ -141,6 +144,7 @@ class World:
     goals: Mapping[str, Pose]
     finger_friction: float | None = None
     goal_heights: Mapping[str, float] = field(default_factory=dict)
+    walkers: tuple[Walker, ...] = ()
 
 
 def wall_box(wall: Wall) -> tuple[Box, Pose]:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
+
+from pydantic import Field
 
 from bestman_bt.configuration.quantity import (
     Angle,
@@ -12,8 +15,11 @@ from bestman_bt.configuration.quantity import (
     Friction,
     JointPosition,
     Length,
+    Mass,
     PositiveLength,
+    PositiveWholeNumber,
     Share,
+    Speed,
 )
 from bestman_bt.scene.apartment_generator.options import ApartmentOptions
 
@@ -46,7 +52,8 @@ class FurniturePlacement:
 
     The furniture really stands within ``offset`` metres (each axis) and ``turn`` radians of that. ``on``: a surface of
     furniture that is named above it (``counter/top``); None: the floor. ``open``: how far doors and drawers are open at
-    the start, by their names.
+    the start, by their names. ``moved``: metres each way within which it was put elsewhere, turned anyhow, after the
+    map was made; 0: it stands where it stood.
     """
 
     model: str
@@ -55,6 +62,7 @@ class FurniturePlacement:
     offset: Distance = 0.03
     turn: Angle = _TWO_DEGREES
     open: Mapping[str, JointPosition] = field(default_factory=dict)
+    moved: Distance = 0.0
 
 
 @dataclass(frozen=True)
@@ -87,6 +95,36 @@ class GoalPlacement:
 
 
 @dataclass(frozen=True)
+class UnmappedPlacement:
+    """Furniture that the map does not have: somewhere in ``region``; None: wherever the robot may start.
+
+    ``presence``: the chance that it is there.
+    """
+
+    model: str
+    region: RegionConfig | None = None
+    presence: Share = 1.0
+
+
+@dataclass(frozen=True)
+class WalkersConfig:
+    """People: ``count`` cylinders of so much ``radius``, ``height`` and ``mass`` that walk with so much ``speed``.
+
+    Each walks round and round between ``stops`` points that the seed draws, or between ``way_points``, metres in the
+    map frame. ``considerate``: whether they stop before the robot.
+    """
+
+    count: PositiveWholeNumber
+    speed: tuple[Speed, Speed] = (0.3, 0.8)
+    radius: tuple[PositiveLength, PositiveLength] = (0.2, 0.25)
+    height: PositiveLength = 1.7
+    mass: Mass = 70.0
+    stops: Annotated[int, Field(strict=True, ge=2)] = 4
+    way_points: tuple[Point2, ...] | None = None
+    considerate: bool = True
+
+
+@dataclass(frozen=True)
 class GeneratorConfig:
     """What makes walls and furniture, from the seed."""
 
@@ -98,7 +136,7 @@ class SceneFile:
     """A scene.
 
     ``generator``: makes ``walls``, ``furniture`` and, where it is not given, the region of the ``robot_start``; all
-    other scenes give these and ``objects``.
+    other scenes give these and ``objects``. ``unmapped``: furniture that came after the map was made.
     ``clearance``: metres between objects, so that a hand fits. ``start_clearance``: metres from the robot's frame to
     walls and furniture. ``passage``: radius in metres of what shall get everywhere in an apartment: a base that
     turns on the spot. ``finger_friction``: replaces the gripper's own, for control experiments.
@@ -109,6 +147,8 @@ class SceneFile:
     objects: Mapping[str, ObjectPlacement] = field(default_factory=dict)
     robot_start: RegionConfig | None = None
     generator: GeneratorConfig | None = None
+    unmapped: Mapping[str, UnmappedPlacement] = field(default_factory=dict)
+    walkers: WalkersConfig | None = None
     goals: Mapping[str, GoalPlacement] = field(default_factory=dict)
     clearance: Distance = 0.08
     start_clearance: Distance = 0.45

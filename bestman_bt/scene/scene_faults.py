@@ -9,7 +9,7 @@ from typing import Any
 from bestman_bt.configuration import Document, Problem
 from bestman_bt.scene.scene_config import RegionConfig, SceneFile
 
-_WALL = re.compile(r"wall_\d+")
+_NUMBERED = re.compile(r"(wall|walker)_\d+")
 _RESERVED = ("robot", "fingers", "floor")
 
 
@@ -17,9 +17,12 @@ def scene_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
     """All faults of a scene's file, each at the line that is at fault."""
     yield from _generator_faults(file, document)
     yield from _name_faults(file, document)
+    for name in ("speed", "radius") if file.walkers is not None else ():
+        yield from _order_faults(getattr(file.walkers, name), ("walkers", name), document)
     regions: dict[tuple[str, ...], RegionConfig | None] = {("robot_start",): file.robot_start}
     regions |= {("objects", name, "region"): placement.region for name, placement in file.objects.items()}
     regions |= {("goals", name, "region"): goal.region for name, goal in file.goals.items()}
+    regions |= {("unmapped", name, "region"): piece.region for name, piece in file.unmapped.items()}
     for path, region in regions.items():
         if region is not None:
             yield from _range_faults(region, path, document)
@@ -39,22 +42,23 @@ def _generator_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
     for name in ("walls", "furniture"):
         if document.data.get(name):
             yield document.problem((name,), "the generator makes them; give one or the other")
-    options = file.generator.apartment
     for name in ("rooms", "area", "doorway"):
-        lower, upper = getattr(options, name)
-        if lower > upper:
-            message = f"the smaller limit comes first, got [{lower:g}, {upper:g}]"
-            yield document.problem(("generator", "apartment", name), message)
+        yield from _order_faults(getattr(file.generator.apartment, name), ("generator", "apartment", name), document)
+
+
+def _order_faults(limits: tuple[float, float], path: tuple[str, ...], document: Document) -> Iterator[Problem]:
+    if limits[0] > limits[1]:
+        yield document.problem(path, f"the smaller limit comes first, got [{limits[0]:g}, {limits[1]:g}]")
 
 
 def _name_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
     """Contacts are told by name, so each body needs one of its own."""
-    for kind, names in (("furniture", file.furniture), ("objects", file.objects)):
+    for kind, names in (("furniture", file.furniture), ("unmapped", file.unmapped), ("objects", file.objects)):
         for name in names:
-            if name in _RESERVED or _WALL.fullmatch(name):
-                message = f"the name {name!r} is taken: {', '.join(_RESERVED)} and wall_0, wall_1, … have a meaning"
+            if name in _RESERVED or _NUMBERED.fullmatch(name):
+                message = f"the name {name!r} is taken: {', '.join(_RESERVED)}, wall_0, walker_1, … have a meaning"
                 yield document.problem((kind, name), f"{message} of their own; choose another")
-            elif kind == "objects" and name in file.furniture:
+            elif (kind != "furniture" and name in file.furniture) or (kind == "objects" and name in file.unmapped):
                 message = f"the name {name!r} is taken by a piece of furniture; choose another"
                 yield document.problem((kind, name), message)
 

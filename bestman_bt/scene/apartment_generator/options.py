@@ -13,6 +13,7 @@ class ApartmentOptions:
 
     ``rooms``: how many. ``area``: square metres within the outer walls; a room gets 14 to 24 of it. ``doorway``: clear
     width of the openings between rooms. ``loops``: the chance of a doorway that is not needed to get everywhere.
+    ``moved_chairs``: the chance of a chair to have been moved by up to 60 cm each way since the map was made.
     ``seed``: always this apartment; None: the seed of the world draws one.
     """
 
@@ -20,6 +21,7 @@ class ApartmentOptions:
     area: tuple[Area, Area] = (60.0, 110.0)
     doorway: tuple[PositiveLength, PositiveLength] = (0.8, 0.9)
     loops: Share = 0.3
+    moved_chairs: Share = 0.0
     wall_height: PositiveLength = 2.0
     wall_thickness: PositiveLength = 0.1
     seed: WholeNumber | None = None

@@ -1,0 +1,118 @@
+"""What has changed since the map was made: the world has it, the map does not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.scene import World, draw_world, load_scene, semantic_map
+from bestman_bt.scene.floor_grid import FloorGrid
+from bestman_bt.scene.plane_geometry import polygons_overlap, rectangle, wall_rectangle
+
+CHAIRS = ("chair_1", "chair_2", "chair_3")
+
+
+@pytest.fixture(scope="module")
+def worlds() -> list[World]:
+    scene = load_scene("kitchen_with_chairs")
+    return [draw_world(scene, seed) for seed in range(12)]
+
+
+def floor_of(world: World, without: tuple[str, ...] = ()) -> FloorGrid:
+    outlines = [wall_rectangle(wall) for wall in world.walls]
+    outlines += [rectangle(f.actual, f.model.footprint) for f in world.furniture if f.name not in without]
+    return FloorGrid.of(outlines)
+
+
+def test_the_chairs_stand_there_and_the_map_does_not_have_them(worlds: list[World]) -> None:
+    for world in worlds:
+        assert set(CHAIRS) <= {piece.name for piece in world.furniture}
+        assert not set(CHAIRS) & set(semantic_map(world).furniture)
+
+
+def test_all_else_is_as_without_the_chairs(worlds: list[World]) -> None:
+    kitchen = load_scene("kitchen")
+    for seed, world in enumerate(worlds):
+        plain = draw_world(kitchen, seed)
+        assert world.robot_start == plain.robot_start
+        assert [(o.name, *o.pose.position) for o in world.objects] == [
+            (o.name, *o.pose.position) for o in plain.objects
+        ]
+        assert [piece.actual for piece in world.furniture if piece.mapped] == [p.actual for p in plain.furniture]
+
+
+def test_chairs_stand_in_nothing_and_cut_nothing_off(worlds: list[World]) -> None:
+    for world in worlds:
+        chairs = [piece for piece in world.furniture if not piece.mapped]
+        outlines = [rectangle(chair.actual, chair.model.footprint) for chair in chairs]
+        others = [wall_rectangle(wall) for wall in world.walls]
+        others += [rectangle(piece.actual, piece.model.footprint) for piece in world.furniture if piece.mapped]
+        for index, outline in enumerate(outlines):
+            assert not any(polygons_overlap(outline, other) for other in (*others, *outlines[:index]))
+        before, after = floor_of(world, without=CHAIRS), floor_of(world)
+        lost = before.largest_area(0.37) & ~after.largest_area(0.37) & (after.room > 0.37)
+        assert not lost.any()
+        assert after.room_at(world.robot_start.xy) > 0.45
+
+
+def test_a_chair_of_an_apartment_may_have_been_moved_while_the_map_has_it_where_it_was() -> None:
+    scene = load_scene("apartment", {"generator.apartment.moved_chairs": 1.0})
+    far = []
+    for seed in range(4):
+        world = draw_world(scene, seed)
+        known = semantic_map(world).furniture
+        for piece in world.furniture:
+            assert known[piece.name].pose == piece.nominal
+            off = np.abs(piece.actual.xy - piece.nominal.xy).max()
+            assert off <= (0.6 if piece.model.name == "chair" else 0.03)
+            if piece.model.name == "chair":
+                far.append(off)
+    assert len(far) >= 4
+    assert np.median(far) > 0.15
+
+
+def test_presence_decides_whether_a_piece_came() -> None:
+    scene = load_scene("kitchen_with_chairs", {"unmapped.chair_1.presence": 0.5})
+    there = [any(piece.name == "chair_1" for piece in draw_world(scene, seed).furniture) for seed in range(24)]
+    assert 4 < sum(there) < 20
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"unmapped.chair_1.model": "chiar"}, "unknown furniture 'chiar'; did you mean 'chair'?"),
+        ({"unmapped.chair_1.region.x": ["1 m", "-1 m"]}, "unmapped.chair_1.region.x: the smaller limit comes first"),
+        ({"walkers": {"count": 0}}, "walkers.count"),
+        ({"walkers": {"count": 1, "speed": ["1 m/s", "0.5 m/s"]}}, "walkers.speed: the smaller limit comes first"),
+    ],
+)
+def test_faults_are_told_with_the_field(overrides: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        load_scene("kitchen_with_chairs", overrides)
+    assert message in str(error.value)
+
+
+def test_walkers_have_rounds_on_the_free_floor_away_from_the_robot() -> None:
+    scene = load_scene("apartment_walkers")
+    for seed in range(3):
+        world = draw_world(scene, seed)
+        floor = floor_of(world)
+        assert [walker.name for walker in world.walkers] == [f"walker_{number}" for number in range(1, 6)]
+        for walker in world.walkers:
+            route = np.array(walker.route)
+            assert floor.room_at(route).min() > walker.radius
+            steps = np.linalg.norm(route - np.roll(route, 1, axis=0), axis=1)
+            assert steps.max() <= 0.1 * math.sqrt(2.0) + 1e-9
+            assert 0.3 <= walker.speed <= 0.8
+            assert math.dist(walker.route[0], world.robot_start.xy) >= 1.2
+
+
+def test_way_points_may_be_given() -> None:
+    points = [["-3 m", "-1.5 m"], ["3.5 m", "1.5 m"]]
+    (walker,) = draw_world(load_scene("kitchen", {"walkers": {"count": 1, "way_points": points}}), 0).walkers
+    route = np.array(walker.route)
+    for x, y in ((-3.0, -1.5), (3.5, 1.5)):
+        assert np.linalg.norm(route - (x, y), axis=1).min() < 0.1
