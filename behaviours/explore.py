@@ -69,7 +69,7 @@ class ExploreAndMap(Skill):
     }
     DECLARATION = Declaration(
         effects=("mapped()",),
-        recovery={"blocked": "Retreat and ExploreAndMap again", "lost": "Relocalise", "time_limit": "more max_time"},
+        recovery={"time_limit": "ExploreAndMap with more max_time", "no_image": "ExploreAndMap again"},
     )
 
     def execute(self) -> Steps:
