@@ -89,7 +89,7 @@ class Place:
     """Where the base may be: ``pose`` in the map frame, ``probability`` that it is there rather than elsewhere.
 
     ``position_std`` metres, ``heading_std`` radians: how well the pose is known if it is there. ``explained``: share of
-    the beams that met what the map has there, 0 to 1.
+    what the beams hit that the map has there, 0 to 1.
     """
 
     pose: Pose2D

@@ -35,7 +35,7 @@ class BeamModelParameters:
 
 @dataclass(frozen=True)
 class Agreement:
-    """``log_likelihood``: mean over the beams. ``explained``: share of the beams that met what they should, 0 to 1."""
+    """``log_likelihood``: mean over the beams. ``explained``: share of the hits that are where they should be."""
 
     log_likelihood: float
     explained: float
@@ -65,4 +65,4 @@ def agreement(
     if not told.any():
         return Agreement(float(np.log(by_chance)), 0.0)
     fits = hit & seen & (np.abs(np.where(hit & seen, error, np.inf)) < p.explained_within)
-    return Agreement(float(np.log(likelihood[told]).mean()), float(fits[told].mean()))
+    return Agreement(float(np.log(likelihood[told]).mean()), float(fits.sum() / max(hit.sum(), 1)))

@@ -28,7 +28,7 @@ class CorrelativeSearchParameters:
     ``resolution`` and ``heading_step`` of the coarse pass, with ``points`` of the scan and a field blurred by ``blur``.
     ``candidates``: places that are matched finely, at least ``apart`` and ``turned_apart`` from each other;
     ``matches``: how often each is matched. Two places are one where they end within ``same`` and ``same_heading``.
-    ``independent_beams``: as how many independent measurements a scan counts. ``min_explained``: share of the beams
+    ``independent_beams``: as how many independent measurements a scan counts. ``min_explained``: share of the hits
     that a place must explain. ``clearance``: of the base's centre from everything.
     """
 

@@ -25,8 +25,9 @@ from bestman_bt.navigation.localization.odometry_motion import OdometryMotionPar
 class ParticleFilterParameters:
     """Lengths in metres.
 
-    ``beams``: of a scan that are looked at. ``hit_std``: of where they meet what the map has; ``random``: share of
-    beams that meet anything else. ``independent_beams``: as how many independent measurements they count.
+    ``beams``: of a scan that are looked at. ``hit_std``: of where they meet what the map has, and ``search_hit_std``
+    while the particles are spread over many places and so none of them is quite right; ``random``: share of beams that
+    meet anything else. ``independent_beams``: as how many independent measurements they count.
     ``resolution``: of the field. ``slow``, ``fast``: how quickly the two averages of the fit follow it, per scan;
     ``candidates``: poses on the floor from which those that replace particles are drawn. ``unknown_std``: a first pose
     less certain than that is no pose at all, and the particles are spread over the floor. A scan is accepted where at
@@ -37,6 +38,7 @@ class ParticleFilterParameters:
 
     beams: int = 72
     hit_std: float = 0.04
+    search_hit_std: float = 0.15
     random: float = 0.05
     independent_beams: float = 12.0
     resolution: float = 0.02
@@ -63,8 +65,9 @@ class ParticleFilter(Localizer):
     def __init__(self, planar_map: PlanarMap, parameters: ParticleFilterParameters | None = None) -> None:
         self._parameters = p = parameters or ParticleFilterParameters()
         self._field = DistanceField.of_map(planar_map, p.resolution, p.reach, p.clearance)
-        hits = (1.0 - p.random) * np.exp(-0.5 * (self._field.distance / p.hit_std) ** 2)
-        self._log_likelihood = np.log(hits + p.random).astype(np.float32).ravel()
+        self._fine = _log_likelihood(self._field, p.hit_std, p.random)
+        self._blurred = _log_likelihood(self._field, p.search_hit_std, p.random)
+        self._searching = False
         self._rng = np.random.default_rng(p.seed)
         self._particles = np.empty((0, 3))
         self._slow = self._fast = 0.0
@@ -90,7 +93,8 @@ class ParticleFilter(Localizer):
         self._rng = np.random.default_rng(p.seed)
         self._odometry = self._moved_at = odometry
         self._slow = self._fast = 0.0
-        if position_std > p.unknown_std:
+        self._searching = position_std > p.unknown_std
+        if self._searching:
             self._particles = self._field.draw(p.kld.most, self._rng)
         else:
             spread = self._rng.standard_normal((p.kld.fewest, 3)) * (position_std, position_std, heading_std)
@@ -124,13 +128,16 @@ class ParticleFilter(Localizer):
             return self._estimate
         hits = hits[np.linspace(0, len(hits) - 1, min(p.beams, len(hits))).astype(int)]
         self._move()
-        fits = self._fit(self._particles, hits)
+        fine = self._fit(self._particles, hits, self._fine)
+        fits = self._fit(self._particles, hits, self._blurred) if self._searching else fine
         weights = np.exp(p.independent_beams * (fits - fits.max()))
         weights /= weights.sum()
         pose, covariance, share = self._heaviest(weights)
         self._place = pose
-        self._estimate = LocalizationEstimate(pose, covariance, self._judged(pose, share, hits))
-        self._draw_anew(weights, self._replaced(fits), hits)
+        match = self._judged(pose, share, hits)
+        self._searching = share < p.sure
+        self._estimate = LocalizationEstimate(pose, covariance, match)
+        self._draw_anew(weights, self._replaced(fine), hits)
         return self._estimate
 
     def _move(self) -> None:
@@ -138,10 +145,12 @@ class ParticleFilter(Localizer):
         self._moved_at = self._odometry
         self._particles = sample_motion(self._particles, moved, self._parameters.motion, self._rng)
 
-    def _fit(self, poses: NDArray[np.float64], hits: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _fit(
+        self, poses: NDArray[np.float64], hits: NDArray[np.float64], log_likelihood: NDArray[np.float32]
+    ) -> NDArray[np.float64]:
         """Mean log likelihood of the hits (M, 2) in the base frame from each of ``poses`` (N, 3), (N,)."""
         index = self._field.index(*_placed(poses, hits))
-        fits: NDArray[np.float64] = self._log_likelihood.take(index).mean(axis=1, dtype=np.float64)
+        fits: NDArray[np.float64] = log_likelihood.take(index).mean(axis=1, dtype=np.float64)
         return fits
 
     def _heaviest(self, weights: NDArray[np.float64]) -> tuple[Pose2D, NDArray[np.float64], float]:
@@ -158,7 +167,7 @@ class ParticleFilter(Localizer):
         mean = np.average(chosen, axis=0, weights=weights[about])
         covariance = np.cov(chosen.T, aweights=weights[about], ddof=0)
         x, y, turn = mean.tolist()
-        return Pose2D(x, y, wrap_angle(heaviest[0, 2] + turn)), covariance, share
+        return Pose2D(x, y, wrap_angle(float(heaviest[0, 2]) + turn)), covariance, share
 
     def _judged(self, pose: Pose2D, share: float, hits: NDArray[np.float64]) -> ScanMatch:
         p = self._parameters
@@ -192,10 +201,16 @@ class ParticleFilter(Localizer):
         self._particles = self._particles[_low_variance(weights, count - from_floor, self._rng)]
         if from_floor:
             candidates = self._field.draw(p.candidates, self._rng)
-            fits = self._fit(candidates, hits)
+            fits = self._fit(candidates, hits, self._blurred)
             chosen = np.exp(p.independent_beams * (fits - fits.max()))
             found = candidates[_low_variance(chosen / chosen.sum(), from_floor, self._rng)]
             self._particles = np.vstack([self._particles, found])
+
+
+def _log_likelihood(field: DistanceField, hit_std: float, random: float) -> NDArray[np.float32]:
+    """Of a hit in each cell of the field, flattened."""
+    hits = (1.0 - random) * np.exp(-0.5 * (field.distance / hit_std) ** 2)
+    return np.log(hits + random).astype(np.float32).ravel()
 
 
 def _low_variance(weights: NDArray[np.float64], count: int, rng: np.random.Generator) -> NDArray[np.intp]:

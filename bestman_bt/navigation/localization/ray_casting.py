@@ -15,6 +15,8 @@ def cast_rays(
 
     Where a ray meets nothing, the distance is infinite and the index -1.
     """
+    if len(segments) == 0:
+        return np.full(len(angles), np.inf), np.full(len(angles), -1)
     heading = angles + pose.theta
     rays = np.column_stack([np.cos(heading), np.sin(heading)])
     start = segments[:, :2] - (pose.x, pose.y)

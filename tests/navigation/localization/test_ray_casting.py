@@ -17,6 +17,12 @@ def test_rays_meet_the_nearest_segment_at_its_distance():
     assert index.tolist() == [1, 2, 2]
 
 
+def test_an_empty_map_shows_nothing():
+    distance, index = cast_rays(np.empty((0, 4)), Pose2D(), np.array([0.0, 1.0]))
+    assert distance.tolist() == [math.inf, math.inf]
+    assert index.tolist() == [-1, -1]
+
+
 def test_a_ray_that_meets_nothing_is_infinite():
     distance, index = cast_rays(SQUARE[:1], Pose2D(), np.array([math.pi / 2, 0.0]))
     assert distance.tolist() == [math.inf, math.inf]

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
-from bestman_bt.navigation.localization import ScanToMap, cast_rays
+from bestman_bt.navigation.localization import ScanToMap
 from bestman_bt.world_model import MapFurniture, SemanticMap
-
-BASE_FROM_LIDAR = Pose2D(0.1, 0.0, 0.05)
-BEAMS = 360
+from tests.navigation.localization.simulated_scans import BASE_FROM_LIDAR, BEAMS, grid_of, scan_at
 
 
 def actual(semantic_map: SemanticMap, offset: Pose2D) -> SemanticMap:
@@ -27,13 +25,6 @@ def actual(semantic_map: SemanticMap, offset: Pose2D) -> SemanticMap:
         for name, f in semantic_map.furniture.items()
     }
     return SemanticMap(semantic_map.walls, moved)
-
-
-def scan_at(pose: Pose2D, segments: np.ndarray, rng: np.random.Generator) -> LaserScan:
-    angles = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
-    ranges, _ = cast_rays(segments, pose @ BASE_FROM_LIDAR, angles)
-    ranges = ranges + rng.normal(0.0, 0.01, BEAMS)
-    return LaserScan(np.where(ranges < 8.0, ranges, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
 
 
 def errors(pose: Pose2D, truth: Pose2D) -> tuple[float, float]:
@@ -169,6 +160,29 @@ def test_a_blind_lidar_is_refused(kitchen):
     blind = LaserScan(np.full(BEAMS, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
     estimate = localizer_at(kitchen, Pose2D()).correct(blind, BASE_FROM_LIDAR)
     assert "0 beams" in estimate.match.reason
+
+
+def test_a_pose_that_nobody_knows_is_not_made_up_from_a_place_that_happens_to_fit(kitchen):
+    rng = np.random.default_rng(9)
+    localizer = localizer_at(kitchen, Pose2D(0.0, 0.0, 0.0), 1.0, 3.14)
+    estimate = localizer.correct(scan_at(Pose2D(0.1, 0.0, 0.0), kitchen.lidar_segments(), rng), BASE_FROM_LIDAR)
+    assert not estimate.match.accepted
+    assert "cannot be tracked" in estimate.match.reason
+
+
+def test_a_grid_serves_as_well_as_a_map_of_walls_within_half_a_cell(kitchen):
+    rng = np.random.default_rng(10)
+    grid = grid_of(kitchen)
+    worst = 0.0
+    for truth in (Pose2D(0.0, 0.0, 0.3), Pose2D(2.6, 0.4, -1.0), Pose2D(2.9, 1.2, 1.57)):
+        localizer = localizer_at(grid, Pose2D(truth.x + 0.05, truth.y - 0.04, truth.theta + 0.03), 0.05, 0.03)
+        for _ in range(10):
+            estimate = localizer.correct(scan_at(truth, kitchen.lidar_segments(), rng), BASE_FROM_LIDAR)
+        position, heading = errors(estimate.pose, truth)
+        worst = max(worst, position)
+        assert estimate.match.accepted
+        assert heading < math.radians(0.5)
+    assert worst < grid.resolution / 2
 
 
 def test_before_the_first_reset_there_is_no_estimate(kitchen):

@@ -1,0 +1,40 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.navigation.localization.beam_model import BeamModelParameters, agreement
+from tests.navigation.localization.simulated_scans import scan_at
+
+TRUTH = Pose2D(0.2, -0.8, 0.4)
+MODEL = BeamModelParameters()
+
+
+def test_a_scan_agrees_best_where_it_was_taken(kitchen):
+    segments = kitchen.lidar_segments()
+    lidar = Pose2D(0.1, 0.0, 0.05)
+    scan = scan_at(TRUTH, segments, np.random.default_rng(1))
+    right = agreement(segments, TRUTH @ lidar, scan, MODEL)
+    assert right.explained > 0.98
+    for off in (Pose2D(0.3, 0.0, 0.0), Pose2D(0.0, 0.0, 0.3), Pose2D(0.0, 1.0, 0.0), Pose2D(2.5, 1.0, 1.0)):
+        assert agreement(segments, TRUTH @ off @ lidar, scan, MODEL).log_likelihood < right.log_likelihood - 0.5
+
+
+def test_to_see_through_a_wall_is_worse_than_to_see_something_that_is_not_in_the_map(kitchen):
+    lidar = Pose2D(0.1, 0.0, 0.05)
+    with_wall = kitchen.lidar_segments()
+    wall = with_wall[:, 0] == 1.5
+    without = with_wall[~wall]
+    rng = np.random.default_rng(2)
+    something_more = agreement(without, TRUTH @ lidar, scan_at(TRUTH, with_wall, rng), MODEL)
+    seen_through = agreement(with_wall, TRUTH @ lidar, scan_at(TRUTH, without, rng), MODEL)
+    assert seen_through.log_likelihood < something_more.log_likelihood < 1.0
+
+
+def test_a_blind_scan_explains_nothing(kitchen):
+    scan = scan_at(TRUTH, kitchen.lidar_segments(), np.random.default_rng(3))
+    blind = replace(scan, ranges=np.full(len(scan.ranges), np.inf))
+    assert agreement(kitchen.lidar_segments(), TRUTH, blind, MODEL).explained == 0.0
+    assert agreement(np.empty((0, 4)), TRUTH, blind, MODEL).explained == 0.0

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.navigation.localization import OdometryEkf, WheelOdometry
+
+DT = 0.025
+
+
+def drive(bias: float, slip: float, seconds: float, seed: int = 1):
+    """Rest, then drive in bends; the filter, its last pose, where the base was and what the wheels counted."""
+    rng = np.random.default_rng(seed)
+    ekf, truth, wheels = OdometryEkf(), Pose2D(), Pose2D()
+    fused = Pose2D()
+    for step in range(int(seconds / DT)):
+        now = step * DT
+        speed, rate = (0.0, 0.0) if now < 2.0 else (0.4, 0.6 * math.sin(now))
+        truth = truth @ Pose2D(speed * DT, 0.0, rate * DT)
+        # One wheel slips: the base seems to turn when it does not.
+        wheels = wheels @ Pose2D(speed * DT, 0.0, (rate + slip * speed / 0.5) * DT)
+        felt = (rate + bias) * DT + rng.normal(0.0, 0.0005 * math.sqrt(DT))
+        fused = ekf.update(wheels, felt, DT)
+    return ekf, fused, truth, wheels
+
+
+def test_the_heading_follows_the_gyroscope_where_a_wheel_slips():
+    _, fused, truth, wheels = drive(bias=0.0, slip=0.1, seconds=20.0)
+    assert abs(wrap_angle(wheels.theta - truth.theta)) > 1.0
+    assert abs(wrap_angle(fused.theta - truth.theta)) < math.radians(3.0)
+    assert fused.distance_to(truth) < 0.1 * wheels.distance_to(truth)
+
+
+def test_it_learns_the_bias_of_the_gyroscope_while_the_base_rests():
+    ekf, _, _, _ = drive(bias=math.radians(0.5), slip=0.0, seconds=2.0)
+    assert ekf.bias == pytest.approx(math.radians(0.5), abs=math.radians(0.05))
+    assert math.sqrt(ekf.covariance[4, 4]) < 0.2 * math.radians(0.5)
+
+
+def test_a_biased_gyroscope_does_not_turn_a_base_whose_wheels_hold():
+    _, fused, truth, _ = drive(bias=math.radians(0.5), slip=0.0, seconds=20.0)
+    assert abs(wrap_angle(fused.theta - truth.theta)) < math.radians(1.5)
+    assert math.radians(0.5) * 20.0 > math.radians(9.0)
+
+
+def test_the_error_is_within_what_the_covariance_says():
+    ratios = []
+    for seed in range(20):
+        ekf, fused, truth, _ = drive(bias=math.radians(0.2), slip=0.05, seconds=10.0, seed=seed)
+        ratios.append(abs(wrap_angle(fused.theta - truth.theta)) / math.sqrt(ekf.covariance[2, 2]))
+    assert max(ratios) < 4.0
+
+
+def test_a_step_without_time_changes_nothing():
+    ekf = OdometryEkf()
+    first = ekf.update(Pose2D(0.1, 0.0, 0.0), 0.0, DT)
+    assert ekf.update(Pose2D(0.1, 0.0, 0.0), 0.0, 0.0) == first
+
+
+def test_sideways_driving_goes_sideways():
+    ekf = OdometryEkf()
+    pose = Pose2D()
+    for step in range(1, 41):
+        pose = ekf.update(Pose2D(0.0, 0.01 * step, 0.0), 0.0, DT)
+    assert pose.distance_to(Pose2D(0.0, 0.4, 0.0)) < 1e-3
+
+
+def test_wheels_alone_stay_what_they_are():
+    wheels = Pose2D(0.3, -0.2, 1.0)
+    assert WheelOdometry().update(wheels, 0.5, DT) == wheels

@@ -1,0 +1,118 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.navigation.localization import ParticleFilter, ParticleFilterParameters
+from tests.navigation.localization.simulated_scans import BASE_FROM_LIDAR, BEAMS, grid_of, scan_at
+
+STEP, TURN = 0.05, 0.04
+"""What the base drives and turns between two scans."""
+
+
+def circle(kitchen, localizer, truth: Pose2D, odometry: Pose2D, scans: int, seed: int = 1, slip: float = 0.1):
+    """Drive in a circle with wheels that slip; the estimates and where the base was, and its last odometry."""
+    rng = np.random.default_rng(seed)
+    estimates, truths = [], []
+    for _ in range(scans):
+        truth = truth @ Pose2D(STEP, 0.0, TURN)
+        share = 1.0 / (1.0 - rng.uniform(0.0, 2.0 * slip))
+        odometry = odometry @ Pose2D(STEP * share, 0.0, TURN * share)
+        localizer.predict(odometry)
+        scan = scan_at(truth, kitchen.lidar_segments(), rng, noise=0.02)
+        estimates.append(localizer.correct(scan, BASE_FROM_LIDAR))
+        truths.append(truth)
+    return estimates, truths, odometry
+
+
+def errors(estimates, truths) -> np.ndarray:
+    return np.array(
+        [
+            (estimate.pose.distance_to(truth), abs(wrap_angle(estimate.pose.theta - truth.theta)))
+            for estimate, truth in zip(estimates, truths, strict=True)
+        ]
+    )
+
+
+START = Pose2D(0.3, -1.3, 0.2)
+
+
+@pytest.mark.parametrize("made_of", [lambda kitchen: kitchen, grid_of], ids=["walls", "grid"])
+def test_slipping_wheels_and_a_noisy_lidar_leave_it_within_3_cm(kitchen, made_of):
+    localizer = ParticleFilter(made_of(kitchen))
+    localizer.reset(Pose2D(START.x + 0.03, START.y - 0.03, START.theta + 0.02), Pose2D(), 0.03, 0.02)
+    estimates, truths, odometry = circle(kitchen, localizer, START, Pose2D(), 80)
+    position, heading = errors(estimates, truths).mean(axis=0)
+    assert position < 0.03
+    assert heading < math.radians(1.0)
+    assert all(estimate.match.accepted for estimate in estimates)
+    assert (START @ odometry).distance_to(truths[-1]) > 0.1  # the wheels alone do not know
+
+
+def test_it_finds_itself_from_an_unknown_start_and_needs_fewer_particles_then(kitchen):
+    localizer = ParticleFilter(kitchen)
+    localizer.reset(Pose2D(), Pose2D(), 1.0, math.pi)
+    spread = len(localizer.particles)
+    estimates, truths, _ = circle(kitchen, localizer, START, Pose2D(), 40)
+    assert spread == 20000
+    assert len(localizer.particles) < 1500
+    assert errors(estimates, truths)[-10:, 0].max() < 0.05
+
+
+def test_it_notices_that_it_was_carried_off_and_finds_itself_again(kitchen):
+    localizer = ParticleFilter(kitchen)
+    localizer.reset(START, Pose2D(), 0.03, 0.02)
+    _, _, odometry = circle(kitchen, localizer, START, Pose2D(), 30)
+    elsewhere = Pose2D(2.4, 0.6, 2.0)
+    estimates, truths, _ = circle(kitchen, localizer, elsewhere, odometry, 60, seed=2)
+    assert errors(estimates, truths)[0, 0] > 1.0
+    assert errors(estimates, truths)[-10:, 0].max() < 0.05
+
+
+def test_where_it_may_be_in_several_places_it_says_so(kitchen):
+    localizer = ParticleFilter(kitchen, ParticleFilterParameters(independent_beams=0.5))
+    localizer.reset(Pose2D(), Pose2D(), 1.0, math.pi)
+    scan = scan_at(START, kitchen.lidar_segments(), np.random.default_rng(3))
+    estimate = localizer.correct(scan, BASE_FROM_LIDAR)
+    assert not estimate.match.accepted
+    assert "several places" in estimate.match.reason
+
+
+def test_odometry_alone_makes_it_less_certain(kitchen):
+    localizer = ParticleFilter(kitchen)
+    localizer.reset(START, Pose2D(), 0.01, 0.01)
+    near = localizer.predict(Pose2D(0.3, 0.0, 0.0))
+    far = localizer.predict(Pose2D(2.5, 0.0, 0.0))
+    assert 0.01 < near.position_std < far.position_std
+    assert far.pose.distance_to(START @ Pose2D(2.5, 0.0, 0.0)) < 0.5 * far.position_std
+
+
+def test_between_two_scans_the_estimate_moves_with_the_odometry(kitchen):
+    localizer = ParticleFilter(kitchen)
+    start = localizer.reset(START, Pose2D(), 0.01, 0.01)
+    moved = localizer.predict(Pose2D(0.04, 0.0, 0.02))
+    assert moved.pose.distance_to(start.pose @ Pose2D(0.04, 0.0, 0.02)) < 1e-9
+
+
+def test_a_blind_lidar_is_refused(kitchen):
+    localizer = ParticleFilter(kitchen)
+    localizer.reset(START, Pose2D(), 0.01, 0.01)
+    blind = LaserScan(np.full(BEAMS, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
+    assert "0 beams" in localizer.correct(blind, BASE_FROM_LIDAR).match.reason
+
+
+def test_equal_seeds_give_equal_estimates_and_others_do_not(kitchen):
+    ends = []
+    for seed in (1, 1, 2):
+        localizer = ParticleFilter(kitchen, ParticleFilterParameters(seed=seed))
+        localizer.reset(START, Pose2D(), 0.03, 0.02)
+        ends.append(circle(kitchen, localizer, START, Pose2D(), 5)[0][-1].pose)
+    assert ends[0] == ends[1] != ends[2]
+
+
+def test_before_the_first_reset_there_is_no_estimate(kitchen):
+    with pytest.raises(RuntimeError, match="before reset"):
+        ParticleFilter(kitchen).predict(Pose2D())
