@@ -66,8 +66,11 @@ def test_its_gripper_closes_and_opens(robot: HardwareRobot, hosted: tuple[TwinPr
     gripper = robot.part("gripper", Gripper)
     for width in (gripper.description.min_width, gripper.description.max_width) * 2:
         finished(robot, gripper.move(width))
-        robot.clock.sleep(0.3)
         assert gripper.width() == pytest.approx(width, abs=0.003)
+        for _ in range(50):  # a Lite 6's goes by the clock, and the twin's world may be behind it
+            if abs(hosted[0].judge("width", "gripper") - width) < 0.003:
+                break
+            robot.clock.sleep(0.1)
         assert hosted[0].judge("width", "gripper") == pytest.approx(width, abs=0.003)
 
 
