@@ -37,6 +37,8 @@ class Audit:
     scene was built, called or seen. ``ground_truth_reads``: reads of poses that no robot could know. ``tampering``:
     forces from nowhere, changed masses or frictions, motors driven past the Robotics API.
     ``object_follows_open_hand``: objects that moved with fingers that did not press on them.
+    ``collisions``: the robot's own doing. ``contacts_by_walkers``: people came into a robot that did not move towards
+    them; told apart and no fault of it. ``disturbances``: what the scene's script did, in words.
     """
 
     teleports: int
@@ -50,6 +52,8 @@ class Audit:
     joint_limit_violations: int
     velocity_limit_violations: int
     findings: tuple[str, ...]
+    contacts_by_walkers: tuple[Collision, ...] = ()
+    disturbances: tuple[str, ...] = ()
 
     @property
     def honest(self) -> bool:
@@ -70,15 +74,10 @@ class Audit:
         """The ``audit`` of ``result.json``: counters first, then their details."""
         document = asdict(self)
         document["collisions"] = len(self.collisions)
-        document["collision_details"] = [
-            {
-                "pair": [collision.first, collision.second],
-                "start_s": round(collision.start, 3),
-                "end_s": round(collision.end, 3),
-                "peak_force_n": round(collision.peak_force, 2),
-            }
-            for collision in self.collisions[:LISTED]
-        ]
+        document["collision_details"] = [_told(collision) for collision in self.collisions[:LISTED]]
+        document["contacts_by_walkers"] = len(self.contacts_by_walkers)
+        document["contacts_by_walkers_details"] = [_told(contact) for contact in self.contacts_by_walkers[:LISTED]]
+        document["disturbances"] = list(self.disturbances)
         document["max_penetration_mm"] = round(self.max_penetration_mm, 3)
         document["max_penetration_pair"] = list(self.max_penetration_pair) if self.max_penetration_pair else None
         document["findings"] = list(self.findings)
@@ -92,7 +91,9 @@ def audit(record: HonestyRecord, allowed_contacts: Iterable[tuple[str, str]] = (
     ``fingers``, a link of the robot, or ``robot`` for all its links.
     """
     allowed = {frozenset(pair) for pair in allowed_contacts}
-    deepest = record.penetrations[0] if record.penetrations else None
+    blameless = {(contact.first, contact.second) for contact in record.contacts if contact.by_walker}
+    blameless -= {(contact.first, contact.second) for contact in record.contacts if not contact.by_walker}
+    deepest = next((p for p in record.penetrations if (p.first, p.second) not in blameless), None)
     details: list[Finding] = [
         *record.jumps,
         *record.hidden_constraints,
@@ -112,13 +113,28 @@ def audit(record: HonestyRecord, allowed_contacts: Iterable[tuple[str, str]] = (
         ground_truth_reads=record.truth_reads,
         tampering=record.tampering + len(record.changes) + len(record.unexplained_forces) + record.missed_looks,
         object_follows_open_hand=len(record.open_hand),
-        collisions=tuple(_collision(contact) for contact in record.contacts if not _is_allowed(contact, allowed)),
+        collisions=tuple(
+            _collision(contact)
+            for contact in record.contacts
+            if not contact.by_walker and not _is_allowed(contact, allowed)
+        ),
         max_penetration_mm=1e3 * deepest.depth if deepest else 0.0,
         max_penetration_pair=(deepest.first, deepest.second) if deepest else None,
         joint_limit_violations=len(record.joint_limits),
         velocity_limit_violations=len(record.velocity_limits),
         findings=(*calls[:LISTED], *seen[:LISTED]),
+        contacts_by_walkers=tuple(_collision(contact) for contact in record.contacts if contact.by_walker),
+        disturbances=tuple(f"{event.stamp:.2f} s: {event.text}" for event in record.disturbances[:LISTED]),
     )
+
+
+def _told(collision: Collision) -> dict[str, Any]:
+    return {
+        "pair": [collision.first, collision.second],
+        "start_s": round(collision.start, 3),
+        "end_s": round(collision.end, 3),
+        "peak_force_n": round(collision.peak_force, 2),
+    }
 
 
 def _is_allowed(contact: ContactIncident, allowed: set[frozenset[str]]) -> bool:

@@ -84,6 +84,7 @@ class ReadPurpose(Enum):
     MONITOR = "monitor"  # the audit itself
     EVALUATION = "evaluation"
     RECORDING = "recording"
+    WALKER = "walker"  # what people see of the robot
 
 
 class SimulationError(RobotError):
@@ -160,7 +161,7 @@ class PhysicsClient:
         elif name in TAMPERING:
             kind = "tampering"
         elif name in JOINT_MOTORS and self._body(arguments, keywords or {}) != self._robot:
-            kind = "tampering"  # doors and drawers have no motors
+            kind = "tampering"  # doors and drawers have no motors, and those of walkers are no skill's
         elif name in TRUTH_READS or (name in ENCODER_READS and self._body(arguments, keywords or {}) != self._robot):
             kind = "truth_reads"
         else:

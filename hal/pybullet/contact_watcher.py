@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 
+from hal.pybullet.approach_watcher import ApproachWatcher
+from hal.pybullet.client import Reader
 from hal.pybullet.honesty_record import FINGERS, ContactIncident, Penetration
 from hal.pybullet.observation import Observation
 from hal.pybullet.simulation import Simulation
@@ -15,7 +17,7 @@ GAP = 0.25
 class ContactWatcher:
     """Sums contact forces by pair of links or bodies; wheels and casters on the floor are what they are for."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, reader: Reader) -> None:
         built, model = simulation.built, simulation.model
         self._robot, self._floor = built.robot, built.floor
         self._objects = frozenset(built.objects.values())
@@ -31,6 +33,8 @@ class ContactWatcher:
                 *(built.links[leg.foot_link] for leg in base.legs),
             )
         )
+        self._walkers = frozenset(body for body, _ in built.walkers.values())
+        self._approach = ApproachWatcher(built.robot, reader)
         self._running: dict[tuple[str, str], ContactIncident] = {}
         self._ended: list[ContactIncident] = []
         self._deepest: dict[tuple[int, int, int, int], tuple[float, float]] = {}
@@ -47,6 +51,8 @@ class ContactWatcher:
                 body_a, body_b, link_a, link_b = body_b, body_a, link_b, link_a
             if body_a == robot and body_b == floor and link_a in rolling:
                 continue
+            if body_b in self._walkers and body_a == robot:
+                self._approach.take(contact, observation)
             if force > 0.0:
                 forces[body_a, link_a, body_b, link_b] += force
             if distance < 0.0:
@@ -55,6 +61,7 @@ class ContactWatcher:
                 if deepest is None or distance < deepest[0]:
                     self._deepest[pair] = (distance, observation.stamp)
         self._note_forces(forces, observation.stamp)
+        self._approach.look_ends(observation)
 
     def incidents(self) -> tuple[ContactIncident, ...]:
         """All incidents up to now, by start."""
@@ -86,23 +93,28 @@ class ContactWatcher:
             if body_a != self._robot and body_b in held and body_a not in held:
                 body_a, link_a, body_b, link_b = body_b, link_b, body_a, link_a
             if force > FORCE_THRESHOLD:
-                self._note_incident(
-                    self._name(body_a, link_a), self._name(body_b, link_b), link_a, body_a, stamp, force
+                by_walker = (
+                    body_b in self._walkers and body_a == self._robot and not self._approach.closing(link_a, body_b)
                 )
+                names = self._name(body_a, link_a), self._name(body_b, link_b)
+                self._note_incident(names, link_a, body_a, stamp, force, by_walker)
         for pair in [pair for pair, incident in self._running.items() if stamp - incident.end > GAP]:
             self._ended.append(self._running.pop(pair))
 
-    def _note_incident(self, first: str, second: str, link: int, body: int, stamp: float, force: float) -> None:
-        pair = (first, second)
+    def _note_incident(
+        self, pair: tuple[str, str], link: int, body: int, stamp: float, force: float, by_walker: bool
+    ) -> None:
+        first, second = pair
         running = self._running.get(pair)
         if running is None:
             role = first
             if body == self._robot:
                 role = FINGERS if link in self._fingers else "robot"
-            self._running[pair] = ContactIncident(first, second, (role, second), stamp, stamp, force)
+            self._running[pair] = ContactIncident(first, second, (role, second), stamp, stamp, force, by_walker)
         else:
             peak = max(running.peak_force, force)
-            self._running[pair] = ContactIncident(first, second, running.roles, running.start, stamp, peak)
+            by_walker = by_walker and running.by_walker
+            self._running[pair] = ContactIncident(first, second, running.roles, running.start, stamp, peak, by_walker)
 
     def _name(self, body: int, link: int) -> str:
         if body == self._robot:

@@ -57,6 +57,13 @@ class GroundTruth:
             raise SimulationError(f"there is no door or drawer {name!r}; there is {known}")
         return float(self._reader.getJointState(*built.articulations[name])[0])
 
+    def walker_position(self, name: str) -> tuple[float, float]:
+        """Where the middle of a walker is, x and y in the map frame, metres."""
+        body, slides = self._simulation.built.walkers[name]
+        (x0, y0, _), _ = self._reader.getBasePositionAndOrientation(body)
+        (x, *_), (y, *_) = self._reader.getJointStates(body, slides)
+        return x0 + x, y0 + y
+
     def base_pose(self) -> Pose:
         """True pose of the robot's base frame."""
         return self.frame_pose(self._simulation.model.base_frame)

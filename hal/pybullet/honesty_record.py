@@ -15,6 +15,8 @@ class ContactIncident:
     ``first``: the robot's link, or the object that it held. ``second``: the other body. ``roles``: the same two by the
     names that tasks use: ``fingers`` for a finger link, ``robot`` for any other link. Times in simulated seconds,
     ``peak_force`` in newtons.
+    ``by_walker``: a walker came into the robot, which did not move towards it faster than 2 cm/s, neither just before
+    nor as long as they touched; every other contact is the robot's doing.
     """
 
     first: str
@@ -23,6 +25,7 @@ class ContactIncident:
     start: float
     end: float
     peak_force: float
+    by_walker: bool = False
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,8 @@ class HonestyRecord:
 
     ``calls``: calls of pybullet that are not allowed then, by function name; ``resets``, ``constraints``,
     ``truth_reads`` and ``tampering`` are their sums by kind. ``missed_looks``: how often the
-    monitor should have looked and was not let. The findings come from watching, whoever did it.
+    monitor should have looked and was not let. The findings come from watching, whoever did it. ``disturbances``:
+    what the scene's script did, such as people who walk.
     """
 
     duration: float
@@ -68,3 +72,4 @@ class HonestyRecord:
     contacts: tuple[ContactIncident, ...]
     penetrations: tuple[Penetration, ...]
     missed_looks: int = 0
+    disturbances: tuple[Finding, ...] = ()

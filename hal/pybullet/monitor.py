@@ -24,7 +24,7 @@ class HonestyMonitor:
         client = simulation.client
         reader = client.reader(ReadPurpose.MONITOR)
         self._observer = Observer(simulation, reader)
-        self._contacts = ContactWatcher(simulation)
+        self._contacts = ContactWatcher(simulation, reader)
         self._motions = MotionWatcher(simulation, reader)
         self._leaves = LeafWatcher(simulation, world, reader)
         self._open_hand = OpenHandWatcher(simulation, client, reader)
@@ -55,6 +55,7 @@ class HonestyMonitor:
             open_hand=tuple(self._open_hand.findings),
             contacts=self._contacts.incidents(),
             penetrations=self._contacts.penetrations(),
+            disturbances=tuple(simulation.walkers.log),
             missed_looks=max(0, simulation.steps // simulation.parameters.monitor_every - self._looks)
             + max(0, simulation.steps - self._steps),
         )

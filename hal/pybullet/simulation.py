@@ -15,6 +15,7 @@ from bestman_bt.scene import World
 from hal.pybullet.client import PhysicsClient, Reader, SimulationError
 from hal.pybullet.latches import Latches
 from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.walkers import Walkers
 from hal.pybullet.world_builder import BuiltWorld, build_world
 
 Contact = tuple[Any, ...]
@@ -40,6 +41,9 @@ class Simulation:
         latches = Latches(client, world, self.built.articulations)
         if latches:
             self.effort_controls.append(latches.update)
+        self.walkers = Walkers(client, world, self.built.walkers, self.built.robot)
+        if self.walkers:
+            self.controls.append(lambda: self.walkers.update(self.steps * parameters.time_step))
         movable = [
             joint
             for group in (model.bases, model.arms, model.grippers, model.joint_groups)

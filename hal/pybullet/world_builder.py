@@ -11,11 +11,12 @@ import pybullet
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import MimicJoint, RobotModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
-from bestman_bt.scene import PlacedFurniture, PlacedObject, World, wall_box
+from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
 from hal.pybullet.client import PhysicsClient, SimulationError
 from hal.pybullet.furniture_urdf import furniture_urdf, joint_name
 from hal.pybullet.parameters import PhysicsParameters
+from hal.pybullet.walker_body import SLIDES, walker_urdf
 
 WALL_COLOR: Color = (0.87, 0.87, 0.83, 1.0)
 FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)
@@ -32,7 +33,7 @@ class BuiltWorld:
     """Body ids by name, and the robot's joint and link indices by name (its root link is -1).
 
     ``frames``: of the robot, those that are no links here: frame → (link, link_from_frame). ``articulations``: of
-    doors and drawers, ``furniture/name`` → (body, joint index).
+    doors and drawers, ``furniture/name`` → (body, joint index). ``walkers``: body and the joint indices of its slides.
     """
 
     floor: int
@@ -45,6 +46,7 @@ class BuiltWorld:
     frames: dict[str, tuple[str, Pose]]
     constraints: int
     articulations: dict[str, tuple[int, int]] = field(default_factory=dict)
+    walkers: dict[str, tuple[int, tuple[int, int]]] = field(default_factory=dict)
 
     @property
     def body_names(self) -> dict[int, str]:
@@ -52,12 +54,14 @@ class BuiltWorld:
         names = {self.floor: "floor"}
         for bodies in (self.walls, self.furniture, self.objects):
             names |= {body: name for name, body in bodies.items()}
+        names |= {body: name for name, (body, _) in self.walkers.items()}
         return names
 
 
 def build_world(client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> BuiltWorld:
     """Fill an empty physics server. Raises SimulationError if two bodies share a name."""
-    names = ["floor", "robot", *(f.name for f in world.furniture), *(o.name for o in world.objects)]
+    things = (*world.furniture, *world.objects, *world.walkers)
+    names = ["floor", "robot", *(thing.name for thing in things)]
     if len(set(names)) < len(names):
         raise SimulationError(f"bodies of a world need names of their own, but got {', '.join(sorted(names))}")
     client.setGravity(0.0, 0.0, -9.81)
@@ -73,12 +77,15 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
             furniture[piece.name], joints_of_piece = _furniture(client, piece, folder)
             articulations |= joints_of_piece
         objects = {placed.name: _object(client, placed, parameters, folder) for placed in world.objects}
+        walkers = {walker.name: _walker(client, walker, folder) for walker in world.walkers}
         urdf, frames = without_bare_frames(model.urdf)
         # A robot without a base that drives is bolted to where it stands.
         robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.bases, ROBOT_FLAGS)
     joints, links = _names(client, robot)
     constraints = _set_up_robot(client, model, world, parameters, robot, joints, links)
-    return BuiltWorld(floor, walls, furniture, objects, robot, joints, links, frames, constraints, articulations)
+    return BuiltWorld(
+        floor, walls, furniture, objects, robot, joints, links, frames, constraints, articulations, walkers
+    )
 
 
 def _load(
@@ -150,6 +157,15 @@ def _object(client: PhysicsClient, placed: PlacedObject, parameters: PhysicsPara
         sleepThreshold=parameters.object_sleep_speed**2,
     )
     return body
+
+
+def _walker(client: PhysicsClient, walker: Walker, folder: Path) -> tuple[int, tuple[int, int]]:
+    """A walker where its round begins."""
+    x, y = walker.route[0]
+    pose = Pose.from_xyz_rpy((x, y, 0.0), (0.0, 0.0, 0.0))
+    body = _load(client, walker.name, walker_urdf(walker, folder), pose, folder, fixed=True)
+    joints, _ = _names(client, body)
+    return body, (joints[SLIDES[0]], joints[SLIDES[1]])
 
 
 def _names(client: PhysicsClient, robot: int) -> tuple[dict[str, int], dict[str, int]]:

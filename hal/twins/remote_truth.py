@@ -19,6 +19,7 @@ FINDINGS = (
     "joint_limits",
     "velocity_limits",
     "open_hand",
+    "disturbances",
 )
 
 

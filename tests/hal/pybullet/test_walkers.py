@@ -1,0 +1,144 @@
+"""People who walk: moved by motors, seen by the lidar, and told apart from the robot's own doing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bestman_bt.evaluation.audit import audit
+from bestman_bt.messages import Pose2D
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.scene import Walker, World, draw_world, load_scene
+from hal.api import Lidar, MobileBase
+from hal.pybullet import GroundTruth, PyBulletRobot
+
+START = Pose2D(-1.5, 0.0, 0.0)
+THERE = [(x, 0.0) for x in np.arange(0.8, -2.6, -0.1)]
+
+
+@pytest.fixture(scope="module")
+def model() -> RobotModel:
+    return load_robot_model("diff_panda")
+
+
+@pytest.fixture(scope="module")
+def kitchen() -> World:
+    return replace(draw_world(load_scene("kitchen"), 0), robot_start=START, objects=())
+
+
+@pytest.fixture
+def world_with(kitchen: World) -> Callable[..., World]:
+    def make(considerate: bool, speed: float = 0.7, route: list[tuple[float, float]] | None = None) -> World:
+        way = route or THERE
+        points = tuple((float(x), float(y)) for x, y in (*way, *way[::-1]))
+        return replace(kitchen, walkers=(Walker("walker_1", 0.22, 1.7, 70.0, speed, points, considerate),))
+
+    return make
+
+
+@contextmanager
+def running(model: RobotModel, world: World) -> Iterator[tuple[PyBulletRobot, GroundTruth]]:
+    with PyBulletRobot(model, world) as robot:
+        yield robot, GroundTruth(robot)
+
+
+def drive(robot: PyBulletRobot, speed: float, seconds: float) -> None:
+    base = robot.part("base", MobileBase)
+    for _ in range(round(20 * seconds)):
+        if speed:
+            base.set_velocity(speed, 0.0, 0.0)
+        robot.clock.sleep(0.05)
+
+
+def test_a_walker_goes_its_round_at_its_speed_and_the_audit_stays_clean(
+    model: RobotModel, world_with: Callable[..., World]
+) -> None:
+    route = [(x, 1.0) for x in np.arange(0.4, 2.2, 0.1)]
+    with running(model, world_with(True, 0.5, route)) as (robot, truth):
+        places = []
+        for _ in range(20):
+            robot.clock.sleep(0.1)
+            places.append(truth.walker_position("walker_1"))
+        record = robot.honesty_record()
+    speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.1
+    assert np.median(speeds) == pytest.approx(0.5, rel=0.05)
+    assert np.abs(np.array(places)[:, 1] - 1.0).max() < 0.02
+    judged = audit(record)
+    assert judged.honest
+    assert not judged.collisions
+    assert "walker_1 walks a round of" in judged.disturbances[0]
+
+
+def test_the_lidar_sees_a_walker_come(model: RobotModel, world_with: Callable[..., World]) -> None:
+    with running(model, world_with(True, 0.3)) as (robot, truth):
+        lidar = robot.part("lidar", Lidar)
+        for _ in range(2):
+            robot.clock.sleep(0.8)
+            ahead = float(lidar.scan().ranges[180])
+            expected = truth.walker_position("walker_1")[0] - START.x - 0.22
+            assert ahead == pytest.approx(expected, abs=0.05)
+
+
+def test_a_considerate_walker_stops_before_the_robot_and_goes_back(
+    model: RobotModel, world_with: Callable[..., World]
+) -> None:
+    with running(model, world_with(True)) as (robot, truth):
+        robot.clock.sleep(3.0)
+        waiting = truth.walker_position("walker_1")[0] - START.x
+        robot.clock.sleep(4.5)
+        assert truth.walker_position("walker_1")[0] - START.x > waiting + 0.3
+        record = robot.honesty_record()
+    assert 0.7 < waiting <= 1.15
+    assert not record.contacts
+    assert ["stops before the robot" in event.text or "turns round" in event.text for event in record.disturbances[1:3]]
+
+
+def test_who_walks_into_a_robot_at_rest_is_told_apart_and_the_run_is_not_blamed(
+    model: RobotModel, world_with: Callable[..., World]
+) -> None:
+    with running(model, world_with(False)) as (robot, truth):
+        before = truth.base_pose().to_pose2d()
+        robot.clock.sleep(5.0)
+        assert truth.base_pose().to_pose2d().distance_to(before) < 0.05
+        record = robot.honesty_record()
+    assert [contact.by_walker for contact in record.contacts] == [True]
+    judged = audit(record)
+    assert (len(judged.collisions), len(judged.contacts_by_walkers)) == (0, 1)
+    assert not judged.faults(max_penetration=0.002)
+    assert judged.honest
+    document = judged.to_document()
+    assert (document["collisions"], document["contacts_by_walkers"]) == (0, 1)
+
+
+@pytest.mark.parametrize("considerate", [True, False])
+def test_a_robot_that_drives_into_a_walker_has_collided(
+    model: RobotModel, world_with: Callable[..., World], considerate: bool
+) -> None:
+    with running(model, world_with(considerate)) as (robot, _):
+        drive(robot, 0.3, 4.0)
+        judged = audit(robot.honesty_record())
+    assert judged.collisions[0].second == "walker_1"
+    assert not judged.contacts_by_walkers
+    assert "collision of base_link with walker_1" in judged.faults(max_penetration=0.1)[0]
+
+
+def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(
+    model: RobotModel, world_with: Callable[..., World]
+) -> None:
+    with running(model, world_with(False, 0.8)) as (robot, _):
+        drive(robot, -0.2, 4.5)
+        judged = audit(robot.honesty_record())
+    assert (len(judged.collisions), len(judged.contacts_by_walkers)) == (0, 1)
+
+
+def test_equal_seeds_walk_equally(model: RobotModel, world_with: Callable[..., World]) -> None:
+    ends = []
+    for _ in range(2):
+        with running(model, world_with(True)) as (robot, truth):
+            robot.clock.sleep(1.0)
+            ends.append(truth.walker_position("walker_1"))
+    assert ends[0] == ends[1]
