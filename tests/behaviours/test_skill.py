@@ -143,6 +143,18 @@ def test_a_silent_sensor_fails_whoever_reads_it(bystander: Session, leaf: str) -
     assert "wrist_force_torque" in words
 
 
+def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: Session) -> None:
+    line = bystander.robot.parts["arm"].encoders.line
+    line.fault = SensorFault.SILENT
+    try:
+        assert tick(load(bystander, '<MoveArm posture="home"/>'), 50) == FAILURE
+    finally:
+        line.fault = None
+    ((code, words),) = failures_of(bystander)
+    assert code == "disconnected"
+    assert "arm (encoders) delivers no readings" in words
+
+
 @pytest.mark.parametrize("limits", [[0.0, math.nan], [[1.0], [math.nan]]], ids=["flat", "nested"])
 def test_a_condition_refuses_a_number_that_is_none_in_a_list_too(bystander: Session, limits: Any) -> None:
     assert tick(load(bystander, "<Compared/>"), 2) == SUCCESS
