@@ -202,7 +202,8 @@ def main() -> None:
     for seed in range(arguments.seed, arguments.seed + arguments.episodes):
         track(seed, arguments.localizer, measured)
         kidnap(seed, arguments.localizer, measured)
-        print(f"seed {seed}: {measured.recovered} of {measured.kidnaps} recovered", file=sys.stderr)
+        so_far = f"{measured.recovered} of {measured.kidnaps} recovered, {1e3 * np.mean(measured.errors):.1f} mm"
+        print(f"seed {seed}: {so_far}", file=sys.stderr, flush=True)
     summary = measured.summary(arguments.seed, arguments.localizer)
     if arguments.json:
         print(json.dumps(summary))

@@ -121,7 +121,8 @@ class TaskConfig:
     ``drive``: what else is asked.
     ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: pairs that
     may touch, each an object, a piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``:
-    metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most.
+    metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most. ``known_start``: whether the robot is
+    told, roughly, where on its map it starts.
     ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default.
     """
 
@@ -141,6 +142,7 @@ class TaskConfig:
     max_penetration: PositiveLength = 0.002
     time_limit: PositiveTime = 300.0
     tick_rate: TickRate = 20.0
+    known_start: bool = True
     algorithms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     plugins: tuple[str, ...] = ()
     description: str = ""

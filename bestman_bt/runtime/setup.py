@@ -30,6 +30,9 @@ START_POSITION_ERROR = 0.03
 START_HEADING_ERROR = math.radians(1.2)
 """How far the pose that the robot is told at the start may be off: metres each way, radians."""
 
+UNKNOWN_START = BasePose(Pose2D(), position_std=1.0, heading_std=math.pi, stamp=0.0)
+"""What a robot believes that nobody has told where it is: nothing that may be relied on."""
+
 
 @dataclass(frozen=True)
 class Setup:
@@ -87,7 +90,9 @@ def prepare(config: RunConfig) -> Setup:
         raise ConfigurationError(dict.fromkeys(faults.problems))
     world = draw_world(scene, config.seed)
     world_model = WorldModel(
-        map=semantic_map(world), models=dict(scene.models), base=_told_start(world.robot_start, config.seed)
+        map=semantic_map(world),
+        models=dict(scene.models),
+        base=_told_start(world.robot_start, config.seed) if config.task.known_start else UNKNOWN_START,
     )
     faults.problems += task_problems(config, world, world_model, robot_model, scene.absent)
     with faults.step():
