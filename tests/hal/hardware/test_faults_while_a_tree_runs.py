@@ -16,6 +16,7 @@ from hal.twins import TwinProcess
 pytestmark = pytest.mark.real_time
 
 SDKS = {XARM: "xarm", UR: "rtde_control"}
+CLIENTS = tuple(f"client/{XARM} {what}" for what in ("arm killed", "arm stopped", "base all killed"))
 OVERDUE = 1.5
 """Seconds by which a machine that does other things, too, may be late with what it owes."""
 
@@ -49,7 +50,7 @@ def of_their_robots(*trials: Trial | ClientTrial) -> pytest.MarkDecorator:
 
 
 # These come first: while the session is open, nobody else may command the robot.
-@of_their_robots(*(trial for trial in CLIENT_TRIALS if trial.robot == XARM))
+@of_their_robots(*(trial for trial in CLIENT_TRIALS if trial.name in CLIENTS))
 def test_a_client_that_is_killed_or_stopped_leaves_the_robot_at_rest_and_nothing_behind(
     robot_name: str, twin: TwinProcess, trial: ClientTrial
 ) -> None:
