@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.evaluation.suite import EntryConfig, Spread, Successes
+from bestman_bt.evaluation.suite import EntryConfig, Spread, Successes, load_suite
 from bestman_bt.evaluation.targets import check_targets
 
 
@@ -67,3 +67,9 @@ def test_a_control_that_fails_for_another_cause_than_it_should_is_missed() -> No
     assert missed(asked, summary(0, 10, causes={"grip_lost": 7, "jammed": 3})) == []
     (target,) = [t for t in check_targets(asked, summary(0, 10, causes={"no_stand": 2, "jammed": 8})) if not t.met]
     assert (target.what, target.found) == ("causes", "2 no_stand")
+
+
+def test_every_shipped_control_names_the_causes_that_it_may_fail_with() -> None:
+    controls = [entry for entry in load_suite("manipulation").entries if entry.control]
+    assert len(controls) == 7
+    assert [entry.name for entry in controls if entry.asked is None or not entry.asked.causes] == []
