@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import PlanningFailure
+from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
 
 
 class NavigateTo(Skill):
@@ -27,22 +27,23 @@ class NavigateTo(Skill):
         skills = self.skills
         goal: Pose2D = self.get_input("goal")
         for attempt in range(self.get_input("max_replans") + 1):
-            path = yield self.compute("global_planning", self._plan, goal)
+            costmap = skills.costmap()
+            path = yield self.compute("global_planning", self._plan, goal, costmap)
             if isinstance(path, PlanningFailure):
                 raise SkillFailure(path.reason.value, path.text)
             self.set_output("path", path)
             self.feedback_message = f"driving {path.length:.1f} m"
             try:
-                yield skills.base.follow(path)
+                yield skills.base.follow(path, costmap)
             except SkillFailure as failure:
                 if failure.code not in ("blocked", "tolerance") or attempt == self.get_input("max_replans"):
                     raise
             else:
                 return
 
-    def _plan(self, goal: Pose2D) -> Path2D | PlanningFailure:
+    def _plan(self, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         skills = self.skills
-        return skills.algorithms.global_planning.plan(skills.world.base.pose, goal, skills.costmap())
+        return skills.algorithms.global_planning.plan(skills.world.base.pose, goal, costmap)
 
 
 class At(SkillCondition):

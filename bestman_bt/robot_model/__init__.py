@@ -15,6 +15,7 @@ from bestman_bt.robot_model.model import (
 from bestman_bt.robot_model.payload import Payload, payload
 from bestman_bt.robot_model.sensor_models import (
     BatteryModel,
+    BumperModel,
     CameraModel,
     EncoderModel,
     ForceTorqueModel,
@@ -27,6 +28,7 @@ __all__ = [
     "ArmModel",
     "BaseModel",
     "BatteryModel",
+    "BumperModel",
     "CameraModel",
     "EncoderModel",
     "ForceTorqueModel",

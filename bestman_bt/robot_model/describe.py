@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model.bumper_ring import bumper_model
 from bestman_bt.robot_model.describe_legs import legged_base_model
 from bestman_bt.robot_model.describe_sensors import (
     battery_model,
@@ -42,6 +43,7 @@ from bestman_bt.robot_model.sensor_models import (
 )
 from bestman_bt.robot_model.sensor_part_config import (
     BatteryPart,
+    BumperPart,
     CameraPart,
     ForceTorquePart,
     ImuPart,
@@ -114,6 +116,7 @@ def describe(
                 tactiles[part_name] = tactile_model(pad)
             case BatteryPart() as battery:
                 batteries[part_name] = battery_model(battery)
+    rings = {part_name: part.config for part_name, part in placed.items() if isinstance(part.config, BumperPart)}
     return RobotModel(
         name=name,
         urdf=ET.tostring(urdf, encoding="unicode"),
@@ -127,6 +130,7 @@ def describe(
         force_torques=force_torques,
         imus=imus,
         tactiles=tactiles,
+        bumpers={part_name: bumper_model(ring, base) for part_name, ring in rings.items() for base in bases.values()},
         batteries=batteries,
         postures=postures,
         hand_of=hand_of,

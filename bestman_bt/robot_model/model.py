@@ -13,6 +13,7 @@ from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyCon
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
 from bestman_bt.robot_model.sensor_models import (
     BatteryModel,
+    BumperModel,
     CameraModel,
     EncoderModel,
     ForceTorqueModel,
@@ -213,6 +214,7 @@ class RobotModel:
     force_torques: Mapping[str, ForceTorqueModel] = field(default_factory=dict)
     imus: Mapping[str, ImuModel] = field(default_factory=dict)
     tactiles: Mapping[str, TactileModel] = field(default_factory=dict)
+    bumpers: Mapping[str, BumperModel] = field(default_factory=dict)
     batteries: Mapping[str, BatteryModel] = field(default_factory=dict)
     postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     hand_of: Mapping[str, str] = field(default_factory=dict)

@@ -27,6 +27,7 @@ from bestman_bt.configuration.quantity import (
 from bestman_bt.robot_model.part_fields import EncodersConfig, FrameConfig, JointLimitsConfig, PartConfig
 from bestman_bt.robot_model.sensor_part_config import (
     BatteryPart,
+    BumperPart,
     CameraPart,
     ForceTorquePart,
     ImuPart,
@@ -203,6 +204,7 @@ AnyPart: TypeAlias = (
     | ForceTorquePart
     | ImuPart
     | TactilePart
+    | BumperPart
     | BatteryPart
 )
 
@@ -219,5 +221,6 @@ PART_KINDS: dict[str, type[AnyPart]] = {
     "force_torque": ForceTorquePart,
     "imu": ImuPart,
     "tactile": TactilePart,
+    "bumper": BumperPart,
     "battery": BatteryPart,
 }

@@ -118,6 +118,23 @@ class TactileModel:
 
 
 @dataclass(frozen=True)
+class BumperModel:
+    """A ring of strips around the link that carries ``frame``, and around the links of ``joints``: wheels.
+
+    ``zones``: (x, y) of each strip's start and end in the base frame, metres. ``threshold``: newtons that press one.
+    ``height``: metres above the floor that it reaches up to.
+    """
+
+    frame: str
+    joints: tuple[str, ...]
+    zones: tuple[tuple[tuple[float, float], tuple[float, float]], ...]
+    threshold: float
+    height: float
+    rate: float
+    latency: float
+
+
+@dataclass(frozen=True)
 class BatteryModel:
     """A battery: J, V, ohm, W; see ``BatteryPart``."""
 

@@ -146,6 +146,22 @@ class TactilePart(PartConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BumperPart(PartConfig):
+    """A ring of ``zones`` contact strips of equal length around the footprint of the robot's base.
+
+    ``threshold``: the force that presses a strip. ``height``: above the floor, up to which it feels.
+    """
+
+    kind: Literal["bumper"]
+    frame: str
+    zones: PositiveWholeNumber
+    threshold: Force
+    height: PositiveLength
+    rate: Frequency
+    latency: Time = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class BatteryPart(PartConfig):
     """A battery and what the robot draws from it.
 

@@ -47,7 +47,8 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
         },
         "joint_groups": {name: len(group.joint_names) for name, group in model.joint_groups.items()},
         "sensors": [
-            *(*model.cameras, *model.lidars, *model.force_torques, *model.imus, *model.tactiles, *model.batteries)
+            *(*model.cameras, *model.lidars, *model.force_torques, *model.imus, *model.tactiles, *model.bumpers),
+            *model.batteries,
         ],
         "postures": list(model.postures),
     }

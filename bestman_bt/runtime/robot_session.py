@@ -18,7 +18,7 @@ from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.control.wheeled import BaseController
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.engine import Node, Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
@@ -33,7 +33,7 @@ from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
-from hal.api import Arm, Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Tactile
+from hal.api import Arm, Bumper, Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Tactile
 
 COMPUTATION_COSTS = {
     "detection": 0.25,
@@ -175,14 +175,17 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
     on_hand = _camera_on_hand(model, cameras)
     camera = next((part for part in cameras.values() if part is not on_hand), on_hand)
     assert camera is not None
+    mobile_base = _first(robot, MobileBase)
+    bumpers = [part for part in robot.parts.values() if isinstance(part, Bumper)]
     base = BaseController(
-        _first(robot, MobileBase),
+        mobile_base,
         clock,
         LidarSensor(_first(robot, Lidar), forward),
         make_localizer(config, world.map),
         make_local_planner(config),
         world,
         odometry=_odometry(setup, robot, forward),
+        monitor=CollisionMonitor(mobile_base.description, bumpers),
     )
     algorithms = make_algorithms(config, model)
     wrist = next(

@@ -2,6 +2,7 @@
 
 from hal.api.arm import Arm
 from hal.api.battery import Battery, BatteryReading
+from hal.api.bumper import Bumper, BumperReading, BumperZone
 from hal.api.camera import Camera
 from hal.api.clock import Clock, Timer
 from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, RobotError, UnknownPartError
@@ -21,6 +22,9 @@ __all__ = [
     "BaseDescription",
     "Battery",
     "BatteryReading",
+    "Bumper",
+    "BumperReading",
+    "BumperZone",
     "Camera",
     "Clock",
     "CommandRefusedError",

@@ -9,6 +9,7 @@ import numpy as np
 
 from hal.api import (
     Battery,
+    Bumper,
     Camera,
     ForceTorque,
     Gripper,
@@ -153,6 +154,7 @@ def _stamped(robot: Robot) -> list[tuple[str, Callable[[], float]]]:
         (ForceTorque, lambda wrist: wrist.wrench().stamp),
         (Imu, lambda imu: imu.read().stamp),
         (Tactile, lambda pad: pad.read().stamp),
+        (Bumper, lambda bumper: bumper.read().stamp),
         (Battery, lambda battery: battery.read().stamp),
     ):
         found += [(sensor.name, partial(stamp, sensor)) for sensor in parts_of(robot, kind)]

@@ -209,6 +209,7 @@ def _modelled(model: RobotModel) -> list[str]:
         model.force_torques,
         model.imus,
         model.tactiles,
+        model.bumpers,
         model.batteries,
     )
     return [name for kind in kinds for name in kind]

@@ -16,6 +16,7 @@ from hal.parts.simulated_clock import SimulatedClock
 from hal.pybullet.arm import SimulatedArm
 from hal.pybullet.base import SimulatedBase
 from hal.pybullet.battery import SimulatedBattery
+from hal.pybullet.bumper import SimulatedBumper
 from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
 from hal.pybullet.force_torque import SimulatedForceTorque
@@ -23,7 +24,7 @@ from hal.pybullet.gripper import SimulatedGripper
 from hal.pybullet.honesty_record import HonestyRecord
 from hal.pybullet.imu import SimulatedImu
 from hal.pybullet.joint_group import SimulatedJointGroup
-from hal.pybullet.legged_base import SimulatedLeggedBase
+from hal.pybullet.legged_base import LEGS_CANNOT, SimulatedLeggedBase
 from hal.pybullet.lidar import SimulatedLidar
 from hal.pybullet.monitor import HonestyMonitor
 from hal.pybullet.parameters import PhysicsParameters
@@ -36,6 +37,7 @@ SimulatedPart = (
     SimulatedArm
     | SimulatedBase
     | SimulatedBattery
+    | SimulatedBumper
     | SimulatedCamera
     | SimulatedForceTorque
     | SimulatedGripper
@@ -104,6 +106,11 @@ class PyBulletRobot(Robot):
         if self._simulation is None:
             raise NotConnectedError("the robot is not connected; call connect()")
         return self._simulation
+
+    @property
+    def declared_missing(self) -> Mapping[str, str]:
+        """Legs cannot do all that wheels can."""
+        return LEGS_CANNOT if any(base.legs for base in self._model.bases.values()) else {}
 
     def honesty_record(self) -> HonestyRecord:
         """What the monitor has seen since the scene was built; NotConnectedError without a connection."""
@@ -232,6 +239,8 @@ class PyBulletRobot(Robot):
         parts |= imus
         for name, pad in model.tactiles.items():
             parts[name] = SimulatedTactile(name, pad, self._generator(name))
+        for name, bumper in model.bumpers.items():
+            parts[name] = SimulatedBumper(name, bumper)
         for name, battery in model.batteries.items():
             parts[name] = SimulatedBattery(name, battery, self._generator(name))
         return parts

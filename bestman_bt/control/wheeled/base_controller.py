@@ -11,9 +11,11 @@ import numpy as np
 
 from bestman_bt.control.handle import ControlErrorCode, ControlHandle
 from bestman_bt.control.reading import READING_ERRORS
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction, MonitoredCommand
 from bestman_bt.control.wheeled.progress import ProgressWatch
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.local_planning import PathFollower, RotateToHeading
+from bestman_bt.navigation.global_planning import Costmap, Footprint
+from bestman_bt.navigation.local_planning import MotionLimits, PathFollower, RotateToHeading
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, OdometryScan, WheelOdometry
 from bestman_bt.sensing.inertial import FusedOdometry
 from bestman_bt.sensing.lidar import LidarSensor
@@ -53,7 +55,8 @@ class BaseController:
     """Drives one base by odometry and lidar; keeps ``world.base`` up to date from ``start`` to ``close``.
 
     A new action supersedes the one under way. Every handle's result is the believed pose at the end. ``odometry``: of
-    wheels and gyroscope together; by default that of the wheels.
+    wheels and gyroscope together; by default that of the wheels. ``monitor``: has the last word on each velocity; by
+    default one without a bumper.
     """
 
     def __init__(
@@ -67,12 +70,16 @@ class BaseController:
         parameters: BaseControllerParameters | None = None,
         rotation: RotateToHeading | None = None,
         odometry: FusedOdometry | None = None,
+        monitor: CollisionMonitor | None = None,
     ) -> None:
         self._base, self._clock, self._lidar = base, clock, lidar
         self._localizer, self._follower, self._world = localizer, follower, world
         self._parameters = parameters or BaseControllerParameters()
         self._rotation = rotation or RotateToHeading()
         self._odometer = odometry or FusedOdometry(base, clock, WheelOdometry())
+        self._monitor = monitor or CollisionMonitor(base.description)
+        self._held_by = ""
+        follower.configure(motion_limits(base.description))
         self._lock = threading.RLock()
         self._timer: Timer | None = None
         self._action: _Action | None = None
@@ -149,9 +156,12 @@ class BaseController:
             self.believe(believed.pose, believed.position_std, believed.heading_std)
             return before
 
-    def follow(self, path: Path2D) -> ControlHandle[BasePose]:
-        """Drive along a path in the map frame to its goal pose."""
-        self._follower.reset(path)
+    def follow(self, path: Path2D, costmap: Costmap | None = None) -> ControlHandle[BasePose]:
+        """Drive along a path in the map frame to its goal pose; ``costmap``: that it was planned on.
+
+        Followers that go around obstacles leave the path only where they have a costmap.
+        """
+        self._follower.reset(path, costmap)
         return self._begin(self._follower, path.goal)
 
     def rotate_to(self, heading: float) -> ControlHandle[BasePose]:
@@ -238,7 +248,10 @@ class BaseController:
         settled = self._scans_at_rest >= p.settle_scans and not self._lost
         every = p.rest_scan_every if settled else p.scan_every
         if self._ticks % every == 0:
-            estimate = self._localizer.correct(self._lidar.scan(), self._lidar.base_from_lidar)
+            scan, base_from_lidar = self._lidar.scan(), self._lidar.base_from_lidar
+            estimate = self._localizer.correct(scan, base_from_lidar)
+            self._monitor.observe(scan, base_from_lidar, odometry)
+            self._follower.observe(scan, estimate.pose @ base_from_lidar)
             self._scans_at_rest += 1
             if estimate.match is not None and estimate.match.accepted:
                 self._refused_scans, self._lost = 0, False
@@ -262,11 +275,16 @@ class BaseController:
             self._scans_at_rest = 0  # stand and go on scanning: what begins while lost must not drive blindly
             return
         if action.watch.is_stuck(pose, self._clock.now()):
-            text = f"the base does not get on at ({pose.x:.2f}, {pose.y:.2f}) m: something is in its way"
+            why = self._held_by or "something is in its way"
+            text = f"the base does not get on at ({pose.x:.2f}, {pose.y:.2f}) m: {why}"
             self._halt(ControlErrorCode.BLOCKED, text)
             return
-        command = action.follower.compute(pose, self._base.velocity(), 1.0 / p.rate)
-        self._command(command.twist)
+        velocity = self._base.velocity()
+        command = action.follower.compute(pose, velocity, 1.0 / p.rate)
+        monitored = self._command(command.twist, velocity)
+        if monitored.action is MonitorAction.BUMPED:
+            self._halt(ControlErrorCode.BLOCKED, monitored.text)
+            return
         if command.done:
             action.follower = None
             self._scans_at_rest = 0
@@ -295,11 +313,18 @@ class BaseController:
         action.handle.succeed(self._world.base)
         self._action = None
 
-    def _command(self, twist: Twist2D) -> None:
+    def _command(self, twist: Twist2D, velocity: Twist2D) -> MonitoredCommand:
         limits = self._base.description
         over = max(1.0, abs(twist.vx) / limits.max_vx, abs(twist.wz) / limits.max_wz)
         # Both are scaled alike, so that the curvature stays.
-        self._base.set_velocity(twist.vx / over, twist.vy / over if limits.max_vy else 0.0, twist.wz / over)
+        wanted = Twist2D(twist.vx / over, twist.vy / over if limits.max_vy else 0.0, twist.wz / over)
+        monitored = self._monitor.limit(wanted, velocity, self._odometry)
+        self._held_by = monitored.text
+        if monitored.brake:
+            self._base.stop()
+        else:
+            self._base.set_velocity(monitored.twist.vx, monitored.twist.vy, monitored.twist.wz)
+        return monitored
 
     def _halt(self, code: ControlErrorCode, text: str) -> None:
         self._base.stop()
@@ -313,6 +338,20 @@ class BaseController:
             else:
                 handle.fail(code, text)
             self._action = None
+
+
+def motion_limits(base: BaseDescription) -> MotionLimits:
+    """What a path follower must know of a base."""
+    return MotionLimits(
+        vx=base.max_vx,
+        vy=base.max_vy,
+        wz=base.max_wz,
+        acceleration=base.max_acceleration,
+        angular_acceleration=base.max_angular_acceleration,
+        jerk=base.max_jerk,
+        angular_jerk=base.max_angular_jerk,
+        footprint=Footprint(np.array(base.footprint)),
+    )
 
 
 @dataclass

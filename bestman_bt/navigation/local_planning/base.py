@@ -46,9 +46,11 @@ class PathFollower(ABC):
 
     def configure(self, limits: MotionLimits) -> None:
         """The base that will be driven; once, before the first ``reset``."""
+        return
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """A new scan and where it was taken."""
+        return
 
     @abstractmethod
     def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:

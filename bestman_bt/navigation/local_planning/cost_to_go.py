@@ -1,4 +1,4 @@
-"""How far it still is to the goal along the path, from everywhere around: nav2's map grid as a distance along free floor.
+"""How far it still is to the goal, from everywhere around: nav2's map grid as a distance along free floor.
 
 A wave runs over a coarse grid from the farthest free place of the path in view; where something stands on the path, it
 runs around it. So whoever goes down the field also finds the way around what the path does not know.
@@ -87,11 +87,9 @@ def _wave(free: NDArray[np.bool_], seed: tuple[int, ...], start: tuple[int, ...]
     total += reached
     count, after_start = 1, 0
     for step in range(2 * free.shape[0]):
-        grown = cv2.dilate(reached, _SQUARE if step % 2 else _CROSS)
-        grown &= passable
-        if np.array_equal(grown, reached):
-            if step % 2:
-                break
+        grown = np.asarray(cv2.dilate(reached, _SQUARE if step % 2 else _CROSS), dtype=np.uint8) & passable
+        if step % 2 and np.array_equal(grown, reached):
+            break
         reached = grown
         total += reached
         count += 1

@@ -21,9 +21,9 @@ class CriticParameters:
     """Weights; a cost of 1 is worth a metre of the way.
 
     ``goal``: metres that are left at the end of the drive (and, ``goal_early``, in its mean). ``path``: metres beside
-    the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within ``obstacle_decay`` metres
-    from the outline. ``heading``: radians off the way ahead after a third of the drive. ``backwards``, ``sideways``:
-    metres driven so. ``turning``: radians turned. ``contact``: for touching something, more the sooner.
+    the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within ``obstacle_decay``
+    metres from the outline. ``heading``: radians off the way ahead after a third of the drive. ``backwards``,
+    ``sideways``: metres driven so. ``turning``: radians turned. ``contact``: for touching something, more the sooner.
     ``prediction``: seconds that moving obstacles are taken to go on as they do, ``moving_margin``: metres kept from
     where they will be, ``moving``: weight of coming nearer than ``moving_distance``.
     """

@@ -25,7 +25,7 @@ class FootprintCheck:
     def touches(
         self, grid: DistanceGrid, x: Floats, y: Floats, theta: Floats, margin: float
     ) -> tuple[NDArray[np.bool_], Floats]:
-        """For poses of any one shape: whether something is within ``margin`` metres, and how far the middle is from it."""
+        """For poses of any one shape: whether something is within ``margin`` metres, and how far from the middle."""
         middle = grid.at(x, y)
         margin32 = np.float32(margin)
         touches = middle < self.inner + margin32
@@ -37,7 +37,8 @@ class FootprintCheck:
 
     def clearance(self, grid: DistanceGrid, x: Floats, y: Floats, theta: Floats) -> Floats:
         """Metres between the outline and the next obstacle for poses (N,); negative where they overlap."""
-        return np.minimum(self._around(grid, x, y, theta), grid.at(x, y) - self.inner)
+        clearance: Floats = np.minimum(self._around(grid, x, y, theta), grid.at(x, y) - self.inner)
+        return clearance
 
     def _around(self, grid: DistanceGrid, x: Floats, y: Floats, theta: Floats) -> Floats:
         cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]

@@ -62,8 +62,8 @@ class MovingObstacles:
             track.predict(stamp, p.acceleration)
         cluster_of = self._associate(discs)
         moving_hits = np.zeros(len(hits), dtype=bool)
-        for track, cluster in cluster_of.items():
-            self._tracks[track].correct(discs[cluster], stamp, p.position_std)
+        for number, cluster in cluster_of.items():
+            self._tracks[number].correct(discs[cluster], stamp, p.position_std)
         for index, disc in enumerate(discs):
             if index not in cluster_of.values():
                 self._tracks.append(_Track(disc, stamp))
@@ -123,7 +123,8 @@ class _Track:
         return far and p.min_speed < speed < p.max_speed and speed > p.min_sigma * sigma
 
     def obstacle(self) -> MovingObstacle:
-        return MovingObstacle(*(float(value) for value in self.state), self.radius)
+        x, y, vx, vy = self.state.tolist()
+        return MovingObstacle(x, y, vx, vy, self.radius)
 
 
 def _clusters(hits: NDArray[np.float64], gap: float) -> list[NDArray[np.intp]]:

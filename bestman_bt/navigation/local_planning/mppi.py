@@ -83,7 +83,7 @@ class MPPI(ObstacleAwareFollower):
         return Twist2D(*chosen.tolist())
 
     def _sampled(self, now: NDArray[np.float32]) -> Floats:
-        """Velocities (3, B, T) within the limits of speed and acceleration; the last plan and braking are among them."""
+        """Velocities (3, B, T) within the limits of speed and acceleration; the last plan and braking among them."""
         p = self._parameters
         controls = np.repeat(self._plan[:, None, :], p.batch, axis=1)
         for axis in self._axes:

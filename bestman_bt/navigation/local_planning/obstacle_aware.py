@@ -62,7 +62,10 @@ class ObstacleAwareParameters:
 
 
 class ObstacleAwareFollower(PathFollower):
-    """Subclasses choose the velocity where there is room: ``_begin`` and ``_choose``."""
+    """Subclasses choose the velocity where there is room: ``_begin`` and ``_choose``.
+
+    A path without a costmap is driven as it is.
+    """
 
     def __init__(self, parameters: ObstacleAwareParameters) -> None:
         self._common = parameters
@@ -72,7 +75,7 @@ class ObstacleAwareFollower(PathFollower):
         self._turn = RotateToHeading(parameters.turning)
         self._progress: PathProgress | None = None
         self._to_go: CostToGo | None = None
-        self._driving_exactly = self._handing_over = self._turning = False
+        self._driving_exactly = self._all_exactly = self._handing_over = self._turning = False
         self._since_field = 0
 
     @abstractmethod
@@ -119,12 +122,14 @@ class ObstacleAwareFollower(PathFollower):
         self._smooth.reset(Twist2D())
         self._restart()
         self._progress = PathProgress(path.points[self._backwards :])
-        if self._progress.remaining <= self._common.hand_over:
+        self._all_exactly = costmap is None or self._progress.remaining <= self._common.hand_over
+        if self._all_exactly:
             self._drive_exactly(path)
         elif self._backwards:
             points = path.points[: self._backwards + 1]
             heading = math.atan2(*(points[-2] - points[-1])[::-1])
-            self._drive_exactly(Path2D(points, Pose2D(*points[-1], heading), path.reverse[: self._backwards]))
+            end = Pose2D(float(points[-1, 0]), float(points[-1, 1]), heading)
+            self._drive_exactly(Path2D(points, end, path.reverse[: self._backwards]))
         else:
             self._driving_exactly = False
 
@@ -137,7 +142,7 @@ class ObstacleAwareFollower(PathFollower):
             command = self._exact.compute(pose, velocity, dt)
             if not command.done:
                 return replace(command, twist=self._scaled(command.twist, self._share_seen(pose, command.twist)))
-            if self._handing_over or self._progress.remaining <= self._common.hand_over:
+            if self._handing_over or self._all_exactly:
                 return command
             self._driving_exactly = False
         self._progress.advance(pose.xy)

@@ -1,0 +1,204 @@
+"""Drives among boxes that the map does not know, with each local planner: reached, contacts, errors, tick times.
+
+Run it with ``python benchmarks/local_planning.py [--planners dwa mppi] [--robot diff_panda] [--drives N] [--json]``.
+Each drive has a kitchen of its own. The boxes stand where the planned path leads; nobody plans again around them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+import time
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.control import ControlStatus
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor, CollisionMonitorParameters
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.messages import Box, LaserScan, Path2D, PlacedShape, Pose, Pose2D, Twist2D, wrap_angle
+from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
+from bestman_bt.navigation.local_planning import DWA, MPPI, FollowerCommand, MotionLimits, PathFollower, PurePursuit
+from bestman_bt.navigation.localization import ScanToMap
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
+from bestman_bt.sensing.lidar import LidarSensor
+from bestman_bt.world_model import BasePose, Obstacle, WorldModel
+from hal.api import Lidar, MobileBase
+from hal.pybullet import GroundTruth, PyBulletRobot
+
+PLANNERS: dict[str, type[PathFollower]] = {"pure_pursuit": PurePursuit, "dwa": DWA, "mppi": MPPI}
+TIME_LIMIT = 90.0
+
+
+class Timed(PathFollower):
+    """Notes what each tick of a follower costs this thread, seconds: the scan, where one came, and the command."""
+
+    def __init__(self, follower: PathFollower) -> None:
+        self._follower = follower
+        self._scan_time = 0.0
+        self.ticks: list[float] = []
+
+    def configure(self, limits: MotionLimits) -> None:
+        self._follower.configure(limits)
+
+    def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
+        self._follower.reset(path, costmap)
+
+    def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
+        begin = time.thread_time()
+        self._follower.observe(scan, map_from_lidar)
+        self._scan_time = time.thread_time() - begin
+
+    def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
+        begin = time.thread_time()
+        command = self._follower.compute(pose, velocity, dt)
+        self.ticks.append(time.thread_time() - begin + self._scan_time)
+        self._scan_time = 0.0
+        return command
+
+
+@dataclass
+class Measurements:
+    drives: int = 0
+    reached: int = 0
+    contacts: int = 0
+    failures: list[str] = field(default_factory=list)
+    position_errors: list[float] = field(default_factory=list)
+    heading_errors: list[float] = field(default_factory=list)
+    path_ratios: list[float] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    ticks: list[float] = field(default_factory=list)
+    wall: float = 0.0
+
+    def summary(self) -> dict[str, Any]:
+        position, heading = self.position_errors or [math.nan], self.heading_errors or [math.nan]
+        return {
+            "drives": self.drives,
+            "reached_rate": self.reached / self.drives,
+            "contacts": self.contacts,
+            "final_error_mm_median": round(1e3 * float(np.median(position)), 2),
+            "final_error_mm_max": round(1e3 * float(np.max(position)), 2),
+            "final_yaw_deg_median": round(math.degrees(float(np.median(heading))), 3),
+            "path_ratio_median": round(float(np.median(self.path_ratios or [math.nan])), 3),
+            "sim_s_median": round(float(np.median(self.times)), 1),
+            "local_tick_ms_median": round(1e3 * float(np.median(self.ticks)), 3),
+            "local_tick_ms_p95": round(1e3 * float(np.percentile(self.ticks, 95)), 3),
+            "real_time_factor": round(sum(self.times) / self.wall, 2),
+            "failures": self.failures,
+        }
+
+
+def problem(model: RobotModel, seed: int, boxes: int) -> tuple[World, WorldModel, Costmap, Pose2D]:
+    """A kitchen with boxes on the way to a goal that can still be reached."""
+    rng = np.random.default_rng([seed, 77])
+    world = draw_world(load_scene("kitchen"), seed)
+    start, error = world.robot_start, rng.uniform(-1.0, 1.0, 3) * [0.03, 0.03, 0.021]
+    believed = Pose2D(start.x + error[0], start.y + error[1], start.theta + error[2])
+    belief = WorldModel(semantic_map(world), base=BasePose(believed, 0.02, 0.012, 0.0))
+    footprint = Footprint(np.array(next(iter(model.bases.values())).footprint))
+    costmap = Costmap.from_map(belief.map, footprint)
+    while True:
+        goal = random_goal(costmap, rng)
+        path = GridAStar().plan(start, goal, costmap)
+        if not isinstance(path, Path2D) or path.length < 2.5:
+            continue
+        placed = [box_on(path, rng) for _ in range(boxes)]
+        obstacles = [Obstacle(name=f"box{i}", shapes=(in_map(box),), stamp=0.0) for i, box in enumerate(placed)]
+        with_boxes = Costmap.from_map(belief.map, footprint, obstacles)
+        ends_free = min(with_boxes.clearance_at(start), with_boxes.clearance_at(goal)) > 0.15
+        if ends_free and isinstance(GridAStar().plan(start, goal, with_boxes), Path2D):
+            return replace(world, furniture=(*world.furniture, *placed)), belief, costmap, goal
+
+
+def random_goal(costmap: Costmap, rng: np.random.Generator) -> Pose2D:
+    """A pose where the base can turn."""
+    rows, columns = costmap.distance.shape
+    while True:
+        x, y = costmap.origin + rng.random(2) * np.array([columns, rows]) * costmap.resolution
+        if costmap.distance_at([x, y]) > costmap.footprint.circumscribed_radius + 0.05:
+            return Pose2D(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
+
+
+def box_on(path: Path2D, rng: np.random.Generator) -> PlacedFurniture:
+    """A box of 20 to 35 cm in the middle of a path, up to 15 cm beside it."""
+    lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path.points, axis=0), axis=1)))
+    at = rng.uniform(0.3, 0.75) * lengths[-1]
+    x, y = (float(np.interp(at, lengths, path.points[:, axis])) + rng.uniform(-0.15, 0.15) for axis in (0, 1))
+    side, deep = rng.uniform(0.2, 0.35, 2)
+    part = PlacedShape(Box((float(side), float(deep), 0.5)), Pose(np.array([0.0, 0.0, 0.25])))
+    name = f"box_{rng.integers(1 << 30)}"
+    pose = Pose2D(x, y, float(rng.uniform(-math.pi, math.pi)))
+    model = FurnitureModel(name, (float(side), float(deep)), (part,), ((0.7, 0.5, 0.3, 1.0),), ())
+    return PlacedFurniture(name, model, pose, pose)
+
+
+def in_map(box: PlacedFurniture) -> PlacedShape:
+    part = box.model.parts[0]
+    return PlacedShape(part.shape, box.actual.to_pose() @ part.pose)
+
+
+def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: bool, measured: Measurements) -> None:
+    world, belief, costmap, goal = problem(model, seed, boxes)
+    begin = time.perf_counter()
+    with PyBulletRobot(model, world, seed=seed) as robot:
+        truth = GroundTruth(robot)
+        follower = Timed(PLANNERS[planner]())
+        base_part = robot.part("base", MobileBase)
+        lidar = LidarSensor(robot.part("lidar", Lidar), ForwardKinematics(model))
+        monitor = CollisionMonitor(base_part.description, (), CollisionMonitorParameters(enabled=monitored))
+        localizer = ScanToMap(belief.map)
+        base = BaseController(base_part, robot.clock, lidar, localizer, follower, belief, monitor=monitor)
+        base.start()
+        robot.clock.sleep(0.5)
+        path = GridAStar().plan(belief.base.pose, goal, costmap)
+        assert isinstance(path, Path2D)
+        handle, started = base.follow(path, costmap), robot.clock.now()
+        places = [truth.base_pose().to_pose2d()]
+        while not handle.done and robot.clock.now() < started + TIME_LIMIT:
+            robot.clock.sleep(0.1)
+            places.append(truth.base_pose().to_pose2d())
+        contacts = robot.honesty_record().contacts
+        measured.drives += 1
+        measured.contacts += len(contacts)
+        measured.times.append(robot.clock.now() - started)
+        measured.ticks += follower.ticks
+        if handle.status is ControlStatus.SUCCEEDED:
+            measured.reached += 1
+            measured.position_errors.append(places[-1].distance_to(goal))
+            measured.heading_errors.append(abs(wrap_angle(places[-1].theta - goal.theta)))
+            measured.path_ratios.append(sum(a.distance_to(b) for a, b in itertools.pairwise(places)) / path.length)
+        else:
+            measured.failures.append(f"seed {seed}: {handle.error.text if handle.error else 'out of time'}")
+        measured.failures += [f"seed {seed}: {c.first} touched {c.second}, {c.peak_force:.0f} N" for c in contacts]
+    measured.wall += time.perf_counter() - begin
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--planners", nargs="+", choices=list(PLANNERS), default=["dwa", "mppi"])
+    parser.add_argument("--robot", default="diff_panda")
+    parser.add_argument("--drives", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--boxes", type=int, default=2)
+    parser.add_argument("--no-monitor", action="store_true", help="let every command through")
+    parser.add_argument("--json", action="store_true", help="one JSON document instead of lines")
+    arguments = parser.parse_args()
+    model = load_robot_model(arguments.robot)
+    found: dict[str, Any] = {"seed": arguments.seed, "robot": arguments.robot}
+    for planner in arguments.planners:
+        measured = Measurements()
+        for seed in range(arguments.seed, arguments.seed + arguments.drives):
+            drive(model, planner, seed, arguments.boxes, not arguments.no_monitor, measured)
+            if not arguments.json:
+                print(planner, seed, measured.summary(), flush=True)
+        found[planner] = measured.summary()
+    if arguments.json:
+        print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main()

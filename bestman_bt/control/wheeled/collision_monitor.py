@@ -1,0 +1,164 @@
+"""The last word before the wheels: as nav2's collision monitor, it knows neither path nor map nor planner.
+
+It holds what the lidar sees and what the bumper feels against the motion that is commanded, with the exact footprint:
+a command goes through as it is, slowed down so far that the base stops before it touches anything ("approach"), or not
+at all. A slow approach to a table is let through up to a finger's breadth; moving away is always free.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.control.wheeled.near_points import NearPoints
+from bestman_bt.messages import LaserScan, Pose2D, Twist2D
+from bestman_bt.navigation.global_planning import Footprint
+from bestman_bt.navigation.local_planning import FootprintMotion, braking_time, safe_share
+from hal.api import BaseDescription, Bumper
+
+STANDING = 0.02
+"""m/s and rad/s below which a base has nothing to brake."""
+
+
+@dataclass(frozen=True)
+class CollisionMonitorParameters:
+    """Lengths in metres, times in seconds, speeds in m/s.
+
+    ``margin``: kept around the outline. ``range_error``: hits are taken to lie so much farther off, as the nearest of
+    many noisy beams is nearer than what they hit. ``reaction``: from a scan to the brakes. ``slowdown_margin``: around
+    the outline; what comes that near within ``slowdown_time`` limits the speed to ``slowdown_speed`` (0: no such zone).
+    ``frozen_scans``: equal scans in a row after which the lidar is taken for broken, and nothing moves any more.
+    ``enabled``: False lets everything through, for experiments.
+    """
+
+    margin: float = 0.01
+    range_error: float = 0.02
+    reaction: float = 0.15
+    slowdown_margin: float = 0.0
+    slowdown_time: float = 1.0
+    slowdown_speed: float = 0.2
+    frozen_scans: int = 5
+    enabled: bool = True
+
+
+class MonitorAction(Enum):
+    """What became of a command."""
+
+    NONE = "none"
+    SLOWDOWN = "slowdown"  # the speed is limited, as something is close
+    APPROACH = "approach"  # slowed down so far that the base stops in time
+    STOP = "stop"  # nothing is let through
+    BUMPED = "bumped"  # nor that, as the bumper is pressed there
+
+
+@dataclass(frozen=True)
+class MonitoredCommand:
+    """``twist``: what may be driven. ``brake``: whether the base must stop as hard as it can. ``text``: why."""
+
+    twist: Twist2D
+    action: MonitorAction
+    brake: bool = False
+    text: str = ""
+
+
+class CollisionMonitor:
+    """One base's monitor: ``observe`` each scan, ask ``limit`` before each command."""
+
+    def __init__(
+        self,
+        description: BaseDescription,
+        bumpers: Sequence[Bumper] = (),
+        parameters: CollisionMonitorParameters | None = None,
+    ) -> None:
+        self._parameters = p = parameters or CollisionMonitorParameters()
+        self._description, self._bumpers = description, bumpers
+        footprint = Footprint(np.array(description.footprint))
+        self._motion = FootprintMotion(footprint, p.margin)
+        self._wide = FootprintMotion(footprint, p.slowdown_margin)
+        self._points = NearPoints(p.range_error)
+        self._stamp, self._equal = -math.inf, 0
+
+    def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
+        """Take in a scan, taken where the odometry is ``odometry``."""
+        self._equal = self._equal + 1 if scan.stamp == self._stamp else 0
+        self._stamp = scan.stamp
+        self._points.update(scan, base_from_lidar, odometry)
+
+    def limit(self, wanted: Twist2D, velocity: Twist2D, odometry: Pose2D) -> MonitoredCommand:
+        """What of ``wanted`` may be driven by a base that moves at ``velocity`` (measured), both in the base frame."""
+        p = self._parameters
+        if not p.enabled:
+            return MonitoredCommand(wanted, MonitorAction.NONE)
+        if self._equal >= p.frozen_scans:
+            text = "the lidar tells the same scan again and again"
+            return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, text)
+        pressed = self._pressed(odometry)
+        points = self._points.around(odometry)
+        moving = max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) > STANDING
+        if moving:
+            # What the base does now may differ from what is wanted next: it must be able to stop out of that, too.
+            time, index, share = self._contact(points, velocity)
+            if share < 1.0 and time < p.reaction + self._braking(velocity) / 4.0:
+                return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, self._words(points[index], "is too close"))
+        time, index, share = self._contact(points, wanted)
+        if pressed is not None and time == 0.0:
+            return MonitoredCommand(
+                Twist2D(), MonitorAction.BUMPED, True, self._words(pressed, "presses on the bumper")
+            )
+        if share == 0.0:
+            text = self._words(points[index], "is in the way")
+            return MonitoredCommand(Twist2D(), MonitorAction.STOP, False, text)
+        if share < 1.0:
+            text = self._words(points[index], "is ahead")
+            return MonitoredCommand(_scaled(wanted, share), MonitorAction.APPROACH, False, text)
+        return self._slowed(points, wanted)
+
+    def _slowed(self, points: NDArray[np.float64], wanted: Twist2D) -> MonitoredCommand:
+        p = self._parameters
+        speed = math.hypot(wanted.vx, wanted.vy)
+        if p.slowdown_margin > 0.0 and speed > p.slowdown_speed:
+            time, index = self._wide.contact(points, wanted, p.slowdown_time)
+            if math.isfinite(time):
+                text = self._words(points[index], "is close")
+                return MonitoredCommand(_scaled(wanted, p.slowdown_speed / speed), MonitorAction.SLOWDOWN, False, text)
+        return MonitoredCommand(wanted, MonitorAction.NONE)
+
+    def _contact(self, points: NDArray[np.float64], twist: Twist2D) -> tuple[float, int, float]:
+        """Seconds until a twist touches something, which point that is, and the share of it that stops in time."""
+        reaction, braking = self._parameters.reaction, self._braking(twist)
+        time, index = self._motion.contact(points, twist, reaction + braking / 2.0 + 0.05)
+        return time, index, safe_share(time, reaction, braking)
+
+    def _braking(self, twist: Twist2D) -> float:
+        limits = self._description
+        return braking_time(twist, limits.max_acceleration, limits.max_angular_acceleration)
+
+    def _pressed(self, odometry: Pose2D) -> NDArray[np.float64] | None:
+        """Where the bumpers are pressed in the mean, (2,) in the base frame; it is remembered like what was seen."""
+        places = [bumper.zones[z].middle for bumper in self._bumpers for z in bumper.read().pressed]
+        if not places:
+            return None
+        pressed = np.array(places)
+        self._points.note(pressed, odometry, self._stamp)
+        mean: NDArray[np.float64] = pressed.mean(axis=0)
+        return mean
+
+    def _words(self, point: NDArray[np.float64], what: str) -> str:
+        gap = max(0.0, float(self._motion.distance(point)) + self._parameters.margin)
+        return f"something {100 * gap:.0f} cm {_side(point)} {what}"
+
+
+def _side(point: NDArray[np.float64]) -> str:
+    """Where a point (2,) of the base frame lies, in words."""
+    eighth = round(math.atan2(point[1], point[0]) / (math.pi / 4)) % 8
+    return ("ahead", "ahead on the left", "on the left", "behind on the left", "behind", "behind on the right",
+            "on the right", "ahead on the right")[eighth]  # fmt: skip
+
+
+def _scaled(twist: Twist2D, share: float) -> Twist2D:
+    return Twist2D(share * twist.vx, share * twist.vy, share * twist.wz)

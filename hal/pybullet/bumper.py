@@ -1,0 +1,74 @@
+"""Simulated bumpers: contacts of the chassis and its wheels with anything but the floor, told strip by strip."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.robot_model import BumperModel
+from hal.api import Bumper, BumperReading, BumperZone
+from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.simulation import Simulation
+
+
+class SimulatedBumper(Bumper):
+    """A strip is pressed by ``threshold`` newtons in all, pushed inwards, at most ``height`` above the floor.
+
+    ``line.fault`` makes it fail.
+    """
+
+    def __init__(self, name: str, model: BumperModel) -> None:
+        super().__init__(name)
+        self._model = model
+        self._zones = tuple(BumperZone(start, end) for start, end in model.zones)
+        self._middles = np.array([zone.middle for zone in self._zones])
+        self._halves = np.array([(np.array(zone.end) - np.array(zone.start)) / 2 for zone in self._zones])
+        self.line: ReadingLine[BumperReading] = ReadingLine(name, model.rate, model.latency)
+
+    @property
+    def zones(self) -> tuple[BumperZone, ...]:
+        """The strips."""
+        return self._zones
+
+    def read(self) -> BumperReading:
+        """The latest reading."""
+        return self.line.read()
+
+    def attach(self, simulation: Simulation) -> None:
+        """Feel in this simulation."""
+        reader = simulation.client.reader(ReadPurpose.SENSOR)
+        built = simulation.built
+        holder, _ = built.frames.get(self._model.frame, (self._model.frame, None))
+        links = {built.links[holder]} | {built.joints[joint] for joint in self._model.joints}
+        self.line.attach(simulation, lambda: self._measure(simulation, reader, frozenset(links)))
+
+    def detach(self) -> None:
+        """Let go."""
+        self.line.detach()
+
+    def _measure(self, simulation: Simulation, reader: Reader, links: frozenset[int]) -> BumperReading:
+        robot, floor = simulation.built.robot, simulation.built.floor
+        forces = np.zeros(len(self._zones))
+        base_from_map = None
+        for contact in simulation.contacts(reader):
+            _, first_body, second_body, first_link, second_link, on_first, on_second, *_ = contact
+            if first_body == robot and first_link in links and second_body not in (robot, floor):
+                point = on_first
+            elif second_body == robot and second_link in links and first_body not in (robot, floor):
+                point = on_second
+            else:
+                continue
+            if contact[9] <= 0.0 or point[2] > self._model.height:
+                continue
+            if base_from_map is None:
+                base_from_map = simulation.link_pose(reader, simulation.model.base_frame).to_pose2d().inverse()
+            forces[self._nearest(base_from_map.apply(np.array(point[:2])))] += contact[9]
+        pressed = tuple(int(zone) for zone in np.flatnonzero(forces >= self._model.threshold))
+        return BumperReading(pressed, simulation.now)
+
+    def _nearest(self, point: NDArray[np.float64]) -> int:
+        offsets = point - self._middles
+        along = np.einsum("ij,ij->i", offsets, self._halves) / np.einsum("ij,ij->i", self._halves, self._halves)
+        nearest = self._middles + np.clip(along, -1.0, 1.0)[:, None] * self._halves
+        return int(np.argmin(np.linalg.norm(point - nearest, axis=1)))
