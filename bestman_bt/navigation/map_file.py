@@ -19,10 +19,13 @@ from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 MODES = ("trinary", "scale", "raw")
-FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.25, 0.65
-"""As nav2 writes them: below and above which share of black a cell is free and occupied."""
+FREE_THRESHOLD, OCCUPIED_THRESHOLD = 0.196, 0.65
+"""Below and above which share of black a cell is free and occupied, as ROS 1 has them.
+
+nav2's own 0.25 takes the grey that it writes for unknown cells, 205, for free ones.
+"""
 WHITE, GREY, BLACK = 254, 205, 0
-"""What nav2 writes for free, unknown and occupied."""
+"""What ROS writes for free, unknown and occupied."""
 
 
 class MapFileError(ValueError):

@@ -33,8 +33,10 @@ class PoseGraphSlamParameters:
     half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: on lines, that a scan needs.
     ``slip``, ``turn_slip``, ``drift``: variance that odometry gains per metre driven (m²/m), per radian turned
     (rad²/rad) and in heading per metre (rad²/m): wheels that slip by a tenth between two scans; ``rest_std``,
-    ``rest_heading_std``: what is left at rest. A match that explains less than ``min_inlier_ratio`` of the hits is
-    searched again within ``recovery_distance`` and ``recovery_angle``, and refused if that finds nothing better.
+    ``rest_heading_std``: what is left at rest. Where a match explains less than ``min_inlier_ratio`` of the hits,
+    ``recovery_distance`` and ``recovery_angle`` around are searched; what is found there has to explain
+    ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if it explains
+    ``least_inlier_ratio``, as where a new room comes into view, and lies within ``max_deviation`` of the odometry.
     ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
     ``redraw_angle``: a keyframe that a loop closure moves farther has the grid drawn anew.
     """
@@ -51,6 +53,10 @@ class PoseGraphSlamParameters:
     rest_std: float = 0.002
     rest_heading_std: float = 0.002
     min_inlier_ratio: float = 0.45
+    least_inlier_ratio: float = 0.20
+    sure_inlier_ratio: float = 0.60
+    sure_std: float = 0.03
+    max_deviation: float = 3.0
     recovery_distance: float = 0.6
     recovery_angle: float = math.radians(30.0)
     position_std: float = 0.004
@@ -119,13 +125,10 @@ class PoseGraphSlam(Slam):
         if not self._active:
             self._insert(Keyframe(self._graph.add_pose(self._local), self._local, scan, base_from_lidar, hits))
             return self._tell(ScanMatch(True, 1.0, 0.0))
-        found = self._match(hits)
-        if found.inlier_ratio < p.min_inlier_ratio:
-            text = f"only {found.inlier_ratio:.0%} of the hits lie on what was mapped lately"
-            return self._tell(ScanMatch(False, found.inlier_ratio, found.residual, text))
-        if self._is_new_place():
+        match = self._match(hits)
+        if match.accepted and self._is_new_place():
             self._add_keyframe(scan, base_from_lidar, hits)
-        return self._tell(ScanMatch(True, found.inlier_ratio, found.residual))
+        return self._tell(match)
 
     @property
     def grid(self) -> OccupancyGrid:
@@ -147,27 +150,37 @@ class PoseGraphSlam(Slam):
         stamps = np.array([keyframe.scan.stamp for keyframe in self._keyframes])
         return SlamTrajectory(self._graph.poses, stamps, np.array(self._loops, dtype=np.intp).reshape(-1, 2))
 
-    def _match(self, hits: OrientedPoints) -> ScanAlignment:
-        """Match to the older submap under way, and take over what was found if it is good."""
+    def _match(self, hits: OrientedPoints) -> ScanMatch:
+        """Match to the older submap under way, and take over what was found if it is to be believed."""
         p, submap = self._parameters, self._active[0]
-        guess = submap.pose_of(self._local)
         anchor = submap.anchor.local.theta
-        prior = _turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
-        information = np.linalg.inv(prior)
-        found = submap.reference.align(hits, guess, information)
+        guess = submap.pose_of(self._local)
+        expected = _turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
+        prior = np.linalg.inv(expected)
+        found = submap.reference.align(hits, guess, prior)
         if found.inlier_ratio < p.min_inlier_ratio:
-            window = SearchWindow(p.recovery_distance, p.recovery_angle)
-            coarse = submap.matcher.search(hits.points, guess, window)
-            if coarse is None:
-                return found
-            information = 1e-6 * np.eye(3)
-            found = submap.reference.align(hits, coarse.pose)
-            if found.inlier_ratio < p.min_inlier_ratio:
-                return found
+            elsewhere = self._search(hits, guess, submap)
+            if elsewhere is not None:
+                found, prior = elsewhere, 1e-6 * np.eye(3)
+            elif found.inlier_ratio < p.least_inlier_ratio or _deviation(guess, found.pose, prior) > p.max_deviation:
+                text = f"only {found.inlier_ratio:.0%} of the hits lie on what was mapped lately"
+                return ScanMatch(False, found.inlier_ratio, found.residual, text)
         self._local = submap.anchor.local @ found.pose
-        covariance = np.linalg.inv(found.information + information)
+        covariance = np.linalg.inv(found.information + prior)
         self._covariance = _turned(covariance, anchor) + self._error(p.position_std, p.heading_std)
-        return found
+        return ScanMatch(True, found.inlier_ratio, found.residual)
+
+    def _search(self, hits: OrientedPoints, guess: Pose2D, submap: Submap) -> ScanAlignment | None:
+        """Where the scan lies after a jump; None unless it says so clearly."""
+        p = self._parameters
+        coarse = submap.matcher.search(hits.points, guess, SearchWindow(p.recovery_distance, p.recovery_angle))
+        if coarse is None:
+            return None
+        found = submap.reference.align(hits, coarse.pose)
+        if found.inlier_ratio < p.sure_inlier_ratio:
+            return None
+        spread = np.linalg.inv(found.information + 1e-6 * np.eye(3))[:2, :2]
+        return found if math.sqrt(float(np.linalg.eigvalsh(spread)[-1])) < p.sure_std else None
 
     def _is_new_place(self) -> bool:
         p, last = self._parameters, self._keyframes[-1].local
@@ -211,6 +224,12 @@ class PoseGraphSlam(Slam):
         turned = _turned(self._covariance, self._map_from_local.theta)
         self._estimate = SlamEstimate(self._map_from_local @ self._local, turned, match, len(self._loops))
         return self._estimate
+
+
+def _deviation(expected: Pose2D, found: Pose2D, information: NDArray[np.float64]) -> float:
+    """Standard deviations between two poses of one frame."""
+    off = np.array([found.x - expected.x, found.y - expected.y, wrap_angle(found.theta - expected.theta)])
+    return math.sqrt(float(off @ information @ off))
 
 
 def _turned(covariance: NDArray[np.float64], angle: float) -> NDArray[np.float64]:

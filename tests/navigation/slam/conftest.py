@@ -42,14 +42,14 @@ def rooms() -> np.ndarray:
     return np.array(segments, dtype=float)
 
 
-def scan_at(pose, walls, rng, stamp=0.0, noise=0.01):
+def scan_at(pose, walls, rng, stamp=0.0, noise=0.01, reach=8.0):
     angles = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
     ranges, _ = cast_rays(walls, pose @ BASE_FROM_LIDAR, angles)
     ranges = ranges + rng.normal(0.0, noise, BEAMS)
-    return LaserScan(np.where(ranges < 8.0, ranges, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, stamp)
+    return LaserScan(np.where(ranges < reach, ranges, np.inf), -math.pi, 2 * math.pi / BEAMS, 0.1, reach, stamp)
 
 
-def drive(walls, corners, rng, slip=(0.02, 0.02), speed=0.06, turn=0.12):
+def drive(walls, corners, rng, slip, speed=0.06, turn=0.12, **lidar):
     """Straight from corner to corner, turning on the spot; ``slip``: shares of way and turn that the wheels slip."""
     true, odometry, scans = [], [], []
     pose, counted = Pose2D(*corners[0], math.atan2(*(np.subtract(corners[1], corners[0])[::-1]))), Pose2D()
@@ -63,7 +63,7 @@ def drive(walls, corners, rng, slip=(0.02, 0.02), speed=0.06, turn=0.12):
         counted = counted @ felt
         true.append(pose)
         odometry.append(counted)
-        scans.append(scan_at(pose, walls, rng, 0.1 * (len(true) - 1)))
+        scans.append(scan_at(pose, walls, rng, 0.1 * (len(true) - 1), **lidar))
 
     step(Pose2D())
     for corner in corners[1:]:

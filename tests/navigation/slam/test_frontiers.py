@@ -57,9 +57,12 @@ def test_what_cannot_be_reached_is_no_goal(footprint):
 
 
 def test_gain_is_the_unknown_floor_in_view_up_to_walls():
-    # From 1 m before the border, in a hall 3.9 m wide: what lies within 5 m, up to the walls.
+    # From 1 m before the border: 16 m², without the corners that lie beyond 5 m.
     explorer = FrontierExplorer()
-    assert explorer.gain(floor(6.0), np.array([5.0, 2.0])) == pytest.approx(9.5, rel=0.15)
+    assert explorer.gain(floor(6.0), np.array([5.0, 2.0])) == pytest.approx(15.45, rel=0.02)
+    data = floor(6.0).data.copy()
+    data[:, 110] = 100
+    assert explorer.gain(OccupancyGrid(data, 0.05, np.zeros(2)), np.array([5.0, 2.0])) == 0.0
     assert explorer.gain(floor(10.0), np.array([5.0, 2.0])) == 0.0
 
 
@@ -86,7 +89,7 @@ def test_a_costmap_of_a_grid_tells_distances_to_the_borders_of_occupied_and_unkn
     grid = floor(6.0)
     costmap = Costmap.from_grid(grid, footprint)
     margin = costmap.parameters.clearance
-    assert costmap.distance_at([3.025, 2.0]) == pytest.approx(1.95 - margin, abs=0.01)  # walls at y 0.05 and 3.95
-    assert costmap.distance_at([5.025, 2.0]) == pytest.approx(0.975 - margin, abs=0.01)  # the unknown begins at 6
-    assert costmap.distance_at([3.025, 0.025]) == pytest.approx(-0.025 - margin, abs=0.01)
+    assert costmap.distance_at([3.025, 1.5]) == pytest.approx(1.45 - margin, abs=1e-6)  # the wall ends at y 0.05
+    assert costmap.distance_at([5.025, 2.0]) == pytest.approx(0.975 - margin, abs=1e-6)  # the unknown begins at 6
+    assert costmap.distance_at([3.025, 0.025]) == pytest.approx(-0.025 - margin, abs=1e-6)
     assert Costmap.from_grid(grid, footprint, unknown_is_obstacle=False).distance_at([5.8, 2.0]) > 1.5
