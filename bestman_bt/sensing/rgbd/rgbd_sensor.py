@@ -28,7 +28,7 @@ class RGBDSensorParameters:
     """
 
     max_age: float = 0.5
-    attempts: int = 3
+    attempts: int = 5
     black_level: int = 8
     min_depth_share: float = 0.001
 
