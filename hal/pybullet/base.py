@@ -34,7 +34,7 @@ class SimulatedBase(SimulatedMobileBase):
         stopped: Callable[[], bool],
         rng: np.random.Generator,
     ) -> None:
-        super().__init__(name, model, parameters, stopped, ARRIVED)
+        super().__init__(name, model, parameters, stopped, ARRIVED, parameters.stop_time)
         self._drive, self._believed = make_drives(model, parameters.odometry_calibration, rng)
         self.encoders = Encoders(name, model.encoders, parameters.step_rate, rng)
         self._odometry = Odometry(self._believed, np.zeros(len(model.wheel_joints)))

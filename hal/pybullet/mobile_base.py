@@ -25,10 +25,16 @@ class SimulatedMobileBase(MobileBase):
     """
 
     def __init__(
-        self, name: str, model: BaseModel, parameters: PhysicsParameters, stopped: Callable[[], bool], arrived: float
+        self,
+        name: str,
+        model: BaseModel,
+        parameters: PhysicsParameters,
+        stopped: Callable[[], bool],
+        arrived: float,
+        stop_time: float,
     ) -> None:
         super().__init__(name)
-        self._model, self._parameters, self._arrived = model, parameters, arrived
+        self._model, self._parameters, self._arrived, self._stop_time = model, parameters, arrived, stop_time
         self._checks = BaseCommandChecks(name, model)
         self._connection = Connection(name, stopped)
         self._wanted = STILL
@@ -99,7 +105,7 @@ class SimulatedMobileBase(MobileBase):
         if not self._connection.present:
             return
         vx, vy, wz = self._commanded
-        self._halt((math.hypot(vx, vy) / self._parameters.stop_time, abs(wz) / self._parameters.stop_time))
+        self._halt((math.hypot(vx, vy) / self._stop_time, abs(wz) / self._stop_time))
         self._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
 
     def brake(self) -> None:

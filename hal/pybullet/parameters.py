@@ -10,8 +10,10 @@ from dataclasses import dataclass
 class PhysicsParameters:
     """SI units. Rates are whole fractions of ``step_rate``: a control period is ``control_every`` physics steps.
 
-    Gripper speeds are rates of the opening width. ``odometry_calibration``: standard deviation of the relative
-    errors of the wheel radii and the track that odometry believes, drawn once from the robot's seed.
+    ``stop_time``: in which a stop takes all speed away; legs (``legged_stop_time``) need the rest of half a second to
+    set their feet down and come to rest on them. Gripper speeds are rates of the opening width.
+    ``odometry_calibration``: standard deviation of the relative errors of the wheel radii and the track that odometry
+    believes, drawn once from the robot's seed.
     ``object_sleep_speed``: objects that stay slower (m/s, rad/s) for two seconds are left out of the solver until
     something that moves touches them. ``contact_turn``: radians that a hand and what it holds turn until the contacts
     between them have been found afresh (see contact_renewal).
@@ -29,6 +31,7 @@ class PhysicsParameters:
     tracking_time: float = 0.1
     settle_tolerance: float = 0.004
     stop_time: float = 0.35
+    legged_stop_time: float = 0.08
 
     gripper_force: float = 40.0
     gripper_speed: float = 0.2

@@ -48,18 +48,16 @@ class Trot:
         self._lifted_at: Array = nominal.copy()
         self._phase = 0.0
         self.walking = False
-        self._idle_for = 0.0
 
     def update(self, command: Array, velocity: Array, period: float) -> None:
         """Go on by ``period`` seconds; ``command``: vx, vy, wz; ``velocity``: (2,) as measured, m/s."""
         moving = bool(np.any(np.abs(command) > 1e-6))
-        self._idle_for = 0.0 if moving else self._idle_for + period
         if moving and not self.walking:
             self.walking, self._phase = True, self._parameters.duty - 0.5  # both pairs stand, one is about to lift
         if not self.walking:
             return
         self._step(command, velocity, period)
-        if self._idle_for > 0.5 * self._parameters.period and self.stance.all():
+        if not moving and self.stance.all():
             self.walking = False
 
     def _step(self, command: Array, velocity: Array, period: float) -> None:

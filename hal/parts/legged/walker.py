@@ -26,7 +26,9 @@ class WalkerParameters:
     ``tilt_…`` N m/rad and N m s/rad (J. Pratt et al., "Virtual model control", 2001), ``turn_damping`` N m s/rad and
     ``speed_gain`` N s/m those that hold it to the velocity; its forces stay within ``friction``. ``…_integral``: 1/s
     with which the mean velocity is brought to the command, by at most ``most_correction`` (m/s, m/s, rad/s): feet slip
-    and yield. ``settled``: seconds after which a foot that has landed counts in the odometry.
+    and yield. ``settled``: seconds after which a foot that has landed counts in the odometry. ``smoothing``: seconds of
+    the low-pass over the velocity. While it stands no feet land and shake it: ``standing_smoothing``, and with less lag
+    more damping, ``standing_speed_gain``, which brings it to rest.
     """
 
     joint_gain: float = 60.0
@@ -37,11 +39,14 @@ class WalkerParameters:
     tilt_damping: float = 8.0
     turn_damping: float = 4.0
     speed_gain: float = 40.0
+    standing_speed_gain: float = 400.0
     speed_integral: float = 1.5
     turn_integral: float = 1.5
     most_correction: tuple[float, float, float] = (0.12, 0.1, 0.25)
     friction: float = 0.5
     settled: float = 0.04
+    smoothing: float = 0.05
+    standing_smoothing: float = 0.005
     trot: TrotParameters = field(default_factory=TrotParameters)
     attitude: AttitudeParameters = field(default_factory=AttitudeParameters)
 
@@ -68,7 +73,7 @@ class Walker:
 
     @property
     def velocity(self) -> Array:
-        """vx, vy, wz: the mean over one step of all legs, over a third of that time while it stands."""
+        """vx, vy, wz: the mean over one step of all legs, over a tenth of that time while it stands."""
         return np.asarray(np.mean(self._window, axis=0)) if self._window else np.zeros(3)
 
     def update(
@@ -82,10 +87,11 @@ class Walker:
         moving = np.einsum("nij,nj->ni", jacobians, speeds) + np.cross(attitude.rate, feet)
         rolling = self._kinematics.rolling(angles, speeds, attitude.rate, level[2])
         firm = trot.stance & (trot.landed_for >= p.settled)
-        self.odometry.update(((rolling - moving) @ level.T)[firm], attitude.heading, period)
+        smoothing = p.smoothing if trot.walking else p.standing_smoothing
+        self.odometry.update(((rolling - moving) @ level.T)[firm], attitude.heading, period, smoothing)
         trot.update(self._corrected(command, period), self.odometry.velocity[:2], period)
         self._window.append(np.array([*self.odometry.velocity[:2], attitude.rate[2]]))
-        while len(self._window) > p.trot.period / period * (1.0 if trot.walking else 0.3):
+        while len(self._window) > p.trot.period / period * (1.0 if trot.walking else 0.1):
             self._window.popleft()
         wanted = self._kinematics.angles(trot.feet @ level)
         before = wanted if self._wanted_angles is None else self._wanted_angles
@@ -111,11 +117,12 @@ class Walker:
         p, stance = self._parameters, self.trot.stance
         velocity, rate = self.odometry.velocity, level @ self.attitude.rate
         height = -float(feet[stance, 2].mean())
+        speed_gain = p.speed_gain if self.trot.walking else p.standing_speed_gain
         up = level.T @ np.array([0.0, 0.0, 1.0])  # the vertical in the trunk's axes: level when it is z
         force = np.array(
             [
-                p.speed_gain * (command[0] - velocity[0]),
-                p.speed_gain * (command[1] - velocity[1]),
+                speed_gain * (command[0] - velocity[0]),
+                speed_gain * (command[1] - velocity[1]),
                 self._body.mass * GRAVITY + p.height_gain * (self._height - height) - p.height_damping * velocity[2],
             ]
         )

@@ -72,7 +72,7 @@ def test_attitude_learns_the_bias_while_it_stands() -> None:
 def test_odometry_goes_where_the_heading_points() -> None:
     odometry = LegOdometry()
     for _ in range(240):
-        odometry.update(np.array([[0.3, 0.0, 0.0], [0.5, 0.0, 0.0]]), math.pi / 2, PERIOD)
+        odometry.update(np.array([[0.3, 0.0, 0.0], [0.5, 0.0, 0.0]]), math.pi / 2, PERIOD, smoothing=0.05)
     assert (odometry.x, odometry.y, odometry.travelled) == pytest.approx((0.0, 0.4, 0.4))
 
 

@@ -12,6 +12,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import World
 from hal.api import Battery, MobileBase, Motion, MotionStatus
+from hal.conformance.base_checks import BASE_CHECKS
 from hal.pybullet import GroundTruth, PyBulletRobot
 
 
@@ -90,15 +91,25 @@ def test_without_new_commands_it_stands_on_its_feet_again(walk: Walk) -> None:
     assert walk.truth.base_pose().position == pytest.approx(start.position, abs=0.002)
 
 
-def test_a_stop_brings_it_to_rest_upright_within_half_a_second(walk: Walk) -> None:
-    walk.drive(0.4, 0.0, 0.0, 1.5)
+@pytest.mark.parametrize("velocity", [(0.4, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.2, 0.1, 0.4), (0.0, 0.0, 0.8)])
+def test_a_stop_brings_it_to_rest_upright_within_half_a_second(
+    walk: Walk, velocity: tuple[float, float, float]
+) -> None:
+    walk.drive(*velocity, 1.5)
     walk.robot.stop()
     walk.robot.clock.sleep(0.5)
-    start = walk.truth.base_pose()
-    walk.robot.clock.sleep(0.5)
-    assert walk.truth.base_pose().position[:2] == pytest.approx(start.position[:2], abs=0.01)
-    assert np.abs(walk.truth.base_pose().roll_pitch_yaw[:2]).max() < 0.05
+    for _ in range(10):
+        start = walk.truth.base_pose()
+        walk.robot.clock.sleep(0.05)
+        moved = start.inverse() @ walk.truth.base_pose()
+        assert np.hypot(*moved.position[:2]) / 0.05 < 0.01
+        assert abs(moved.yaw) / 0.05 < 0.01
+        assert np.abs(walk.truth.base_pose().roll_pitch_yaw[:2]).max() < 0.05
     walk.robot.clear_stop()
+
+
+def test_what_legs_cannot_do_is_declared_by_the_names_of_the_checks(walk: Walk) -> None:
+    assert set(walk.robot.declared_missing) < {check.name for check in BASE_CHECKS}
 
 
 def test_nothing_but_its_joints_moved_it_and_that_cost_energy(walk: Walk) -> None:
