@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict
 
 from hal.pybullet.approach_watcher import ApproachWatcher
-from hal.pybullet.client import Reader
 from hal.pybullet.honesty_record import FINGERS, ContactIncident, Penetration
 from hal.pybullet.observation import Observation
 from hal.pybullet.simulation import Simulation
@@ -17,7 +16,7 @@ GAP = 0.25
 class ContactWatcher:
     """Sums contact forces by pair of links or bodies; wheels and casters on the floor are what they are for."""
 
-    def __init__(self, simulation: Simulation, reader: Reader) -> None:
+    def __init__(self, simulation: Simulation) -> None:
         built, model = simulation.built, simulation.model
         self._robot, self._floor = built.robot, built.floor
         self._objects = frozenset(built.objects.values())
@@ -34,7 +33,8 @@ class ContactWatcher:
             )
         )
         self._walkers = frozenset(body for body, _ in built.walkers.values())
-        self._approach = ApproachWatcher(built.robot, reader)
+        self._approach = ApproachWatcher(built.robot)
+        self._period = simulation.parameters.monitor_every * simulation.parameters.time_step
         self._running: dict[tuple[str, str], ContactIncident] = {}
         self._ended: list[ContactIncident] = []
         self._deepest: dict[tuple[int, int, int, int], tuple[float, float]] = {}
@@ -52,7 +52,7 @@ class ContactWatcher:
             if body_a == robot and body_b == floor and link_a in rolling:
                 continue
             if body_b in self._walkers and body_a == robot:
-                self._approach.take(contact, observation)
+                self._approach.take(contact, observation, self._period)
             if force > 0.0:
                 forces[body_a, link_a, body_b, link_b] += force
             if distance < 0.0:
@@ -94,7 +94,7 @@ class ContactWatcher:
                 body_a, link_a, body_b, link_b = body_b, link_b, body_a, link_a
             if force > FORCE_THRESHOLD:
                 by_walker = (
-                    body_b in self._walkers and body_a == self._robot and not self._approach.closing(link_a, body_b)
+                    body_b in self._walkers and body_a == self._robot and not self._approach.ours(link_a, body_b)
                 )
                 names = self._name(body_a, link_a), self._name(body_b, link_b)
                 self._note_incident(names, link_a, body_a, stamp, force, by_walker)

@@ -24,7 +24,7 @@ class HonestyMonitor:
         client = simulation.client
         reader = client.reader(ReadPurpose.MONITOR)
         self._observer = Observer(simulation, reader)
-        self._contacts = ContactWatcher(simulation, reader)
+        self._contacts = ContactWatcher(simulation)
         self._motions = MotionWatcher(simulation, reader)
         self._leaves = LeafWatcher(simulation, world, reader)
         self._open_hand = OpenHandWatcher(simulation, client, reader)
