@@ -13,7 +13,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.skill import Awaitable, Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
-from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D
+from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.occupancy_grid import FREE
 from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
 from bestman_bt.navigation.localization import Localizer
@@ -24,7 +24,9 @@ from bestman_bt.world_model import BasePose
 AHEAD = (1.5, 0.0, 0.35)
 """Where the camera looks on the way, metres in the base frame."""
 LOOK_PERIOD = 0.8
-"""Seconds between two looks at the way ahead and at what is still unknown."""
+"""Seconds between two looks at what is still unknown and whether the way is free."""
+PICTURE_DISTANCE, PICTURE_TURN = 0.5, math.radians(25.0)
+"""Metres that the base moves, or radians that it turns, between two images of the way ahead."""
 LOOK_AHEAD = 1.5
 """Metres of the path ahead that must be free."""
 EVERY_POINT = 7
@@ -111,10 +113,10 @@ class ExploreAndMap(Skill):
         slam, explorer = skills.algorithms.slam, skills.algorithms.exploration
         yield skills.head.look_at(AHEAD)
         yield skills.base.park()
-        overhangs: Overhangs | None = None
+        overhangs = Overhangs(slam.grid.resolution)
+        self._pictured: Pose2D | None = None
         useless: list[NDArray[np.float64]] = []
         while skills.clock.now() < end:
-            overhangs = overhangs or Overhangs(slam.grid.resolution)
             grid, costmap = self._look(overhangs)
             views: list[FrontierView] = yield self.compute("exploration", explorer.rank, grid, costmap, self._pose)
             views = [view for view in views if all(np.linalg.norm(view.pose.xy - p) > AGAIN for p in useless)]
@@ -157,12 +159,15 @@ class ExploreAndMap(Skill):
 
     def _look(self, overhangs: Overhangs) -> tuple[OccupancyGrid, Costmap]:
         """The map as it is now, and what to keep clear of."""
-        skills = self.skills
-        try:
-            view = skills.camera.capture().in_map
-        except READING_ERRORS as error:
-            raise SkillFailure("no_image", f"what hangs over the floor cannot be seen: {error}") from error
-        overhangs.add(view.cloud().points[::EVERY_POINT], view.frame_from_camera.position)
+        skills, pictured, pose = self.skills, self._pictured, self._pose
+        turned = math.inf if pictured is None else abs(wrap_angle(pose.theta - pictured.theta))
+        if pictured is None or turned > PICTURE_TURN or pose.distance_to(pictured) > PICTURE_DISTANCE:
+            self._pictured = pose
+            try:
+                view = skills.camera.capture().in_map
+            except READING_ERRORS as error:
+                raise SkillFailure("no_image", f"what hangs over the floor cannot be seen: {error}") from error
+            overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
         grid = skills.algorithms.slam.grid
         footprint = Footprint(np.array(skills.base.description.footprint))
         return grid, Costmap.from_grid(overhangs.drawn_on(grid), footprint)

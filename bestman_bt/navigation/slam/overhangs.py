@@ -32,21 +32,23 @@ class Overhangs:
     def __init__(self, resolution: float, parameters: OverhangsParameters | None = None) -> None:
         self._parameters = parameters or OverhangsParameters()
         self._resolution = resolution
-        self._cells = np.zeros((0, 2), dtype=np.intp)
+        self._cells = np.zeros(0, dtype=np.int64)
 
     def add(self, points: NDArray[np.float64], camera: NDArray[np.float64]) -> None:
         """Remember points (N, 3) of one image, taken from ``camera`` (3,), metres in the map frame."""
         p = self._parameters
-        near = np.linalg.norm(points - camera, axis=1) < p.range
+        near = ((points - camera) ** 2).sum(axis=1) < p.range**2
         points = points[near & (points[:, 2] > p.low) & (points[:, 2] < p.high)]
-        cells, counts = np.unique(
-            np.floor(points[:, :2] / self._resolution).astype(np.intp), axis=0, return_counts=True
-        )
-        self._cells = np.unique(np.vstack([self._cells, cells[counts >= p.min_points]]), axis=0)
+        column, row = np.floor(points[:, :2] / self._resolution).astype(np.int64).T
+        # One number for each cell: sorting these is many times faster than sorting pairs.
+        cells, counts = np.unique((row << 32) + column, return_counts=True)
+        self._cells = np.union1d(self._cells, cells[counts >= p.min_points])
 
     def drawn_on(self, grid: OccupancyGrid) -> OccupancyGrid:
         """The grid with these cells occupied, for planning."""
-        cells = grid.to_cells((self._cells + 0.5) * self._resolution)
+        row = (self._cells + (1 << 31)) >> 32
+        column = self._cells - (row << 32)
+        cells = grid.to_cells((np.column_stack([column, row]) + 0.5) * self._resolution)
         cells = cells[grid.contains(cells)]
         over = np.zeros(grid.data.shape, dtype=bool)
         over[tuple(cells.T)] = True
