@@ -107,7 +107,7 @@ TRIALS = (
     Trial("ur/program_stop", UR, Act.ARM, ARM, "program_stop", ("fault",), AT_ONCE),
     Trial("robotiq/gripper_jam", UR, Act.HAND, HAND, "gripper_jam", ("fault",), AT_ONCE, undo="gripper_free"),
     Trial("robotiq/drop", UR, Act.HAND, HAND, "drop", ("disconnected",), WATCHDOG, rests_in=2.0),
-    Trial("robotiq/delay", UR, Act.HAND, HAND, "delay", ("disconnected", "timeout"), WATCHDOG, 0.2, rests_in=2.0),
+    Trial("robotiq/delay", UR, Act.HAND, HAND, "delay", ("timeout", "disconnected"), LATE, 0.2, rests_in=2.0),
     Trial("ur/stale_odometry", UR, Act.BASE, PLATFORM, "stale_odometry", ("stopped",), STALE, undo="fresh_odometry"),
 )  # fmt: skip
 
