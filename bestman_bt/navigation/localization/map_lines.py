@@ -55,6 +55,29 @@ def map_lines(planar_map: PlanarMap, wall_std: float, furniture_std: float) -> M
     return MapLines(np.concatenate(segments), bodies, stds)
 
 
+def open_furniture(planar_map: PlanarMap) -> NDArray[np.float64]:
+    """Furniture of which a lidar sees legs and boards: x, y, theta and half of its extents along x and y, (N, 5).
+
+    The extents are grown by how far the piece may be off, metres.
+    """
+    pieces = [] if isinstance(planar_map, OccupancyGrid) else planar_map.furniture.values()
+    rows = [
+        (*f.pose.xy, f.pose.theta, *(np.array(f.footprint) / 2 + f.position_error))
+        for f in pieces
+        if not f.solid_at_lidar
+    ]
+    return np.array(rows, dtype=float).reshape(-1, 5)
+
+
+def within(rectangles: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which points (N, 2) lie in any of the rectangles (M, 5), as ``open_furniture`` gives them."""
+    x, y, theta, half_x, half_y = rectangles.T[:, :, None]
+    dx, dy = points[:, 0] - x, points[:, 1] - y
+    along, across = np.cos(theta) * dx + np.sin(theta) * dy, np.cos(theta) * dy - np.sin(theta) * dx
+    inside: NDArray[np.bool_] = np.any((np.abs(along) <= half_x) & (np.abs(across) <= half_y), axis=0)
+    return inside
+
+
 def _borders(grid: OccupancyGrid) -> NDArray[np.float64]:
     """Borders of the occupied regions as segments (N, 4), through the centres of their outermost cells.
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
-from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines
+from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 
 WEAK_PRIOR = 1e-6 * np.eye(3)
@@ -63,6 +63,7 @@ class ScanToMap(Localizer):
         self._parameters = p = parameters or ScanToMapParameters()
         lines = map_lines(planar_map, p.wall_std, p.furniture_std)
         self._segments, self._bodies, self._body_std = lines.segments, lines.bodies, lines.body_std
+        self._open_furniture = open_furniture(planar_map)
         self._estimate: LocalizationEstimate | None = None
         self._odometry = Pose2D()
 
@@ -108,7 +109,9 @@ class ScanToMap(Localizer):
         visible = self._visible(estimate.pose @ base_from_lidar, scan)
         if len(visible) == 0:
             return self._refused(ScanMatch(False, 0.0, math.inf, "nothing in the map is in view"))
-        matched, information, inliers, residual = self._match(hits, estimate.pose, visible)
+        # A board of a shelf before a wall is not that wall.
+        boards = within(self._open_furniture, estimate.pose.apply(hits))
+        matched, information, inliers, residual = self._match(hits, boards, estimate.pose, visible)
         if inliers < p.min_inlier_ratio:
             text = f"only {inliers:.0%} of the hits lie on something in the map"
             return self._refused(ScanMatch(False, inliers, residual, text))
@@ -145,9 +148,12 @@ class ScanToMap(Localizer):
         return np.unique(seen[seen >= 0])
 
     def _match(
-        self, hits: NDArray[np.float64], pose: Pose2D, visible: NDArray[np.intp]
+        self, hits: NDArray[np.float64], boards: NDArray[np.bool_], pose: Pose2D, visible: NDArray[np.intp]
     ) -> tuple[Pose2D, NDArray[np.float64], float, float]:
-        """The pose that fits best, its information matrix (3, 3), the inlier ratio and the residual."""
+        """The pose that fits best, its information matrix (3, 3), the inlier ratio and the residual.
+
+        ``boards``: hits (N,) that lie on furniture of which the map has no lines.
+        """
         p = self._parameters
         segments, bodies = self._segments[visible], self._bodies[visible]
         starts, along = segments[:, :2], segments[:, 2:] - segments[:, :2]
@@ -170,7 +176,7 @@ class ScanToMap(Localizer):
             beyond = u - u.clip(0.0, 1.0)
             squared_residuals = residuals * residuals
             gate = p.gate_first * p.gate_decay**k + p.gate_last
-            inlier = squared_residuals + beyond * beyond * squares < gate**2
+            inlier = (squared_residuals + beyond * beyond * squares < gate**2) & ~boards
             weights = inlier / (1.0 + squared_residuals / p.robust_scale**2)
             hits_of_body = np.bincount(body, weights, minlength=len(self._body_std))
             weights /= p.range_std**2 + hits_of_body[body] * errors

@@ -188,3 +188,14 @@ def test_a_grid_serves_as_well_as_a_map_of_walls_within_half_a_cell(kitchen):
 def test_before_the_first_reset_there_is_no_estimate(kitchen):
     with pytest.raises(RuntimeError, match="before reset"):
         ScanToMap(kitchen).predict(Pose2D())
+
+
+def test_the_back_of_a_shelf_is_not_taken_for_the_wall_behind_it():
+    walls = np.array([[-9.0, -1.5, 2.0, -1.5], [2.0, -1.5, 2.0, 1.5], [2.0, 1.5, -9.0, 1.5]])
+    shelf = MapFurniture("shelf", Pose2D(1.78, 0.0, 0.0), (0.35, 2.6), 1.2, (), solid_at_lidar=False)
+    back = np.array([[1.91, -1.3, 1.91, 1.3]])
+    truth, rng = Pose2D(0.5, 0.0, 0.0), np.random.default_rng(3)
+    localizer = localizer_at(SemanticMap(walls, {"shelf": shelf}), truth)
+    for _ in range(30):
+        estimate = localizer.correct(scan_at(truth, np.concatenate([walls, back]), rng), BASE_FROM_LIDAR)
+    assert errors(estimate.pose, truth)[0] < 0.01
