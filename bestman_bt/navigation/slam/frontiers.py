@@ -28,7 +28,8 @@ class FrontierExplorerParameters:
 
     ``min_length`` of a frontier. Places to look from lie on a lattice of ``spacing``, within ``near`` of a frontier,
     where the base can turn with ``clearance`` to spare. ``range``: how far is looked, by ``rays``. ``min_gain``: m² of
-    unknown floor that a view must promise. ``discount``: per metre of way, the share by which a view loses its worth.
+    unknown floor that a view must promise, ``closest``: how far away it is at least, for what can be seen from here has
+    been seen. ``discount``: per metre of way, the share by which a view loses its worth.
     """
 
     min_length: float = 0.30
@@ -38,6 +39,7 @@ class FrontierExplorerParameters:
     range: float = 5.0
     rays: int = 90
     min_gain: float = 0.25
+    closest: float = 0.40
     discount: float = 0.25
 
 
@@ -100,9 +102,10 @@ class FrontierExplorer:
         places, targets = places[close], tree.data[nearest[close]]
         distances = self._ways(costmap, pose, places)
         views = []
+        blocked = _blocked(grid)
         for (x, y), target, distance in zip(places, targets, distances, strict=True):
-            if math.isfinite(distance):
-                gain = self.gain(grid, np.array([x, y]))
+            if math.isfinite(distance) and distance >= p.closest:
+                gain = self._gain(grid, blocked, np.array([x, y]))
                 if gain >= p.min_gain:
                     heading = math.atan2(target[1] - y, target[0] - x)
                     utility = gain * math.exp(-p.discount * float(distance))
@@ -111,16 +114,18 @@ class FrontierExplorer:
 
     def gain(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
         """Square metres of unknown floor in view from a point (2,): up to the first occupied cell of each ray."""
+        return self._gain(grid, _blocked(grid), point)
+
+    def _gain(self, grid: OccupancyGrid, blocked: NDArray[np.bool_], point: NDArray[np.float64]) -> float:
         p, step = self._parameters, grid.resolution
         angles = np.arange(p.rays) * (2.0 * math.pi / p.rays)
         along = np.arange(step, p.range, step)
         directions = np.column_stack([np.cos(angles), np.sin(angles)])
         cells = grid.to_cells(np.asarray(point) + along[None, :, None] * directions[:, None])
         inside = grid.contains(cells)
-        values = np.full(inside.shape, UNKNOWN, dtype=np.int8)
-        values[inside] = grid.data[tuple(cells[inside].T)]
-        open_so_far = np.logical_and.accumulate(values != OCCUPIED, axis=1)
-        seen = open_so_far & (values == UNKNOWN) & inside
+        rows, columns = np.where(inside[..., None], cells, 0).transpose(2, 0, 1)
+        in_view = np.logical_and.accumulate(inside & ~blocked[rows, columns], axis=1)
+        seen = in_view & (grid.data[rows, columns] == UNKNOWN)
         return float((seen * along).sum() * step * 2.0 * math.pi / p.rays)
 
     def _places(self, costmap: Costmap) -> NDArray[np.float64]:
@@ -161,3 +166,8 @@ class FrontierExplorer:
             return np.full(len(places), np.inf)
         ways = dijkstra(graph, directed=False, indices=start)[cells]
         return np.where(away < 2.0 * costmap.resolution, ways, np.inf)
+
+
+def _blocked(grid: OccupancyGrid) -> NDArray[np.bool_]:
+    """Where a view ends: at occupied cells, and at unknown ones beside them, for beams meet far walls here and there."""
+    return ndimage.binary_dilation(grid.data == OCCUPIED, NEIGHBOURS) & (grid.data != FREE)

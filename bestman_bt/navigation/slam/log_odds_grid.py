@@ -19,7 +19,7 @@ class LogOddsGridParameters:
     """``resolution``: metres per cell. ``hit``, ``miss``: log odds that a scan adds to a cell that it hits or passes.
 
     ``limit``: they never exceed it, each way, so that what has changed is believed after a while. A cell is occupied
-    from ``occupied`` on (two hits), free from ``-free`` on (one pass). ``keep``: metres before a hit that a beam does
+    from ``occupied`` on (one hit), free from ``-free`` on (one pass). ``keep``: metres before a hit that a beam does
     not clear: its noise, and a grazed wall.
     """
 
@@ -27,7 +27,7 @@ class LogOddsGridParameters:
     hit: float = 0.85
     miss: float = 0.3
     limit: float = 4.0
-    occupied: float = 1.2
+    occupied: float = 0.8
     free: float = 0.25
     keep: float = 0.06
 

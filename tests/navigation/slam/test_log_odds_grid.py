@@ -15,13 +15,14 @@ def value(grid, x, y):
     return grid.data[row, column]
 
 
-def test_beams_free_what_they_pass_and_two_hits_make_a_cell_occupied():
+def test_beams_free_what_they_pass_and_their_end_is_occupied():
     drawing = LogOddsGrid()
     drawing.add(Pose2D(), scan_of([2.02]))
-    assert value(drawing.grid(), 1.0, 0.02) == 0
-    assert value(drawing.grid(), 2.02, 0.02) == -1  # a single hit may be a fly
-    drawing.add(Pose2D(), scan_of([2.02]))
-    assert value(drawing.grid(), 2.02, 0.02) == 100
+    grid = drawing.grid()
+    assert value(grid, 1.0, 0.02) == 0
+    assert value(grid, 2.02, 0.02) == 100
+    assert (grid.data == 100).sum() == 1
+    assert value(grid, 1.88, 0.02) == 0
 
 
 def test_beams_without_a_hit_tell_nothing():
