@@ -84,9 +84,7 @@ class Held(Playback):
 
 
 @pytest.mark.parametrize("late", [4, 5])
-def test_of_images_that_were_held_up_five_are_asked_for_at_most(
-    robot, camera, kinematics, joints, world, late
-):
+def test_of_images_that_were_held_up_five_are_asked_for_at_most(robot, camera, kinematics, joints, world, late):
     held = Held(camera, camera.capture(), late)
     sensor = RGBDSensor(held, kinematics, joints, WorldModel(semantic_map(world)), robot.clock)
     if late < 5:
