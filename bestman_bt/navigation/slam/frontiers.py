@@ -169,5 +169,5 @@ class FrontierExplorer:
 
 
 def _blocked(grid: OccupancyGrid) -> NDArray[np.bool_]:
-    """Where a view ends: at occupied cells, and at unknown ones beside them, for beams meet far walls here and there."""
+    """Where a view ends: at occupied cells, and unknown ones beside them, for beams meet far walls here and there."""
     return ndimage.binary_dilation(grid.data == OCCUPIED, NEIGHBOURS) & (grid.data != FREE)
