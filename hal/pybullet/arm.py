@@ -49,15 +49,11 @@ class SimulatedArm(SimulatedJointGroup, Arm):
         simulation.effort_controls.append(self._interpolate)
 
     def _send(self, position: NDArray[np.float64], velocity: NDArray[np.float64]) -> None:
-        """Streamed set-points are interpolated at the physics rate, as the drives of real arms do.
+        """Set-points are interpolated at the physics rate, as the drives of real arms do.
 
         Steps at the control rate would shake what the hand holds, and it would work its way out of the fingers.
         """
-        if isinstance(self._setpoints, Stream):
-            self._segment = self._position, (position - self._position) / self._parameters.control_every, 0
-        else:
-            self._segment = None
-            super()._send(position, velocity)
+        self._segment = self._position, (position - self._position) / self._parameters.control_every, 0
 
     def _interpolate(self) -> None:
         if self._segment is None or self._torques is not None:

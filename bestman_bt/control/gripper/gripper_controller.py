@@ -14,11 +14,13 @@ from hal.api import Gripper, GripperDescription
 class GripperParameters:
     """How to let go, and what counts as held.
 
-    ``release_speed``: m/s of the width, faster fingers drag the object along. ``release_clearance``: metres that a
+    ``closing_speed``, ``release_speed``: m/s of the width at most; faster fingers push what they meet first aside, and
+    drag along what they leave. ``release_clearance``: metres that a
     release opens beyond the present width. ``width_tolerance``: metres by which a held object's width may differ.
     ``slip_tolerance``: metres by which the width may change while it is held.
     """
 
+    closing_speed: float = 0.1
     release_speed: float = 0.02
     release_clearance: float = 0.016
     width_tolerance: float = 0.006
@@ -69,7 +71,12 @@ class GripperController:
         return start_motion(lambda: self._gripper.move(target, speed=speed), self._outcome)
 
     def close(self, force: float | None = None, speed: float | None = None) -> ControlHandle[GripperOutcome]:
-        """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was."""
+        """Close until something blocks or the fingers meet; both are success, and the outcome tells which it was.
+
+        ``force``: newtons, the gripper's own by default; ``speed``: m/s of the width, ``closing_speed`` by default.
+        """
+        if speed is None:
+            speed = min(self._parameters.closing_speed, self.description.max_speed)
         return start_motion(
             lambda: self._gripper.move(self.description.min_width, force=force, speed=speed), self._outcome
         )
