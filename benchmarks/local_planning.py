@@ -93,7 +93,7 @@ class Measurements:
 
 
 def problem(model: RobotModel, seed: int, boxes: int) -> tuple[World, WorldModel, Costmap, Pose2D]:
-    """A kitchen with boxes on the way to a goal that can still be reached."""
+    """A kitchen with boxes on the way to a goal, and 8 cm on each side of the base beside them."""
     rng = np.random.default_rng([seed, 77])
     world = draw_world(load_scene("kitchen"), seed)
     start, error = world.robot_start, rng.uniform(-1.0, 1.0, 3) * [0.03, 0.03, 0.021]
@@ -110,8 +110,15 @@ def problem(model: RobotModel, seed: int, boxes: int) -> tuple[World, WorldModel
         obstacles = [Obstacle(name=f"box{i}", shapes=(in_map(box),), stamp=0.0) for i, box in enumerate(placed)]
         with_boxes = Costmap.from_map(belief.map, footprint, obstacles)
         ends_free = min(with_boxes.clearance_at(start), with_boxes.clearance_at(goal)) > 0.15
-        if ends_free and isinstance(GridAStar().plan(start, goal, with_boxes), Path2D):
+        around = GridAStar().plan(start, goal, with_boxes)
+        if ends_free and isinstance(around, Path2D) and room(around, with_boxes) > footprint.inscribed_radius + 0.08:
             return replace(world, furniture=(*world.furniture, *placed)), belief, costmap, goal
+
+
+def room(path: Path2D, costmap: Costmap) -> float:
+    """How far the middle of the base is from everything on a path."""
+    pieces = [a + np.linspace(0.0, 1.0, 20)[:, None] * (b - a) for a, b in itertools.pairwise(path.points)]
+    return float(costmap.distance_at(np.vstack(pieces)).min())
 
 
 def random_goal(costmap: Costmap, rng: np.random.Generator) -> Pose2D:

@@ -23,21 +23,24 @@ from hal.api import BaseDescription, Bumper
 
 STANDING = 0.02
 """m/s and rad/s below which a base has nothing to brake."""
+CREEP = 0.005
+"""m/s and rad/s below which going on is not worth it."""
 
 
 @dataclass(frozen=True)
 class CollisionMonitorParameters:
     """Lengths in metres, times in seconds, speeds in m/s.
 
-    ``margin``: kept around the outline. ``range_error``: hits are taken to lie so much farther off, as the nearest of
-    many noisy beams is nearer than what they hit. ``reaction``: from a scan to the brakes. ``slowdown_margin``: around
-    the outline; what comes that near within ``slowdown_time`` limits the speed to ``slowdown_speed`` (0: no such zone).
+    ``margin``: kept around the outline. ``same_surface``: neighbouring beams that differ by less are averaged, as the
+    nearest of many noisy hits is nearer than what they hit. ``reaction``: from a scan to the brakes.
+    ``slowdown_margin``: around the outline; what comes that near within ``slowdown_time`` limits the speed to
+    ``slowdown_speed`` (0: no such zone).
     ``frozen_scans``: equal scans in a row after which the lidar is taken for broken, and nothing moves any more.
     ``enabled``: False lets everything through, for experiments.
     """
 
-    margin: float = 0.01
-    range_error: float = 0.02
+    margin: float = 0.015
+    same_surface: float = 0.04
     reaction: float = 0.15
     slowdown_margin: float = 0.0
     slowdown_time: float = 1.0
@@ -80,7 +83,7 @@ class CollisionMonitor:
         footprint = Footprint(np.array(description.footprint))
         self._motion = FootprintMotion(footprint, p.margin)
         self._wide = FootprintMotion(footprint, p.slowdown_margin)
-        self._points = NearPoints(p.range_error)
+        self._points = NearPoints(p.same_surface)
         self._stamp, self._equal = -math.inf, 0
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
@@ -110,11 +113,11 @@ class CollisionMonitor:
             return MonitoredCommand(
                 Twist2D(), MonitorAction.BUMPED, True, self._words(pressed, "presses on the bumper")
             )
-        if share == 0.0:
+        if share < 1.0 and share * max(math.hypot(wanted.vx, wanted.vy), abs(wanted.wz)) < CREEP:
             text = self._words(points[index], "is in the way")
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, False, text)
         if share < 1.0:
-            text = self._words(points[index], "is ahead")
+            text = self._words(points[index], "slows it down")
             return MonitoredCommand(_scaled(wanted, share), MonitorAction.APPROACH, False, text)
         return self._slowed(points, wanted)
 

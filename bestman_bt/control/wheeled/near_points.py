@@ -16,11 +16,11 @@ MEMORY = 30.0
 class NearPoints:
     """Hits in the odometry frame: those of the last scan, and of the blind zone the latest for each degree of bearing.
 
-    ``range_error``: metres by which hits are taken to be farther off than they were measured.
+    ``same_surface``: metres; neighbouring beams that differ by less are averaged.
     """
 
-    def __init__(self, range_error: float) -> None:
-        self._range_error = range_error
+    def __init__(self, same_surface: float) -> None:
+        self._same_surface = same_surface
         self._seen: NDArray[np.float64] = np.zeros((0, 2))
         self._blind: NDArray[np.float64] = np.zeros((0, 3))  # x, y, stamp
         self._stamp = 0.0
@@ -31,7 +31,7 @@ class NearPoints:
         before = np.vstack([self._blind, np.column_stack([self._seen, np.full(len(self._seen), self._stamp)])])
         self._blind = self._still_hidden(before, scan, lidar)
         hit = np.isfinite(scan.ranges)
-        ranges, angles = scan.ranges[hit] + self._range_error, scan.angles[hit]
+        ranges, angles = _smoothed(scan.ranges, self._same_surface)[hit], scan.angles[hit]
         self._seen = lidar.apply(np.column_stack([ranges * np.cos(angles), ranges * np.sin(angles)]))
         self._stamp = scan.stamp
 
@@ -54,8 +54,18 @@ class NearPoints:
         beam = np.round(turn / scan.angle_increment).astype(int)
         covered = beam < len(scan.ranges)
         behind = scan.ranges[np.where(covered, beam, 0)] > distance + EDGE
-        gone = covered & behind & (distance - self._range_error > scan.range_min)
+        gone = covered & behind & (distance > scan.range_min)
         points, beam = points[~gone], beam[~gone]
         newest_first = np.argsort(-points[:, 2], kind="stable")
         _, first = np.unique(beam[newest_first], return_index=True)
         return points[newest_first[np.sort(first)]]
+
+
+def _smoothed(ranges: NDArray[np.float64], same_surface: float) -> NDArray[np.float64]:
+    """Each range (N,) as the mean of those up to two beams beside it that hit the same surface: edges stay."""
+    beside = np.stack([np.roll(ranges, shift) for shift in range(-2, 3)])
+    same = np.abs(np.where(np.isfinite(beside), beside, np.inf) - np.where(np.isfinite(ranges), ranges, 0.0))
+    weights = (same < same_surface).astype(float)
+    total = np.maximum(weights.sum(axis=0), 1.0)
+    mean: NDArray[np.float64] = (weights * np.where(weights > 0.0, beside, 0.0)).sum(axis=0) / total
+    return mean

@@ -6,6 +6,7 @@ runs around it. So whoever goes down the field also finds the way around what th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -36,7 +37,7 @@ class CostToGo:
 
 def cost_to_go(
     obstacles: DistanceGrid,
-    clearance: float,
+    clearances: Sequence[float],
     path: NDArray[np.float64],
     remaining: NDArray[np.float64],
     robot: NDArray[np.float64],
@@ -44,12 +45,31 @@ def cost_to_go(
 ) -> CostToGo:
     """The field for a robot at ``robot`` (2,) with the path (N, 2) before it, ``remaining`` (N,) metres to its end.
 
-    ``clearance``: metres that its middle keeps from obstacles. All in the map frame.
+    ``clearances``: metres that its middle keeps from obstacles; the later ones where there is no way with the first.
+    All in the map frame.
     """
+    field = None
+    for clearance in clearances:
+        field = _field(obstacles, clearance, path, remaining, robot, carrot_distance)
+        if field.reachable:
+            break
+    assert field is not None
+    return field
+
+
+def _field(
+    obstacles: DistanceGrid,
+    clearance: float,
+    path: NDArray[np.float64],
+    remaining: NDArray[np.float64],
+    robot: NDArray[np.float64],
+    carrot_distance: float,
+) -> CostToGo:
     resolution = COARSE * obstacles.resolution
     origin = np.array(obstacles.origin)
     size = obstacles.values.shape[0] // COARSE
-    free = obstacles.values[COARSE // 2 :: COARSE, COARSE // 2 :: COARSE] > clearance
+    # A coarse cell is free if one of its fine ones is: where the lines of the grid happen to be must close no gap.
+    free = obstacles.values.reshape(size, COARSE, size, COARSE).max(axis=(1, 3)) > clearance
     cells = np.floor((path - origin) / resolution).astype(int)
     inside = np.all((cells >= 1) & (cells < size - 1), axis=1)
     last = len(path) if inside.all() else max(1, int(np.argmin(inside)))

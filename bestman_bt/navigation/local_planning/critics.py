@@ -20,10 +20,11 @@ Floats = NDArray[np.float32]
 class CriticParameters:
     """Weights; a cost of 1 is worth a metre of the way.
 
-    ``goal``: metres that are left at the end of the drive (and, ``goal_early``, in its mean). ``path``: metres beside
-    the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within ``obstacle_decay``
-    metres from the outline. ``heading``: radians off the way ahead after a third of the drive. ``backwards``,
-    ``sideways``: metres driven so. ``turning``: radians turned. ``contact``: for touching something, more the sooner.
+    ``goal``: metres that are left at the end of the drive or where it touches something, ``goal_early``: in its mean.
+    ``path``: metres beside the path, in the mean. ``obstacle``: per nearness to an obstacle, which falls to 1/e within
+    ``obstacle_decay`` metres from the outline. ``heading``: radians off the way ahead after a third of the drive.
+    ``backwards``, ``sideways``: metres driven so. ``turning``: radians turned. ``contact``: for touching something at
+    once; later, less.
     ``prediction``: seconds that moving obstacles are taken to go on as they do, ``moving_margin``: metres kept from
     where they will be, ``moving``: weight of coming nearer than ``moving_distance``.
     """
@@ -37,7 +38,7 @@ class CriticParameters:
     backwards: float = 1.0
     sideways: float = 0.2
     turning: float = 0.03
-    contact: float = 20.0
+    contact: float = 10.0
     prediction: float = 1.2
     moving_margin: float = 0.08
     moving_distance: float = 0.5
@@ -88,7 +89,7 @@ class Critics:
         left = around.to_go.field.at(drives.x[:, 1::2], drives.y[:, 1::2])
         beside = around.to_go.beside.at(drives.x[:, 1::4], drives.y[:, 1::4])
         near = np.exp((self._check.inner - middle) / np.float32(p.obstacle_decay))
-        cost = np.float32(p.goal) * left[:, -1] + np.float32(p.goal_early) * left.mean(axis=1)
+        cost = np.float32(p.goal_early) * left.mean(axis=1)
         cost += np.float32(p.path) * beside.mean(axis=1) + np.float32(p.obstacle) * near.mean(axis=1)
         cost += self._heading(drives, around.to_go)
         vx, vy, wz = drives.twists
@@ -102,7 +103,10 @@ class Critics:
             touches |= meets
             cost += np.float32(p.moving) * nearness
         first = np.where(touches.any(axis=1), touches.argmax(axis=1), steps)
-        cost += np.where(first < steps, np.float32(p.contact) * (2.0 - first / steps), 0.0).astype(np.float32)
+        # A drive is worth what it reaches before it touches something; there is time to think again of what comes late.
+        reached = left[np.arange(len(left)), np.minimum(first // 2, left.shape[1] - 1)]
+        sooner = (1.0 - first / steps).astype(np.float32)
+        cost += np.float32(p.goal) * reached + np.float32(p.contact) * sooner * sooner
         return cost, first
 
     def _heading(self, drives: Drives, to_go: CostToGo) -> Floats:

@@ -24,7 +24,7 @@ from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
 from bestman_bt.navigation.local_planning.footprint_motion import FootprintMotion, arc
 from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
 from bestman_bt.navigation.local_planning.local_obstacles import LocalObstacles, LocalObstaclesParameters
-from bestman_bt.navigation.local_planning.path_progress import PathProgress
+from bestman_bt.navigation.local_planning.path_progress import PathProgress, densified
 from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit, PurePursuitParameters
 from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
 
@@ -38,11 +38,11 @@ class ObstacleAwareParameters:
     """Lengths in metres, speeds in m/s, angles in radians, times in seconds.
 
     ``max_speed``, ``max_turn_rate``: no more than the base's own. ``margin``: kept around the outline. ``clearance``:
-    added to the inscribed radius where a way around obstacles is looked for. ``hand_over``: metres before the goal
-    where pure pursuit takes over, ``entry``: the part of them that is driven exactly as planned. ``carrot``: how far
-    ahead the base looks for where to head. ``turn_first``: farther off, a base that cannot go sideways turns on the
-    spot. ``reaction``: before the brakes act. ``field_every``: commands after which the way is looked at again where
-    no scan comes.
+    added to the inscribed radius where a way around obstacles is looked for (1 cm if there is none). ``hand_over``:
+    metres before the goal where pure pursuit takes over, ``entry``: the part of them that is driven exactly as planned.
+    ``carrot``: how far ahead the base looks for where to head. ``turn_first``: farther off, a base that cannot go
+    sideways turns on the spot. ``reaction``: before the brakes act. ``field_every``: commands after which
+    the way is looked at again where no scan comes.
     """
 
     max_speed: float = 0.6
@@ -192,13 +192,26 @@ class ObstacleAwareFollower(PathFollower):
         if self._to_go is None or self._since_field > self._common.field_every:
             self._since_field = 0
             ahead, left = self._progress.ahead
-            clearance = self._limits.footprint.inscribed_radius + self._common.clearance
-            self._to_go = cost_to_go(self._obstacles.distance, clearance, ahead, left, pose.xy, self._common.carrot)
+            inscribed = self._limits.footprint.inscribed_radius
+            clearances = (inscribed + self._common.clearance, inscribed + 0.01)
+            self._to_go = cost_to_go(self._obstacles.distance, clearances, ahead, left, pose.xy, self._common.carrot)
         return self._to_go
 
     def _near_the_end(self, pose: Pose2D) -> bool:
+        """Whether pure pursuit can take over: what the map does not know must leave its way free."""
         assert self._progress is not None
-        return self._progress.remaining <= self._common.hand_over and self._progress.beside(pose.xy) < 0.25
+        remaining = self._progress.remaining
+        if remaining > self._common.hand_over or self._progress.beside(pose.xy) > 0.25:
+            return False
+        return remaining < 0.1 or self._free_of_what_is_seen(self._final_path(pose).points)
+
+    def _free_of_what_is_seen(self, corners: NDArray[np.float64]) -> bool:
+        points = densified(corners, 0.05)
+        ahead = np.diff(points, axis=0)
+        headings = np.arctan2(ahead[:, 1], ahead[:, 0])
+        poses = (Pose2D(x, y, heading) for (x, y), heading in zip(points[1:].tolist(), headings.tolist(), strict=True))
+        seen = self._obstacles.points
+        return not len(seen) or all(self._motion.distance(p.inverse().apply(seen)).min() > 0.0 for p in poses)
 
     def _slow_before_the_end(self, wanted: Twist2D) -> Twist2D:
         assert self._limits is not None
@@ -211,7 +224,7 @@ class ObstacleAwareFollower(PathFollower):
     def _final_path(self, pose: Pose2D) -> Path2D:
         """From here to where the exact entry begins, and on as planned."""
         assert self._progress is not None
-        points = self._progress.last(self._common.entry)
+        points = self._progress.last(min(self._common.entry, self._progress.remaining))
         return Path2D(np.vstack([pose.xy, points]), self._path.goal)
 
     def _drive_exactly(self, path: Path2D) -> None:

@@ -1,0 +1,187 @@
+"""The monitor alone: scans of points, commands, and a base that does what it is let."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from bestman_bt.control.wheeled import CollisionMonitor, CollisionMonitorParameters, MonitorAction
+from bestman_bt.messages import LaserScan, Pose2D, Twist2D
+from bestman_bt.navigation.global_planning import Footprint
+from bestman_bt.navigation.local_planning import FootprintMotion
+from hal.api import BaseDescription, Bumper, BumperReading, BumperZone
+
+CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
+BASE = BaseDescription(0.6, 0.6, 1.2, 0.6, 2.0, 0.5, CORNERS)
+OUTLINE = FootprintMotion(Footprint(np.array(CORNERS)), 0.0)
+DT, BEAMS = 0.025, 360
+
+
+class PressedBumper(Bumper):
+    """One strip at the front."""
+
+    def __init__(self, pressed: bool) -> None:
+        super().__init__("bumper")
+        self.pressed = pressed
+
+    @property
+    def zones(self) -> tuple[BumperZone, ...]:
+        return (BumperZone((0.28, -0.2), (0.28, 0.2)),)
+
+    def read(self) -> BumperReading:
+        return BumperReading((0,) if self.pressed else (), 0.0)
+
+
+def scan_of(points: np.ndarray, pose: Pose2D, stamp: float, noise: np.random.Generator | None = None) -> LaserScan:
+    """What a lidar in the middle of the base sees of points; nothing within 45 cm."""
+    own = pose.inverse().apply(points)
+    beam = np.round((np.arctan2(own[:, 1], own[:, 0]) + math.pi) / (2 * math.pi) * BEAMS).astype(int) % BEAMS
+    ranges = np.full(BEAMS, np.inf)
+    np.minimum.at(ranges, beam, np.hypot(own[:, 0], own[:, 1]))
+    if noise is not None:
+        ranges = ranges + 0.01 * noise.standard_normal(BEAMS)
+    ranges = np.where(ranges >= 0.45, ranges, np.inf)
+    return LaserScan(ranges, -math.pi, 2 * math.pi / BEAMS, 0.45, 8.0, stamp)
+
+
+def drive(monitor, wanted: Twist2D, points, seconds: float = 6.0, noise=None):
+    """A base whose wheels keep to its acceleration: poses, speeds, the actions taken and the texts."""
+    pose, velocity, poses, actions, texts = Pose2D(), np.zeros(3), [], [], []
+    for tick in range(int(seconds / DT)):
+        if tick % 4 == 0:
+            monitor.observe(scan_of(points, pose, tick * DT, noise), Pose2D(), pose)
+        command = monitor.limit(wanted, Twist2D(*velocity), pose)
+        target = np.zeros(3) if command.brake else [command.twist.vx, command.twist.vy, command.twist.wz]
+        change = np.array([0.6, 0.6, 2.0]) * (2.0 if command.brake else 1.0) * DT
+        velocity = velocity + np.clip(target - velocity, -change, change)
+        pose = pose @ Pose2D(*(velocity * DT))
+        poses.append(pose)
+        actions.append(command.action)
+        texts.append(command.text)
+    return poses, velocity, actions, texts
+
+
+def clearance(poses, points) -> float:
+    return min(float(OUTLINE.distance(pose.inverse().apply(points)).min()) for pose in poses)
+
+
+def wall_ahead(x: float) -> np.ndarray:
+    return np.column_stack([np.full(161, x), np.linspace(-0.8, 0.8, 161)])
+
+
+@pytest.mark.parametrize(
+    "twist",
+    [
+        Twist2D(0.6),
+        Twist2D(0.2),
+        Twist2D(-0.6),
+        Twist2D(0.4, 0.0, 0.5),
+        Twist2D(0.0, 0.5, 0.0),
+        Twist2D(0.3, -0.3, 0.2),
+    ],
+    ids=str,
+)
+def test_whatever_is_commanded_the_base_stops_before_a_ring_of_posts(twist):
+    turn = np.arange(0.0, 2 * math.pi, math.radians(9))
+    posts = 1.1 * np.column_stack([np.cos(turn), np.sin(turn)])
+    poses, velocity, _, texts = drive(CollisionMonitor(BASE), twist, posts)
+    assert clearance(poses, posts) > 0.0
+    assert np.abs(velocity[:2]).max() < 0.01
+    assert texts[-1]
+    unmonitored = CollisionMonitor(BASE, parameters=CollisionMonitorParameters(enabled=False))
+    assert clearance(drive(unmonitored, twist, posts)[0], posts) < -0.1
+
+
+def test_a_noisy_wall_is_approached_to_a_finger_and_not_touched():
+    wall = wall_ahead(1.5)
+    poses, _, actions, _ = drive(CollisionMonitor(BASE), Twist2D(0.5), wall, noise=np.random.default_rng(1))
+    assert 0.005 < clearance(poses, wall) < 0.05
+    assert MonitorAction.APPROACH in actions
+
+
+def test_a_slow_approach_to_six_centimetres_goes_through_as_it_is():
+    """As pure pursuit does it: the speed falls with the root of the distance that is left."""
+    wall, noise = wall_ahead(1.2), np.random.default_rng(2)
+    monitor, pose, speed = CollisionMonitor(BASE), Pose2D(), 0.0
+    goal = 1.2 - 0.28 - 0.06
+    for tick in range(400):
+        if tick % 4 == 0:
+            monitor.observe(scan_of(wall, pose, tick * DT, noise), Pose2D(), pose)
+        left = goal - pose.x
+        wanted = min(0.6, max(0.015, math.sqrt(0.7 * left))) if left > 0.003 else 0.0
+        speed += min(max(wanted - speed, -0.7 * DT), 0.5 * DT)
+        command = monitor.limit(Twist2D(speed), Twist2D(speed), pose)
+        assert command.action is MonitorAction.NONE, command
+        pose = pose @ Pose2D(speed * DT, 0.0, 0.0)
+    assert abs(pose.x - goal) < 0.004
+
+
+def test_what_is_too_close_to_be_seen_is_remembered_until_it_would_be_seen_again():
+    wall = wall_ahead(1.0)
+    monitor = CollisionMonitor(BASE)
+    poses, _, _, _ = drive(monitor, Twist2D(0.3), wall, seconds=8.0)
+    assert 0.45 > 1.0 - poses[-1].x > 0.28  # blind, and standing
+    pose = poses[-1]
+    nothing = np.zeros((0, 2))
+    monitor.observe(scan_of(nothing, pose, 9.0), Pose2D(), pose)
+    assert monitor.limit(Twist2D(0.3), Twist2D(), pose).action is MonitorAction.STOP
+    back = pose @ Pose2D(-0.4, 0.0, 0.0)
+    monitor.observe(scan_of(nothing, back, 10.0), Pose2D(), back)
+    assert monitor.limit(Twist2D(0.3), Twist2D(), back).action is MonitorAction.NONE
+
+
+def test_moving_away_from_what_is_close_is_free_and_towards_it_is_not():
+    wall = wall_ahead(0.5)
+    monitor = CollisionMonitor(BASE, parameters=CollisionMonitorParameters(margin=0.25))
+    monitor.observe(scan_of(wall, Pose2D(), 0.0), Pose2D(), Pose2D())
+    assert monitor.limit(Twist2D(-0.4), Twist2D(), Pose2D()).twist == Twist2D(-0.4)
+    ahead = monitor.limit(Twist2D(0.1), Twist2D(), Pose2D())
+    assert ahead.twist == Twist2D()
+    assert "ahead" in ahead.text
+
+
+def test_somebody_who_steps_in_the_way_makes_a_driving_base_brake_at_once():
+    monitor = CollisionMonitor(BASE)
+    monitor.observe(scan_of(wall_ahead(5.0), Pose2D(), 0.0), Pose2D(), Pose2D())
+    assert monitor.limit(Twist2D(0.6), Twist2D(0.6), Pose2D()).action is MonitorAction.NONE
+    legs = np.array([[0.48, 0.1], [0.48, 0.12], [0.48, -0.05]])
+    monitor.observe(scan_of(legs, Pose2D(), 0.1), Pose2D(), Pose2D())
+    command = monitor.limit(Twist2D(0.6), Twist2D(0.6), Pose2D())
+    assert command.brake
+    assert command.action is MonitorAction.STOP
+
+
+def test_the_slowdown_zone_limits_the_speed_of_a_base_that_comes_close():
+    zone = CollisionMonitorParameters(slowdown_margin=0.3, slowdown_time=1.0, slowdown_speed=0.2)
+    monitor = CollisionMonitor(BASE, parameters=zone)
+    monitor.observe(scan_of(wall_ahead(1.1), Pose2D(), 0.0), Pose2D(), Pose2D())
+    command = monitor.limit(Twist2D(0.55, 0.0, 0.1), Twist2D(), Pose2D())
+    assert command.action is MonitorAction.SLOWDOWN
+    assert command.twist.vx == pytest.approx(0.2)
+    assert monitor.limit(Twist2D(-0.55), Twist2D(), Pose2D()).action is MonitorAction.NONE
+
+
+def test_a_pressed_bumper_stops_the_base_and_lets_it_back_away():
+    bumper = PressedBumper(True)
+    monitor = CollisionMonitor(BASE, [bumper])
+    monitor.observe(scan_of(wall_ahead(3.0), Pose2D(), 0.0), Pose2D(), Pose2D())
+    command = monitor.limit(Twist2D(0.3), Twist2D(), Pose2D())
+    assert command.action is MonitorAction.BUMPED
+    assert "bumper" in command.text
+    assert monitor.limit(Twist2D(-0.3), Twist2D(), Pose2D()).twist == Twist2D(-0.3)
+    bumper.pressed = False
+    assert monitor.limit(Twist2D(0.3), Twist2D(), Pose2D()).action is MonitorAction.STOP  # it is still there
+
+
+def test_a_lidar_that_tells_the_same_scan_for_ever_stops_the_base():
+    monitor = CollisionMonitor(BASE)
+    scan = scan_of(wall_ahead(3.0), Pose2D(), 0.0)
+    for _ in range(5):
+        monitor.observe(scan, Pose2D(), Pose2D())
+    assert monitor.limit(Twist2D(0.3), Twist2D(0.3), Pose2D()).action is MonitorAction.NONE
+    monitor.observe(scan, Pose2D(), Pose2D())
+    frozen = monitor.limit(Twist2D(0.3), Twist2D(0.3), Pose2D())
+    assert frozen.brake
+    assert "lidar" in frozen.text
