@@ -29,7 +29,8 @@ class FrontierExplorerParameters:
     ``min_length`` of a frontier. Places to look from lie on a lattice of ``spacing``, within ``near`` of a frontier,
     where the base can turn with ``clearance`` to spare. ``range``: how far is looked, by ``rays``. ``min_gain``: m² of
     unknown floor that a view must promise, ``closest``: how far away it is at least, for what can be seen from here has
-    been seen. ``discount``: per metre of way, the share by which a view loses its worth.
+    been seen. ``discount``: per metre of way, the share by which a view loses its worth. ``straight``: the end of the
+    way that tells the heading of a view.
     """
 
     min_length: float = 0.30
@@ -41,6 +42,7 @@ class FrontierExplorerParameters:
     min_gain: float = 0.25
     closest: float = 0.40
     discount: float = 0.25
+    straight: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,20 +98,17 @@ class FrontierExplorer:
         if not frontiers:
             return []
         places = self._places(costmap)
-        tree = cKDTree(np.concatenate([frontier.points for frontier in frontiers]))
-        away, nearest = tree.query(places)
-        close = away < p.near
-        places, targets = places[close], tree.data[nearest[close]]
-        distances = self._ways(costmap, pose, places)
-        views = []
+        away, _ = cKDTree(np.concatenate([frontier.points for frontier in frontiers])).query(places)
+        places = places[away < p.near]
+        distances, headings = self._ways(costmap, pose, places)
         blocked = _blocked(grid)
-        for (x, y), target, distance in zip(places, targets, distances, strict=True):
-            if math.isfinite(distance) and distance >= p.closest:
+        views = []
+        for (x, y), distance, heading in zip(places.tolist(), distances.tolist(), headings.tolist(), strict=True):
+            if p.closest <= distance < math.inf:
                 gain = self._gain(grid, blocked, np.array([x, y]))
                 if gain >= p.min_gain:
-                    heading = math.atan2(target[1] - y, target[0] - x)
-                    utility = gain * math.exp(-p.discount * float(distance))
-                    views.append(FrontierView(Pose2D(float(x), float(y), heading), gain, float(distance), utility))
+                    utility = gain * math.exp(-p.discount * distance)
+                    views.append(FrontierView(Pose2D(x, y, heading), gain, distance, utility))
         return sorted(views, key=lambda view: (-view.utility, view.pose.x, view.pose.y))
 
     def gain(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
@@ -139,33 +138,44 @@ class FrontierExplorer:
         lattice: NDArray[np.float64] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) * p.spacing
         return lattice[costmap.distance_at(lattice) > costmap.footprint.circumscribed_radius + p.clearance]
 
-    def _ways(self, costmap: Costmap, pose: Pose2D, places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,) metres of the shortest way to each place; infinite without one."""
+    def _ways(
+        self, costmap: Costmap, pose: Pose2D, places: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(N,) metres of the shortest way to each place, infinite without one, and the heading at its end, radians."""
+        nowhere = np.full(len(places), np.inf), np.zeros(len(places))
         free = costmap.distance > costmap.footprint.inscribed_radius
-        number = np.full(free.shape, -1, dtype=np.intp)
-        number[free] = np.arange(int(free.sum()))
-        first, second, length = [], [], []
-        for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            here = number[: free.shape[0] - rows, max(0, -columns) : free.shape[1] - max(0, columns)]
-            there = number[rows:, max(0, columns) : free.shape[1] + min(0, columns)]
-            joined = (here >= 0) & (there >= 0)
-            first.append(here[joined])
-            second.append(there[joined])
-            length.append(np.full(int(joined.sum()), costmap.resolution * math.hypot(rows, columns)))
-        count = int(free.sum())
-        entries = (np.concatenate(length), (np.concatenate(first), np.concatenate(second)))
-        graph = sparse.coo_matrix(entries, shape=(count, count)).tocsr()
+        if len(places) == 0 or not free.any():
+            return nowhere
         centres = costmap.grid_points(np.argwhere(free))
-        if count == 0 or len(places) == 0:
-            return np.full(len(places), np.inf)
         tree = cKDTree(centres)
-        start_away, start = tree.query(pose.xy)
+        away, start = tree.query(pose.xy)
+        if away > 2.0 * costmap.footprint.circumscribed_radius:  # close to something, a base stands beside free cells
+            return nowhere
         away, cells = tree.query(places)
-        # A base that has driven close to something stands beside the free cells.
-        if start_away > 0.5:
-            return np.full(len(places), np.inf)
-        ways = dijkstra(graph, directed=False, indices=start)[cells]
-        return np.where(away < 2.0 * costmap.resolution, ways, np.inf)
+        lengths, before = dijkstra(_neighbours(free, costmap.resolution), False, int(start), return_predecessors=True)
+        distances = np.where(away < 2.0 * costmap.resolution, lengths[cells], np.inf)
+        # A base that arrives along the way need not turn once more.
+        behind = cells
+        for _ in range(round(self._parameters.straight / costmap.resolution)):
+            behind = np.where(before[behind] >= 0, before[behind], behind)
+        along = centres[cells] - centres[behind]
+        return distances, np.arctan2(along[:, 1], along[:, 0])
+
+
+def _neighbours(free: NDArray[np.bool_], resolution: float) -> sparse.csr_matrix:
+    """Distances between free cells that touch, in the order of the free cells; half of a symmetric matrix."""
+    number = np.full(free.shape, -1, dtype=np.intp)
+    number[free] = np.arange(int(free.sum()))
+    first, second, length = [], [], []
+    for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        here = number[: free.shape[0] - rows, max(0, -columns) : free.shape[1] - max(0, columns)]
+        there = number[rows:, max(0, columns) : free.shape[1] + min(0, columns)]
+        joined = (here >= 0) & (there >= 0)
+        first.append(here[joined])
+        second.append(there[joined])
+        length.append(np.full(int(joined.sum()), resolution * math.hypot(rows, columns)))
+    entries = (np.concatenate(length), (np.concatenate(first), np.concatenate(second)))
+    return sparse.coo_matrix(entries, shape=(int(free.sum()),) * 2).tocsr()
 
 
 def _blocked(grid: OccupancyGrid) -> NDArray[np.bool_]:
