@@ -165,11 +165,14 @@ class Costmap:
         distance: NDArray[np.float64] = np.where(self.contains(points), value, -1.0)
         return distance
 
-    def cost(self, distance: ArrayLike, lethal_distance: float) -> NDArray[np.float64]:
-        """Cost per metre, 1 and up, at ``distance`` metres from an obstacle; infinite below ``lethal_distance``."""
+    def cost(self, distance: ArrayLike, lethal_distance: float, slack: float = 0.0) -> NDArray[np.float64]:
+        """Cost per metre, 1 and up, at ``distance`` metres from an obstacle; infinite below ``lethal_distance``.
+
+        ``slack``: metres below it at which the cost is still the highest one instead.
+        """
         beyond = np.asarray(distance, dtype=float) - lethal_distance
         cost = 1.0 + self.parameters.cost_weight * np.exp(-np.maximum(beyond, 0.0) / self.parameters.cost_decay)
-        limited: NDArray[np.float64] = np.where(beyond < 0.0, np.inf, cost)
+        limited: NDArray[np.float64] = np.where(beyond < -slack, np.inf, cost)
         return limited
 
     def footprint_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
