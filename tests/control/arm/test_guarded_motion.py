@@ -92,7 +92,10 @@ def test_contact_where_none_is_expected_stops_the_arm_and_is_told(stand_before):
     assert (ended.status, ended.error.code) == (ControlStatus.FAILED, ControlErrorCode.COLLISION)
     assert "contact where none is expected" in ended.error.text
     scene.robot.clock.sleep(0.5)
-    assert np.abs(scene.robot.parts["arm"].velocities()).max() < 0.01
+    arm = scene.robot.parts["arm"]
+    rest = arm.positions()
+    scene.robot.clock.sleep(0.2)
+    assert np.abs(arm.positions() - rest).max() < 0.01 * 0.2  # it leans on what it has met, and trembles there
 
 
 def test_a_quick_swing_through_free_air_is_no_contact(stand_before):
