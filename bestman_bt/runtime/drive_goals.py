@@ -9,17 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.configuration.task import DriveConfig
-from bestman_bt.messages import Pose2D
+from bestman_bt.messages import PlacedShape, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, CostmapParameters, Footprint, areas_of_disc
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import SceneError, World, semantic_map
-from bestman_bt.world_model import SemanticMap
+from bestman_bt.world_model import Obstacle, SemanticMap
 
 _TRIES = 1000
 _ROOM = 0.05
 """Metres around the base on open floor."""
 _BEFORE_FURNITURE = 0.06
 """Metres before the front of a piece, where the map has it: as a robot stands that is to reach over it."""
+_TRUE_CLEARANCE = 0.02
+"""Metres that are really free around the base: a grid of 5 cm is blind to less beside thin handles."""
 _STRAIGHT = 0.6
 """Metres within which there is room to turn, straight behind a goal before furniture."""
 _EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
@@ -31,9 +33,15 @@ def base_footprint(robot: RobotModel) -> Footprint:
 
 
 def true_costmap(world: World, robot: RobotModel) -> Costmap:
-    """Where things really stand, without margins; walkers are left out."""
-    actual = tuple(replace(piece, nominal=piece.actual) for piece in world.furniture)
-    return Costmap.from_map(semantic_map(replace(world, furniture=actual)), base_footprint(robot), (), _EXACT)
+    """Where things really stand, with doors and drawers and their handles, without margins; walkers are left out."""
+    actual = tuple(replace(piece, nominal=piece.actual, mapped=True) for piece in world.furniture)
+    leaves = [
+        Obstacle(f"{piece.name}/{leaf.name}", tuple(PlacedShape(p.shape, moved @ p.pose) for p in leaf.parts), 0.0)
+        for piece in world.furniture
+        for leaf in piece.model.articulations
+        for moved in (piece.pose @ leaf.moved(piece.open.get(leaf.name, 0.0)),)
+    ]
+    return Costmap.from_map(semantic_map(replace(world, furniture=actual)), base_footprint(robot), leaves, _EXACT)
 
 
 def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: RobotModel, seed: int) -> Pose2D:
@@ -52,7 +60,7 @@ def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: Robo
         goal = _before_furniture(known, truth.footprint, rng) if before_furniture else _anywhere(truth, rng)
         if goal.distance_to(world.robot_start) < asked.distance or not truth.contains(goal.xy):
             continue
-        if min(truth.clearance_at(goal), believed.clearance_at(goal)) <= 0.0:
+        if truth.clearance_at(goal) < _TRUE_CLEARANCE or believed.clearance_at(goal) <= 0.0:
             continue
         if not before_furniture and min(truth.distance_at(goal.xy), believed.distance_at(goal.xy)) < radius + _ROOM:
             continue

@@ -92,3 +92,14 @@ def test_a_goal_for_the_base_and_one_for_an_object_are_too_many(tmp_path: Path) 
 def test_drawn_headings_go_all_around(setups: list[Setup]) -> None:
     assert max(abs(goal_of(setup).theta) for setup in setups) <= math.pi
     assert min(goal_of(setup).theta for setup in setups) < -1.0 < 1.0 < max(goal_of(setup).theta for setup in setups)
+
+
+def test_the_truth_has_handles_and_furniture_that_the_map_does_not_have() -> None:
+    setup = prepare(load_run("navigate_kitchen", scene="kitchen_furnished", seed=0))
+    chest = next(piece for piece in setup.world.furniture if piece.name == "drawer_chest")
+    handle = chest.model.articulations[0].handle
+    costmap = true_costmap(setup.world, setup.robot_model)
+    assert costmap.distance_at((chest.pose @ handle.pose).position[:2]) < 0.02
+    chair = next(p for p in prepare(load_run("fetch_cup_with_chairs", seed=0)).world.furniture if not p.mapped)
+    world = prepare(load_run("fetch_cup_with_chairs", seed=0)).world
+    assert true_costmap(world, setup.robot_model).distance_at(chair.actual.xy) < 0.0
