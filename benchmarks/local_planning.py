@@ -69,6 +69,7 @@ class Measurements:
     failures: list[str] = field(default_factory=list)
     position_errors: list[float] = field(default_factory=list)
     heading_errors: list[float] = field(default_factory=list)
+    believed_errors: list[float] = field(default_factory=list)
     path_ratios: list[float] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
     ticks: list[float] = field(default_factory=list)
@@ -82,6 +83,7 @@ class Measurements:
             "contacts": self.contacts,
             "final_error_mm_median": round(1e3 * float(np.median(position)), 2),
             "final_error_mm_max": round(1e3 * float(np.max(position)), 2),
+            "final_error_believed_mm_median": round(1e3 * float(np.median(self.believed_errors or [math.nan])), 2),
             "final_yaw_deg_median": round(math.degrees(float(np.median(heading))), 3),
             "path_ratio_median": round(float(np.median(self.path_ratios or [math.nan])), 3),
             "sim_s_median": round(float(np.median(self.times)), 1),
@@ -176,6 +178,7 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
         if handle.status is ControlStatus.SUCCEEDED:
             measured.reached += 1
             measured.position_errors.append(places[-1].distance_to(goal))
+            measured.believed_errors.append(belief.base.pose.distance_to(goal))
             measured.heading_errors.append(abs(wrap_angle(places[-1].theta - goal.theta)))
             measured.path_ratios.append(sum(a.distance_to(b) for a, b in itertools.pairwise(places)) / path.length)
         else:

@@ -90,7 +90,7 @@ class LocalObstacles:
         hits = map_from_lidar.apply(scan.points())
         if self._costmap is not None and len(hits):
             hits = hits[self._costmap.distance_at(hits) > self._parameters.known]
-        standing = self._tracks.update(hits, map_from_lidar.xy, scan.stamp)
+        standing = self._tracks.update(hits, map_from_lidar.xy, scan.range_min, scan.stamp)
         column, row = self._to_cells(standing).T
         inside = (column >= 0) & (row >= 0) & (column < self._cells) & (row < self._cells)
         self._evidence[row[inside], column[inside]] = self._parameters.evidence

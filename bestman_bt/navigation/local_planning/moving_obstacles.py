@@ -17,19 +17,21 @@ class MovingObstaclesParameters:
     ``gap``: between two neighbouring hits that belong to two clusters. ``max_size``: of a cluster that may move.
     ``gate``: how far from its prediction a track is looked for. ``acceleration``: m/s², standard deviation of how a
     walker changes its velocity, ``position_std``: error of a cluster's middle. ``min_speed``, ``min_sigma``: what moves
-    is faster than the former, and than so many standard deviations of its estimate, and has come ``min_distance`` far.
-    ``forget``: unseen for that long. ``max_speed``: nothing here is faster.
+    is faster than the former, and than so many standard deviations of its estimate, and has come ``min_distance`` far;
+    it stands again below half of ``min_speed``. ``forget``: unseen for that long, ``forget_hidden``: too close to be
+    seen for that long. ``max_speed``: nothing here is faster.
     """
 
     gap: float = 0.2
     max_size: float = 0.9
     gate: float = 0.4
-    acceleration: float = 1.0
+    acceleration: float = 0.7
     position_std: float = 0.04
     min_speed: float = 0.12
-    min_sigma: float = 2.0
+    min_sigma: float = 1.5
     min_distance: float = 0.10
     forget: float = 0.8
+    forget_hidden: float = 3.0
     max_speed: float = 2.0
 
 
@@ -52,8 +54,13 @@ class MovingObstacles:
         self._tracks: list[_Track] = []
         self.moving: list[MovingObstacle] = []
 
-    def update(self, hits: NDArray[np.float64], lidar: NDArray[np.float64], stamp: float) -> NDArray[np.float64]:
-        """Take in hits (N, 2) in the order of the beams, seen from ``lidar`` (2,); answer with those that stand."""
+    def update(
+        self, hits: NDArray[np.float64], lidar: NDArray[np.float64], range_min: float, stamp: float
+    ) -> NDArray[np.float64]:
+        """Take in hits (N, 2) in the order of the beams, seen from ``lidar`` (2,); answer with those that stand.
+
+        ``range_min``: metres within which the lidar sees nothing.
+        """
         p = self._parameters
         clusters = _clusters(hits, p.gap)
         small = [c for c in clusters if len(c) >= 3 and _size(hits[c]) <= p.max_size]
@@ -75,8 +82,14 @@ class MovingObstacles:
             self.moving.append(track.obstacle())
             if index in cluster_of:
                 moving_hits[small[cluster_of[index]]] = True
-        self._tracks = [track for track in self._tracks if stamp - track.seen <= p.forget]
+        self._tracks = [
+            track for track in self._tracks if stamp - track.seen <= self._patience(track, lidar, range_min)
+        ]
         return hits[~moving_hits]
+
+    def _patience(self, track: _Track, lidar: NDArray[np.float64], range_min: float) -> float:
+        near_side = float(np.linalg.norm(track.state[:2] - lidar)) - track.radius
+        return self._parameters.forget_hidden if near_side < range_min + 0.05 else self._parameters.forget
 
     def _associate(self, discs: list[NDArray[np.float64]]) -> dict[int, int]:
         """Track → cluster."""
@@ -98,6 +111,7 @@ class _Track:
         self.radius = float(disc[2])
         self.first = self.state[:2].copy()
         self.seen = self._stamp = stamp
+        self._moves = False
 
     def predict(self, stamp: float, acceleration: float) -> None:
         dt = max(0.0, stamp - self._stamp)
@@ -118,9 +132,13 @@ class _Track:
 
     def moves(self, p: MovingObstaclesParameters) -> bool:
         speed = float(np.hypot(*self.state[2:]))
+        if self._moves:
+            self._moves = p.min_speed / 2.0 < speed < p.max_speed
+            return self._moves
         sigma = math.sqrt(float(np.trace(self.covariance[2:, 2:])) / 2.0)
         far = float(np.linalg.norm(self.state[:2] - self.first)) > p.min_distance
-        return far and p.min_speed < speed < p.max_speed and speed > p.min_sigma * sigma
+        self._moves = far and p.min_speed < speed < p.max_speed and speed > p.min_sigma * sigma
+        return self._moves
 
     def obstacle(self) -> MovingObstacle:
         x, y, vx, vy = self.state.tolist()
