@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -31,6 +31,8 @@ LOOK_AHEAD = 1.5
 """Metres of the path ahead that must be free."""
 EVERY_POINT = 7
 """Of a depth image's points, one in so many is drawn."""
+ARRIVED = 0.30
+"""Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
 PLANS = 6
 """Ways that are planned in vain before the frontiers are ranked anew."""
 AGAIN = 0.3
@@ -106,7 +108,7 @@ class ExploreAndMap(Skill):
         position_std = math.hypot(now.position_std, told.position_std + told.heading_std * far)
         base.believe(now.pose, position_std, math.hypot(now.heading_std, told.heading_std))
 
-    def _explore(self) -> Generator[Awaitable, object, bool]:
+    def _explore(self) -> StepsTo[bool]:
         """Whether nothing is left to see; False where the time is up."""
         skills = self.skills
         end = skills.clock.now() + self.get_input("max_time")
@@ -149,7 +151,7 @@ class ExploreAndMap(Skill):
             grid, costmap = self._look(overhangs)
             if explorer.gain(grid, view.pose.xy) < explorer.parameters.min_gain:
                 return True
-            if handle.done:
+            if handle.done or self._pose.distance_to(view.pose) < ARRIVED:
                 return False
             if skills.clock.now() >= end:
                 return True

@@ -114,4 +114,5 @@ class CorrelativeMatcher:
                 heapq.heappush(queue, (-score, level, turn, dx, dy))
 
     def _cells(self, hits: NDArray[np.float64], pose: Pose2D) -> NDArray[np.intp]:
-        return np.floor((pose.apply(hits) - self._origin) / self._parameters.resolution).astype(np.intp)
+        cells: NDArray[np.intp] = np.floor((pose.apply(hits) - self._origin) / self._parameters.resolution).astype(int)
+        return cells

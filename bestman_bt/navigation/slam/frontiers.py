@@ -180,4 +180,5 @@ def _neighbours(free: NDArray[np.bool_], resolution: float) -> sparse.csr_matrix
 
 def _blocked(grid: OccupancyGrid) -> NDArray[np.bool_]:
     """Where a view ends: at occupied cells, and unknown ones beside them, for beams meet far walls here and there."""
-    return ndimage.binary_dilation(grid.data == OCCUPIED, NEIGHBOURS) & (grid.data != FREE)
+    blocked: NDArray[np.bool_] = ndimage.binary_dilation(grid.data == OCCUPIED, NEIGHBOURS) & (grid.data != FREE)
+    return blocked

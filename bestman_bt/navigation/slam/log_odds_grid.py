@@ -71,7 +71,8 @@ class LogOddsGrid:
         data = np.full(self._log_odds.shape, UNKNOWN, dtype=np.int8)
         data[self._seen & (self._log_odds <= -p.free)] = FREE
         data[self._log_odds >= p.occupied] = OCCUPIED
-        return OccupancyGrid(data, p.resolution, self._first * p.resolution)
+        origin: NDArray[np.float64] = self._first * p.resolution
+        return OccupancyGrid(data, p.resolution, origin)
 
     def _cells(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
         """(N, 2) column and row from the map's origin."""

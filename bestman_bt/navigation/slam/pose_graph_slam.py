@@ -156,7 +156,7 @@ class PoseGraphSlam(Slam):
         anchor = submap.anchor.local.theta
         guess = submap.pose_of(self._local)
         expected = _turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
-        prior = np.linalg.inv(expected)
+        prior: NDArray[np.float64] = np.linalg.inv(expected)
         found = submap.reference.align(hits, guess, prior)
         if found.inlier_ratio < p.min_inlier_ratio:
             elsewhere = self._search(hits, guess, submap)
