@@ -35,7 +35,7 @@ class CriticParameters:
     obstacle: float = 0.3
     obstacle_decay: float = 0.12
     heading: float = 0.25
-    backwards: float = 1.0
+    backwards: float = 0.5
     sideways: float = 0.2
     turning: float = 0.03
     contact: float = 10.0

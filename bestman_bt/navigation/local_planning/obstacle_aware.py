@@ -30,7 +30,9 @@ from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeadi
 
 STILL = 0.03
 TURN_ENDS = 0.25
-"""m/s at which the base counts as standing; radians off the way ahead at which a turn on the spot has done enough."""
+TURN_TRIAL = 0.8
+"""m/s at which the base counts as standing; radians off the way ahead at which a turn on the spot has done enough;
+rad/s at which it must be free: where it is not, the base goes on in another way."""
 
 
 @dataclass(frozen=True)
@@ -173,8 +175,11 @@ class ObstacleAwareFollower(PathFollower):
             self._turn.turn_to(bearing)
         if self._turning and off > TURN_ENDS:
             self._turn.turn_to(bearing, self._smooth.twist.wz)
-            return self._turn.compute(pose, Twist2D(), dt).twist
-        if self._turning:
+            turn = self._turn.compute(pose, Twist2D(), dt).twist
+            trial = Twist2D(wz=math.copysign(TURN_TRIAL, wrap_angle(bearing - pose.theta)))
+            if min(self._share_around(pose, trial), self._share_seen(pose, trial)) == 1.0:
+                return turn
+        elif self._turning:
             self._turning = False
             self._restart()
         start = np.array([[pose.x], [pose.y], [pose.theta]], dtype=np.float32)
