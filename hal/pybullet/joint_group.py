@@ -43,6 +43,7 @@ class SimulatedJointGroup(JointGroup):
         self._setpoints: Setpoints = Hold(np.zeros(len(self._lower)))
         self._position: Array = np.zeros(len(self._lower))
         self._velocity: Array = np.zeros(len(self._lower))
+        self._step, self._steps_left = self._velocity, 0  # of the physics, to the set-point
         self._torques: Array | None = None
         self._astray = 0.0
         self._waiting = 0.0
@@ -132,9 +133,10 @@ class SimulatedJointGroup(JointGroup):
         self.encoders.attach(simulation, lambda: EncoderReading(self._measured(0), self._measured(1)))
         self._position, self._velocity = self._measured(0), np.zeros(len(self._lower))
         self._setpoints, self._torques, self._astray = Hold(self._position), None, 0.0
+        self._steps_left = 0
         self._send(self._position, self._velocity)
         simulation.controls.append(self._control)
-        simulation.effort_controls.append(self._apply_torques)
+        simulation.effort_controls += (self._interpolate, self._apply_torques)
 
     def detach(self) -> None:
         """Let go."""
@@ -151,12 +153,22 @@ class SimulatedJointGroup(JointGroup):
         self._watch_tracking(period)
         was_finished = self._setpoints.finished
         position, velocity = self._setpoints.advance(period)
-        self._send(position, velocity)
+        self._steps_left = self._parameters.control_every
+        self._step = (position - self._position) / self._steps_left
         self._position, self._velocity = position, velocity
         if motion is not None and was_finished:
             self._watch_settling(motion, period)
         elif was_finished:
             self._setpoints = Hold(position)
+
+    def _interpolate(self) -> None:
+        """Go on to the set-point at the physics rate, as the drives of real arms do.
+
+        Steps at the control rate would shake what the hand holds, and it would work its way out of the fingers.
+        """
+        if self._steps_left and self._torques is None:
+            self._steps_left -= 1
+            self._send(self._position - self._steps_left * self._step, self._step * self._parameters.step_rate)
 
     def _watch_tracking(self, period: float) -> None:
         error = np.abs(self._position - self._measured(0))
