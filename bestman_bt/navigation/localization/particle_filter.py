@@ -28,7 +28,8 @@ class ParticleFilterParameters:
     ``beams``: of a scan that are looked at. ``hit_std``: of where they meet what the map has, and ``search_hit_std``
     while the particles are spread over many places and so none of them is quite right; ``random``: share of beams that
     meet anything else. ``independent_beams``: as how many independent measurements they count.
-    ``resolution``: of the field. ``slow``, ``fast``: how quickly the two averages of the fit follow it, per scan;
+    ``resolution``: of the field. ``good_fit``: likelihood of a hit where the base is known, as both averages of it
+    begin: a place that fits worse is doubted from the start. ``slow``, ``fast``: how quickly they follow, per scan;
     ``candidates``: poses on the floor from which those that replace particles are drawn. ``unknown_std``: a first pose
     less certain than that is no pose at all, and the particles are spread over the floor. A scan is accepted where at
     least ``sure`` of the weight lies within ``place_radius`` and ``place_angle`` of one place, and ``min_inlier_ratio``
@@ -43,6 +44,7 @@ class ParticleFilterParameters:
     independent_beams: float = 12.0
     resolution: float = 0.02
     reach: float = 0.6
+    good_fit: float = 0.7
     slow: float = 0.01
     fast: float = 0.2
     candidates: int = 5000
@@ -92,7 +94,7 @@ class ParticleFilter(Localizer):
         p = self._parameters
         self._rng = np.random.default_rng(p.seed)
         self._odometry = self._moved_at = odometry
-        self._slow = self._fast = 0.0
+        self._slow = self._fast = p.good_fit
         self._searching = position_std > p.unknown_std
         if self._searching:
             self._particles = self._field.draw(p.kld.most, self._rng)
@@ -187,8 +189,6 @@ class ParticleFilter(Localizer):
         """The share of particles to draw from the floor: how much worse scans fit now than in the long run."""
         p = self._parameters
         average = float(np.exp(fits).mean())
-        if self._slow == 0.0:
-            self._slow = self._fast = average
         self._slow += p.slow * (average - self._slow)
         self._fast += p.fast * (average - self._fast)
         return max(0.0, 1.0 - self._fast / self._slow)
@@ -210,7 +210,8 @@ class ParticleFilter(Localizer):
 def _log_likelihood(field: DistanceField, hit_std: float, random: float) -> NDArray[np.float32]:
     """Of a hit in each cell of the field, flattened."""
     hits = (1.0 - random) * np.exp(-0.5 * (field.distance / hit_std) ** 2)
-    return np.log(hits + random).astype(np.float32).ravel()
+    log_likelihood: NDArray[np.float32] = np.log(hits + random).astype(np.float32).ravel()
+    return log_likelihood
 
 
 def _low_variance(weights: NDArray[np.float64], count: int, rng: np.random.Generator) -> NDArray[np.intp]:
