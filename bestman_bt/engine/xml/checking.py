@@ -183,12 +183,14 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
     port = info.ports[key]
     if port.data_type in UNTYPED:
         return ""
-    if isinstance(value, str):
-        converter = info.checks[key] if key in info.checks else registry.converters.converter(port.data_type)
-        if converter is None:
-            return f"a {type_name(port.data_type)} cannot be written as a literal; map an entry, as '{{{key}}}'"
     try:
-        typed = converter(value) if isinstance(value, str) else cast(value, port.data_type, registry.converters)
+        if isinstance(value, str):
+            converter = info.checks[key] if key in info.checks else registry.converters.converter(port.data_type)
+            if converter is None:
+                return f"a {type_name(port.data_type)} cannot be written as a literal; map an entry, as '{{{key}}}'"
+            typed = converter(value)
+        else:
+            typed = cast(value, port.data_type, registry.converters)
     except ConversionError as error:
         return str(error)
     return f"{value!r} is not a number" if _holds_nan(typed) else ""
