@@ -1,7 +1,8 @@
-"""Drives to random goals in the kitchen and measures planning, following and localisation.
+"""Drives to random goals in apartments or in the kitchen, one after the other, and measures how they went.
 
-Run it with ``python benchmarks/navigation.py [--goals N] [--seed S] [--json]``; keys and units are those of
-docs/navigation.md. All poses that count as truth come from the simulator, and only this program sees them.
+Run it with ``python benchmarks/navigation.py [--goals N] [--worlds M] [--walkers] [--set key=value] [--json]``; keys
+and units are those of docs/navigation.md. All poses that count as truth come from the simulator, and only this program
+sees them: the robot drives by the tree ``navigate``.
 """
 
 from __future__ import annotations
@@ -10,49 +11,43 @@ import argparse
 import json
 import math
 import time
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from bestman_bt.control import ControlStatus
-from bestman_bt.control.wheeled import BaseController
-from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
-from bestman_bt.navigation.local_planning import FollowerCommand, PurePursuit
-from bestman_bt.navigation.localization import ScanToMap
-from bestman_bt.robot_model import load_robot_model
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.sensing.lidar import LidarSensor
-from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import Lidar, MobileBase
+from bestman_bt.configuration import load_run
+from bestman_bt.configuration.task import DriveConfig
+from bestman_bt.evaluation.audit import audit
+from bestman_bt.evaluation.driven_path import DrivenPath
+from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.navigation.global_planning import GridAStar, shortest_length
+from bestman_bt.runtime import Session, open_session, prepare
+from bestman_bt.runtime.algorithms import make_local_planner
+from bestman_bt.runtime.drive_goals import drive_goal, true_costmap
+from hal.api import Robot
 from hal.pybullet import GroundTruth, PyBulletRobot
 
-GOALS_PER_WORLD = 5
-
-
-class TimedPurePursuit(PurePursuit):
-    """Pure pursuit that notes how long every step takes, seconds."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.times: list[float] = []
-
-    def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        begin = time.perf_counter()
-        command = super().compute(pose, velocity, dt)
-        self.times.append(time.perf_counter() - begin)
-        return command
+POSITION_TOLERANCE, YAW_TOLERANCE = 0.05, math.radians(3.0)
+REST = 0.5
+"""Seconds between two drives."""
 
 
 @dataclass
 class Measurements:
-    goals: int = 0
-    reached: int = 0
+    """``reached``: of each drive, whether it ended at its goal without having touched anything."""
+
+    reached: list[bool] = field(default_factory=list)
+    why: list[str] = field(default_factory=list)
     contacts: int = 0
+    contacts_by_walkers: int = 0
+    honest: bool = True
     position_errors: list[float] = field(default_factory=list)
     heading_errors: list[float] = field(default_factory=list)
+    path_ratios: list[float] = field(default_factory=list)
     localisation_errors: list[float] = field(default_factory=list)
     plan_times: list[float] = field(default_factory=list)
     tick_times: list[float] = field(default_factory=list)
@@ -60,95 +55,151 @@ class Measurements:
     wall: float = 0.0
 
     def summary(self, seed: int) -> dict[str, Any]:
+        """The JSON document."""
+        succeeded = sum(self.reached)
         return {
             "seed": seed,
-            "goals": self.goals,
-            "reached_rate": self.reached / self.goals,
+            "goals": len(self.reached),
+            "reached_rate": succeeded / len(self.reached),
+            "interval": [round(bound, 4) for bound in wilson_interval(succeeded, len(self.reached))],
             "contacts": self.contacts,
-            "final_error_mm_median": 1e3 * float(np.median(self.position_errors)),
-            "final_error_mm_max": 1e3 * float(np.max(self.position_errors)),
-            "final_yaw_deg_median": math.degrees(float(np.median(self.heading_errors))),
+            "contacts_by_walkers": self.contacts_by_walkers,
+            "honest": self.honest,
+            "final_error_mm_median": 1e3 * _median(self.position_errors),
+            "final_error_mm_max": 1e3 * max(self.position_errors, default=math.nan),
+            "final_yaw_deg_median": math.degrees(_median(self.heading_errors)),
+            "path_ratio_median": _median(self.path_ratios),
             "localisation_error_mm_mean": 1e3 * float(np.mean(self.localisation_errors)),
-            "localisation_error_mm_p95": 1e3 * float(np.percentile(self.localisation_errors, 95)),
-            "plan_ms_median": 1e3 * float(np.median(self.plan_times)),
+            "plan_ms_median": 1e3 * _median(self.plan_times),
+            "local_tick_ms_median": 1e3 * _median(self.tick_times),
             "local_tick_ms_p95": 1e3 * float(np.percentile(self.tick_times, 95)),
             "real_time_factor": self.simulated / self.wall,
+            "failures": self.why,
         }
 
 
-def random_goal(costmap: Costmap, rng: np.random.Generator) -> Pose2D:
-    """A pose where the base can turn."""
-    x_min, y_min = costmap.origin
-    rows, columns = costmap.distance.shape
-    size = np.array([columns, rows]) * costmap.resolution
-    while True:
-        x, y = costmap.origin + rng.random(2) * size
-        inside = x_min + 1.0 < x < x_min + size[0] - 1.0 and y_min + 1.0 < y < y_min + size[1] - 1.0
-        if inside and costmap.distance_at([x, y]) > costmap.footprint.circumscribed_radius + 0.05:
-            return Pose2D(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
+def _median(values: list[float]) -> float:
+    return float(np.median(values)) if values else math.nan
 
 
-def stand_pose(belief: WorldModel, name: str, rng: np.random.Generator) -> Pose2D:
-    """6 cm before a piece of furniture, somewhere along its front."""
-    piece = belief.map.furniture[name]
-    along = rng.uniform(-0.3, 0.3)
-    return piece.pose @ Pose2D(-piece.footprint[0] / 2 - 0.28 - 0.06, along, 0.0)
+@contextmanager
+def timed(owner: type, method: str, times: list[float]) -> Iterator[None]:
+    """Note how long every call of a method takes, seconds."""
+    plain = getattr(owner, method)
+
+    def measured(*arguments: Any, **keywords: Any) -> Any:
+        begin = time.perf_counter()
+        result = plain(*arguments, **keywords)
+        times.append(time.perf_counter() - begin)
+        return result
+
+    setattr(owner, method, measured)
+    try:
+        yield
+    finally:
+        setattr(owner, method, plain)
 
 
-def drive_one_world(seed: int, goals: int, measured: Measurements) -> None:
-    model = load_robot_model("diff_panda")
-    world = draw_world(load_scene("kitchen"), seed)
-    rng = np.random.default_rng(seed)
-    with PyBulletRobot(model, world, seed=seed) as robot:
-        truth = GroundTruth(robot)
-        error = rng.uniform(-1.0, 1.0, 3) * [0.03, 0.03, 0.021]
-        start = world.robot_start
-        believed = Pose2D(start.x + error[0], start.y + error[1], start.theta + error[2])
-        belief = WorldModel(semantic_map(world), base=BasePose(believed, 0.02, 0.012, 0.0))
-        follower = TimedPurePursuit()
-        lidar = LidarSensor(robot.part("lidar", Lidar), ForwardKinematics(model))
-        base_part = robot.part("base", MobileBase)
-        base = BaseController(base_part, robot.clock, lidar, ScanToMap(belief.map), follower, belief)
-        costmap = Costmap.from_map(belief.map, Footprint(np.array(base.description.footprint)))
-        base.start()
-        robot.clock.sleep(0.5)
+def drive_in_one_world(task: str, seed: int, goals: int, settings: list[str], measured: Measurements) -> None:
+    """``goals`` drives in the world of a seed, each from where the last one ended."""
+    own = [f"scene.generator.apartment.seed={seed}"] if "apartment" in task else []
+    setup = prepare(load_run(task, seed=seed, settings=[*own, *settings]))
+    held: list[GroundTruth] = []
+
+    def hold_truth(robot: Robot) -> None:
+        assert isinstance(robot, PyBulletRobot)
+        held.append(GroundTruth(robot))
+
+    follower = type(make_local_planner(setup.config))
+    with (
+        open_session(setup, hold_truth) as session,
+        timed(GridAStar, "plan", measured.plan_times),
+        timed(follower, "compute", measured.tick_times),
+    ):
+        truth, robot = held[0], session.robot
+        assert isinstance(robot, PyBulletRobot)
         begin_wall, begin_simulated = time.perf_counter(), robot.clock.now()
+        touched = 0
         for number in range(goals):
-            choice = ("table", None, "counter", None)[number % 4]
-            goal = random_goal(costmap, rng) if choice is None else stand_pose(belief, choice, rng)
-            measured.goals += 1
-            begin = time.perf_counter()
-            path = GridAStar().plan(belief.base.pose, goal, costmap)
-            measured.plan_times.append(time.perf_counter() - begin)
-            if not isinstance(path, Path2D):
-                continue
-            handle = base.follow(path)
-            while not handle.done:
-                robot.clock.sleep(0.1)
-                true_pose = truth.base_pose().to_pose2d()
-                measured.localisation_errors.append(belief.base.pose.distance_to(true_pose))
-            true_pose = truth.base_pose().to_pose2d()
-            measured.reached += handle.status is ControlStatus.SUCCEEDED
-            measured.position_errors.append(true_pose.distance_to(goal))
-            measured.heading_errors.append(abs(wrap_angle(true_pose.theta - goal.theta)))
+            start = truth.base_pose().to_pose2d()
+            world = replace(setup.world, robot_start=start)
+            goal = drive_goal(DriveConfig(), world, setup.world_model.map, setup.robot_model, 1000 * seed + number)
+            driven, why = _drive(session, truth, goal, measured)
+            robot.clock.sleep(REST)
+            pose = truth.base_pose().to_pose2d()
+            off, turn = pose.distance_to(goal), abs(wrap_angle(pose.theta - goal.theta))
+            collisions = audit(robot.honesty_record()).collisions
+            if not why and (off > POSITION_TOLERANCE or turn > YAW_TOLERANCE):
+                why = f"believed to be at the goal, {1e3 * off:.0f} mm and {math.degrees(turn):.1f}° off"
+            elif not why and len(collisions) > touched:
+                why = f"touched {collisions[-1].second}"
+            if not why:
+                costmap = true_costmap(setup.world, setup.robot_model)
+                shortest = shortest_length(start.xy, goal.xy, costmap, costmap.footprint.inscribed_radius)
+                measured.path_ratios.append(driven / shortest)
+                measured.position_errors.append(off)
+                measured.heading_errors.append(turn)
+            measured.reached.append(not why)
+            measured.why += [f"seed {seed}, goal {number}: {why}"] if why else []
+            touched = len(collisions)
         measured.wall += time.perf_counter() - begin_wall
         measured.simulated += robot.clock.now() - begin_simulated
-        measured.contacts += len(robot.honesty_record().contacts)
-        measured.tick_times += follower.times
+        judged = audit(robot.honesty_record())
+        measured.contacts += len(judged.collisions)
+        measured.contacts_by_walkers += len(judged.contacts_by_walkers)
+        measured.honest = measured.honest and judged.honest
+
+
+def _drive(session: Session, truth: GroundTruth, goal: Pose2D, measured: Measurements) -> tuple[float, str]:
+    """Metres driven, and why the tree failed, empty where it did not."""
+    tree = session.load()
+    tree.blackboard.set("goal", goal)
+    path = DrivenPath(truth)
+
+    def after_tick() -> None:
+        path.after_tick()
+        true_pose = truth.base_pose().to_pose2d()
+        measured.localisation_errors.append(session.skills.world.base.pose.distance_to(true_pose))
+
+    execution = session.executor(tree, after_tick).run()
+    if execution.succeeded:
+        return path.length, ""
+    told = [failure.why for failure in session.skills.failures[-1:]]
+    return path.length, told[0] if told else f"{execution.ending}: {execution.why}"
+
+
+def measure(task: str, seed: int, goals: int, worlds: int, settings: list[str]) -> Measurements:
+    """All drives, spread over so many worlds."""
+    measured = Measurements()
+    for index in range(worlds):
+        share = goals // worlds + (index < goals % worlds)
+        if share:
+            drive_in_one_world(task, seed + index, share, settings, measured)
+    return measured
 
 
 def main() -> None:
+    """Parse the command line, drive, print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--goals", type=int, default=20)
+    parser.add_argument(
+        "--worlds", type=int, default=5, help="apartments, or kitchens whose furniture is off otherwise"
+    )
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kitchen", action="store_true", help="in the kitchen instead of in apartments")
+    parser.add_argument("--walkers", action="store_true", help="and once more with people who walk about")
+    parser.add_argument("--set", action="append", default=[], metavar="key=value", dest="settings")
     parser.add_argument("--json", action="store_true", help="one JSON document instead of lines")
     arguments = parser.parse_args()
-    measured = Measurements()
-    seed = arguments.seed
-    while measured.goals < arguments.goals:
-        drive_one_world(seed, min(GOALS_PER_WORLD, arguments.goals - measured.goals), measured)
-        seed += 1
-    summary = measured.summary(arguments.seed)
+    if arguments.goals < 1 or arguments.worlds < 1:
+        parser.error("--goals and --worlds should be at least 1")
+    task = "navigate_kitchen" if arguments.kitchen else "navigate_apartment"
+    asked = arguments.seed, arguments.goals, arguments.worlds, arguments.settings
+    summary = measure(task, *asked).summary(arguments.seed)
+    if arguments.walkers:
+        moving = measure(f"{task}_walkers", *asked).summary(arguments.seed)
+        summary["reached_rate_dynamic"] = moving["reached_rate"]
+        summary["dynamic"] = moving
     if arguments.json:
         print(json.dumps(summary))
     else:

@@ -54,7 +54,9 @@ def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: Robo
     truth, believed = true_costmap(world, robot), Costmap.from_map(known, base_footprint(robot))
     radius = truth.footprint.circumscribed_radius
     areas = areas_of_disc(truth, radius)
-    home = int(areas[truth.cells(world.robot_start.xy)])
+    # A base that stands before furniture leaves it straight back.
+    around = areas[truth.cells(_straight_behind(world.robot_start, _STRAIGHT)[:, :2])]
+    home = int(around[around > 0][0]) if np.any(around) else 0
     before_furniture = bool(rng.random() < asked.at_furniture)
     for _ in range(_TRIES):
         goal = _before_furniture(known, truth.footprint, rng) if before_furniture else _anywhere(truth, rng)

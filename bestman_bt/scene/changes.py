@@ -23,6 +23,15 @@ _AROUND_ROBOT = 1.0  # side of the square that stays free at its start, metres
 _TRIES = 200
 
 
+def exactly_placed(scene: SceneConfig, generator: Callable[[str], np.random.Generator]) -> tuple[PlacedFurniture, ...]:
+    """The unmapped furniture that the scene has at one place, as far as it came. ``generator``: as below."""
+    return tuple(
+        _unmapped(scene, name, Pose2D(*asked.at))
+        for name, asked in scene.file.unmapped.items()
+        if asked.at is not None and float(generator(name).random()) < asked.presence
+    )
+
+
 def draw_changes(
     scene: SceneConfig,
     furniture: Sequence[PlacedFurniture],
@@ -38,25 +47,30 @@ def draw_changes(
     """
     pieces = list(furniture)
     for index, piece in enumerate(furniture):
-        far = scene.file.furniture[piece.name].moved
+        far = scene.file.furniture[piece.name].moved if piece.mapped else 0.0
         if far > 0.0:
             rest = [*standing, *(_outline(other) for other in pieces if other is not piece)]
             spans = [(c - far, c + far) for c in piece.nominal.xy]
-            place = _place(piece.model, (*spans, (-math.pi, math.pi)), rest, robot, scene, generator(piece.name))
-            if place is None:
+            moved = _place(piece.model, (*spans, (-math.pi, math.pi)), rest, robot, scene, generator(piece.name))
+            if moved is None:
                 return None
-            pieces[index] = replace(piece, actual=place)
+            pieces[index] = replace(piece, actual=moved)
     for name, asked in scene.file.unmapped.items():
         region, rng = asked.region or scene.file.robot_start, generator(name)
         assert region is not None
-        if float(rng.random()) >= asked.presence:
+        if asked.at is not None or float(rng.random()) >= asked.presence:
             continue
         rest = [*standing, *(_outline(other) for other in pieces)]
         place = _place(scene.unmapped[name], _limits(region), rest, robot, scene, rng)
         if place is None:
             return None
-        pieces.append(PlacedFurniture(name, scene.unmapped[name], place, place, mapped=False))
+        pieces.append(_unmapped(scene, name, place))
     return tuple(pieces)
+
+
+def _unmapped(scene: SceneConfig, name: str, place: Pose2D) -> PlacedFurniture:
+    opened = scene.file.unmapped[name].open
+    return PlacedFurniture(name, scene.unmapped[name], place, place, open=opened, mapped=False)
 
 
 def _place(

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull
 from bestman_bt.messages import Box, ObjectModel, Pose, Pose2D
 from bestman_bt.scene.apartment_generator import ApartmentError
 from bestman_bt.scene.apartment_scene import with_apartment
-from bestman_bt.scene.changes import draw_changes
+from bestman_bt.scene.changes import draw_changes, exactly_placed
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.furniture_standing import standing_furniture, surface_of
 from bestman_bt.scene.load import SceneConfig
@@ -47,6 +47,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     assert layout is not None
     walls = tuple(Wall(start, end, layout.height, layout.thickness) for start, end in layout.lines)
     furniture = standing_furniture(scene, lambda piece: _shares(seed, piece))
+    furniture += exactly_placed(scene, partial(_generator, seed, 0, "changes"))
     complaint = ""
     for attempt in range(_ATTEMPTS):
         try:

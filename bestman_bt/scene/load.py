@@ -173,10 +173,11 @@ def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]
         elif placement.region is not None and placement.at is not None:
             message = "'region' is given too; 'region: null' takes it away"
             problems.append(document.problem(("objects", thing, "at"), message))
-    for piece in scene.file.furniture:
-        problems += [
-            document.problem(("furniture", piece, "open", name), why) for name, why in _misopened(scene, piece)
-        ]
+    placed = [("furniture", name, item.open, scene.furniture) for name, item in scene.file.furniture.items()]
+    placed += [("unmapped", name, item.open, scene.unmapped) for name, item in scene.file.unmapped.items()]
+    for kind, piece, opened, models in placed:
+        for name, why in _misopened(piece, opened, models[piece]):
+            problems.append(document.problem((kind, piece, "open", name), why))
     surfaces = [("objects", key, "surface", item.surface) for key, item in scene.file.objects.items()]
     surfaces += [("goals", key, "surface", item.surface) for key, item in scene.file.goals.items()]
     surfaces += [("furniture", key, "on", item.on) for key, item in scene.file.furniture.items() if item.on]
@@ -199,10 +200,10 @@ def _overlap_problems(scene: SceneConfig, document: Document) -> Iterator[Proble
         yield document.problem(("furniture", later, "at"), message)
 
 
-def _misopened(scene: SceneConfig, piece: str) -> Iterator[tuple[str, str]]:
+def _misopened(piece: str, opened: Mapping[str, float], model: FurnitureModel) -> Iterator[tuple[str, str]]:
     """Names of doors and drawers that cannot stand open as asked, and why."""
-    leaves = {leaf.name: leaf for leaf in scene.furniture[piece].articulations}
-    for name, position in scene.file.furniture[piece].open.items():
+    leaves = {leaf.name: leaf for leaf in model.articulations}
+    for name, position in opened.items():
         if name not in leaves:
             yield name, f"{piece!r} has no door or drawer {name!r}; {suggestion(name, list(leaves))}"
         elif not 0.0 <= position <= leaves[name].upper:

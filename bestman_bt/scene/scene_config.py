@@ -96,13 +96,16 @@ class GoalPlacement:
 
 @dataclass(frozen=True)
 class UnmappedPlacement:
-    """Furniture that the map does not have: somewhere in ``region``; None: wherever the robot may start.
+    """Furniture that the map does not have: exactly ``at`` x, y, yaw in the map frame, or somewhere in ``region``.
 
-    ``presence``: the chance that it is there.
+    Without either, wherever the robot may start. ``open``: as of other furniture. ``presence``: the chance that it is
+    there.
     """
 
     model: str
     region: RegionConfig | None = None
+    at: tuple[Length, Length, Angle] | None = None
+    open: Mapping[str, JointPosition] = field(default_factory=dict)
     presence: Share = 1.0
 
 
