@@ -71,8 +71,7 @@ class LogOddsGrid:
         data = np.full(self._log_odds.shape, UNKNOWN, dtype=np.int8)
         data[self._seen & (self._log_odds <= -p.free)] = FREE
         data[self._log_odds >= p.occupied] = OCCUPIED
-        origin: NDArray[np.float64] = self._first * p.resolution
-        return OccupancyGrid(data, p.resolution, origin)
+        return OccupancyGrid(data, p.resolution, np.asarray(self._first * p.resolution, dtype=np.float64))
 
     def _cells(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
         """(N, 2) column and row from the map's origin."""

@@ -156,7 +156,7 @@ class PoseGraphSlam(Slam):
         anchor = submap.anchor.local.theta
         guess = submap.pose_of(self._local)
         expected = _turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
-        prior: NDArray[np.float64] = np.linalg.inv(expected)
+        prior = _inverse(expected)
         found = submap.reference.align(hits, guess, prior)
         if found.inlier_ratio < p.min_inlier_ratio:
             elsewhere = self._search(hits, guess, submap)
@@ -166,7 +166,7 @@ class PoseGraphSlam(Slam):
                 text = f"only {found.inlier_ratio:.0%} of the hits lie on what was mapped lately"
                 return ScanMatch(False, found.inlier_ratio, found.residual, text)
         self._local = submap.anchor.local @ found.pose
-        covariance = np.linalg.inv(found.information + prior)
+        covariance = _inverse(found.information + prior)
         self._covariance = _turned(covariance, anchor) + self._error(p.position_std, p.heading_std)
         return ScanMatch(True, found.inlier_ratio, found.residual)
 
@@ -179,7 +179,7 @@ class PoseGraphSlam(Slam):
         found = submap.reference.align(hits, coarse.pose)
         if found.inlier_ratio < p.sure_inlier_ratio:
             return None
-        spread = np.linalg.inv(found.information + 1e-6 * np.eye(3))[:2, :2]
+        spread = _inverse(found.information + 1e-6 * np.eye(3))[:2, :2]
         return found if math.sqrt(float(np.linalg.eigvalsh(spread)[-1])) < p.sure_std else None
 
     def _is_new_place(self) -> bool:
@@ -190,7 +190,7 @@ class PoseGraphSlam(Slam):
     def _add_keyframe(self, scan: LaserScan, base_from_lidar: Pose2D, hits: OrientedPoints) -> None:
         node = self._graph.add_pose(self._map_from_local @ self._local)
         keyframe = Keyframe(node, self._local, scan, base_from_lidar, hits)
-        information = np.linalg.inv(_turned(self._covariance, -self._local.theta))
+        information = _inverse(_turned(self._covariance, -self._local.theta))
         for submap in self._active:
             self._graph.add_constraint(
                 Constraint(submap.anchor.node, node, submap.pose_of(self._local), information / len(self._active))
@@ -224,6 +224,10 @@ class PoseGraphSlam(Slam):
         turned = _turned(self._covariance, self._map_from_local.theta)
         self._estimate = SlamEstimate(self._map_from_local @ self._local, turned, match, len(self._loops))
         return self._estimate
+
+
+def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
 
 
 def _deviation(expected: Pose2D, found: Pose2D, information: NDArray[np.float64]) -> float:
