@@ -22,11 +22,10 @@ from hal.api import (
     MotionErrorCode,
     MotionStatus,
     NoDataError,
-    NotConnectedError,
 )
-from hal.hardware import ConnectionFailedError, HardwareRobot, IsolatedRobot
+from hal.hardware import HardwareRobot, IsolatedRobot
 from hal.twins import TwinProcess
-from tests.hal.twinned import SLACK, ended
+from tests.hal.twinned import SLACK, ended, stays_stopped_while_away, works_again
 
 pytestmark = pytest.mark.real_time
 PLATFORM = "platform"
@@ -52,12 +51,6 @@ def stands(twin: TwinProcess) -> None:
     assert np.max(np.abs(place(twin) - before)) < 1e-3
 
 
-def works_again(robot: HardwareRobot) -> None:
-    robot.clear_stop()
-    turn(robot).cancel()
-    robot.clock.sleep(0.5)
-
-
 def test_a_pulled_cable_is_noticed_in_time_and_no_velocity_acts_when_it_is_back(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
@@ -67,16 +60,11 @@ def test_a_pulled_cable_is_noticed_in_time_and_no_velocity_acts_when_it_is_back(
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.DISCONNECTED
     robot.clock.sleep(0.02)
-    assert robot.stopped
-    with pytest.raises(NotConnectedError, match="base"):
-        robot.part("base", MobileBase).odometry()
-    with pytest.raises(ConnectionFailedError, match=PLATFORM) as refusal:
-        robot.clear_stop()
-    assert twin.addresses[PLATFORM] not in str(refusal.value)
+    stays_stopped_while_away(robot, twin, PLATFORM, "base", robot.part("base", MobileBase).odometry)
     stands(twin)
     twin.fault(PLATFORM, "restore")
     stands(twin)
-    works_again(robot)
+    works_again(robot, turn)
 
 
 @pytest.mark.parametrize(("fault", "words"), [("stale_odometry", "/odom"), ("silent_odometry", "/odom is .* old")])
@@ -94,7 +82,7 @@ def test_odometry_that_stays_behind_stops_the_robot(
         robot.part("base", MobileBase).rotate(1.0)
     stands(twin)
     twin.fault(PLATFORM, "fresh_odometry")
-    works_again(robot)
+    works_again(robot, turn)
 
 
 def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
@@ -105,7 +93,7 @@ def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twi
     assert robot.stopped
     twin.fault(PLATFORM, "restore")
     robot.clock.sleep(0.3)
-    works_again(robot)
+    works_again(robot, turn)
 
 
 def test_a_rosbridge_that_is_started_anew_stops_the_robot_until_it_is_connected_again(
@@ -117,7 +105,7 @@ def test_a_rosbridge_that_is_started_anew_stops_the_robot_until_it_is_connected_
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.DISCONNECTED
     stands(twin)
-    works_again(robot)
+    works_again(robot, turn)
 
 
 def test_a_base_that_does_not_move_fails_its_motion_in_words(robot: HardwareRobot, twin: TwinProcess) -> None:

@@ -11,6 +11,6 @@ from tests.hal.twinned import fixtures_of
 
 ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
 
-twin, twin_model, shared_robot, isolated_robot, robot = fixtures_of(
+twin, twin_model, make_robot, shared_robot, isolated_robot, robot = fixtures_of(
     ROBOT, "rtde_control", "ur", {"arm_controller": ("restore",), "hand_controller": ("restore", "gripper_free")}
 )

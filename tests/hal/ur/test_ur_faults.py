@@ -7,36 +7,27 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.api import Arm, MotionErrorCode
 from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.twins import TwinProcess
-from tests.hal.twinned import ended
+from tests.hal.twinned import (
+    arm_comes_to_rest,
+    ended,
+    fails_with_its_number,
+    stays_stopped_while_away,
+    swing_arm,
+    works_again,
+)
 
 pytestmark = pytest.mark.real_time
 
 CONTROLLER = "arm_controller"
-
-
-def swing(robot: HardwareRobot) -> Motion:
-    """A slow motion of the arm that is well under way."""
-    arm = robot.part("arm", Arm)
-    here = arm.positions()
-    motion = arm.move_to(here + np.array([0.8 if here[0] < 0 else -0.8, 0, 0, 0, 0, 0]), 0.1)
-    robot.clock.sleep(0.4)
-    assert not motion.done, motion.error
-    return motion
-
-
-def works_again(robot: HardwareRobot) -> None:
-    robot.clear_stop()
-    motion = swing(robot)
-    motion.cancel()
-    robot.clock.sleep(0.5)
+swing = partial(swing_arm, speed_scale=0.1)
 
 
 CLIENT = """
@@ -69,13 +60,8 @@ def test_whoever_is_killed_the_arm_comes_to_rest(twin: TwinProcess, sdk_too: boo
             os.kill(sdk, signal.SIGKILL)
         client.send_signal(signal.SIGKILL)
         client.wait()
-        time.sleep(0.3)
-        after = twin.judge("joints", "arm")
-        time.sleep(0.3)
-        later = twin.judge("joints", "arm")
     assert abs(moving[0]) > 0.1
-    assert np.max(np.abs(after["velocities"])) < 0.01
-    assert np.max(np.abs(np.subtract(later["positions"], after["positions"]))) < 1e-3
+    arm_comes_to_rest(twin)
     deadline = time.monotonic() + 3.0
     while Path(f"/proc/{sdk}").exists():
         assert time.monotonic() < deadline, "the SDK's process goes on"
@@ -95,17 +81,8 @@ def test_a_stop_of_the_controller_fails_the_motion_with_its_number_and_stops_the
 ) -> None:
     motion = swing(robot)
     twin.fault(CONTROLLER, fault)
-    ended(robot, motion, 0.1)
-    assert motion.status is MotionStatus.FAILED
-    assert motion.error is not None
-    assert motion.error.code is code
-    assert number in motion.error.text
-    robot.clock.sleep(0.05)
-    assert robot.stopped
-    assert robot.faults[CONTROLLER].vendor_code == number
-    with pytest.raises(CommandRefusedError, match=number):
-        robot.part("arm", Arm).move_to(robot.part("arm", Arm).positions())
-    works_again(robot)
+    fails_with_its_number(robot, motion, CONTROLLER, code, number)
+    works_again(robot, swing)
 
 
 def test_an_emergency_stop_can_only_be_released_at_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
@@ -118,7 +95,7 @@ def test_an_emergency_stop_can_only_be_released_at_the_robot(robot: HardwareRobo
         robot.clear_stop()
     assert robot.stopped
     twin.fault(CONTROLLER, "emergency_release")  # which leaves the arm without power
-    works_again(robot)
+    works_again(robot, swing)
 
 
 def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
@@ -130,15 +107,9 @@ def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.DISCONNECTED
     robot.clock.sleep(0.02)
-    assert robot.stopped
-    with pytest.raises(NotConnectedError, match="arm"):
-        robot.part("arm", Arm).positions()
-    with pytest.raises(ConnectionFailedError, match=CONTROLLER) as refusal:
-        robot.clear_stop()
-    assert twin.addresses[CONTROLLER] not in str(refusal.value)
-    assert robot.stopped
+    stays_stopped_while_away(robot, twin, CONTROLLER, "arm", robot.part("arm", Arm).positions)
     twin.fault(CONTROLLER, "restore")
-    works_again(robot)
+    works_again(robot, swing)
 
 
 def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
@@ -150,4 +121,4 @@ def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twi
     assert robot.stopped
     twin.fault(CONTROLLER, "restore")
     robot.clock.sleep(0.3)
-    works_again(robot)
+    works_again(robot, swing)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,10 +12,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model import load_robot_model
-from hal.api import CommandRefusedError, Motion, MotionErrorCode
+from hal.api import CommandRefusedError, MotionErrorCode
 from hal.hardware import HardwareRobot, ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm
+from tests.hal.twinned import ended
 
 pytestmark = pytest.mark.real_time
 
@@ -31,17 +31,9 @@ def connected(twin: TwinProcess, **settings: Any) -> Iterator[tuple[HardwareRobo
         yield robot, robot.part("arm", URArm)
 
 
-def finish(robot: HardwareRobot, motion: Motion, limit: float = 20.0) -> Motion:
-    deadline = time.monotonic() + limit
-    while not motion.done:
-        assert time.monotonic() < deadline, "the motion does not end"
-        robot.clock.sleep(0.02)
-    return motion
-
-
 def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinProcess) -> None:
     with connected(twin) as (robot, arm):
-        finish(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
+        ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
         place = ToolLimits(robot.model, "arm", robot.model.safety).tool(arm.positions())
     box = {"lower": (place - 0.1).tolist(), "upper": (place + 0.1).tolist()}
     with connected(twin, safety__workspace=box, safety__tool_speed=0.1) as (robot, arm):
@@ -51,7 +43,7 @@ def test_motions_of_the_controller_are_held_to_the_limits_above_it(twin: TwinPro
             arm.speed_tool([0.2, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0)
         with pytest.raises(CommandRefusedError, match="faster than its limit"):
             arm.speed_joints(3 * STEP, 1.0)
-        motion = finish(robot, arm.speed_tool([0.0, 0.0, 0.08, 0.0, 0.0, 0.0], 10.0))
+        motion = ended(robot, arm.speed_tool([0.0, 0.0, 0.08, 0.0, 0.0, 0.0], 10.0))
         assert motion.error is not None
         assert motion.error.code is MotionErrorCode.FAULT
         assert "workspace" in motion.error.text

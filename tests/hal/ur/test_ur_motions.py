@@ -8,23 +8,16 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model import RobotModel
-from hal.api import CommandRefusedError, ForceTorque, Motion, MotionStatus
+from hal.api import CommandRefusedError, ForceTorque, MotionStatus
 from hal.hardware import ConnectionFailedError, HardwareRobot, ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm, URConnection
+from tests.hal.twinned import ended
 
 pytestmark = pytest.mark.real_time
 
 CONTROLLER = "arm_controller"
 STEP = np.array([0.3, 0, 0, 0, 0, 0])
-
-
-def finish(robot: HardwareRobot, motion: Motion, limit: float = 20.0) -> Motion:
-    deadline = time.monotonic() + limit
-    while not motion.done:
-        assert time.monotonic() < deadline, "the motion does not end"
-        robot.clock.sleep(0.02)
-    return motion
 
 
 def test_a_path_leads_through_its_waypoints(robot: HardwareRobot) -> None:
@@ -38,8 +31,8 @@ def test_a_path_leads_through_its_waypoints(robot: HardwareRobot) -> None:
     assert motion.status is MotionStatus.SUCCEEDED, motion.error
     assert furthest == pytest.approx(start[0] + 0.3, abs=0.02)
     assert arm.positions() == pytest.approx(start, abs=0.005)
-    assert finish(robot, arm.move_to(start + STEP)).status is MotionStatus.SUCCEEDED  # set-points go on from there
-    finish(robot, arm.move_to(start))
+    assert ended(robot, arm.move_to(start + STEP)).status is MotionStatus.SUCCEEDED  # set-points go on from there
+    ended(robot, arm.move_to(start))
 
 
 def test_a_path_that_is_stopped_comes_to_rest_at_once(robot: HardwareRobot) -> None:
@@ -62,7 +55,7 @@ def test_a_path_that_is_stopped_comes_to_rest_at_once(robot: HardwareRobot) -> N
 def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     start = arm.positions()
-    motion = finish(robot, arm.speed_joints(-STEP, 1.0))
+    motion = ended(robot, arm.speed_joints(-STEP, 1.0))
     assert motion.status is MotionStatus.SUCCEEDED, motion.error
     assert arm.positions()[0] == pytest.approx(start[0] - 0.3, abs=0.05)
 
@@ -71,7 +64,7 @@ def test_no_motion_is_over_before_it_began(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     for sign in (1, -1) * 10:
         begun = robot.clock.now()
-        motion = finish(robot, arm.speed_joints(sign * STEP, 0.15))
+        motion = ended(robot, arm.speed_joints(sign * STEP, 0.15))
         assert motion.status is MotionStatus.SUCCEEDED, motion.error
         assert robot.clock.now() - begun > 0.15
 
@@ -79,7 +72,7 @@ def test_no_motion_is_over_before_it_began(robot: HardwareRobot) -> None:
 def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     tool = ToolLimits(robot.model, "arm", robot.model.safety)
-    finish(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
+    ended(robot, arm.move_to(robot.model.posture("home", arm.joint_names)))
     motion = arm.speed_tool([0.05, 0.0, 0.03, 0.0, 0.0, 0.0], 2.0)
     times, places = [], []
     while not motion.done:

@@ -6,37 +6,28 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from bestman_bt.robot_model import RobotModel
-from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.api import Arm, Gripper, MotionErrorCode, MotionStatus
+from hal.hardware import HardwareRobot
 from hal.twins import TwinProcess
-from tests.hal.twinned import ended
+from tests.hal.twinned import (
+    arm_comes_to_rest,
+    ended,
+    fails_with_its_number,
+    stays_stopped_while_away,
+    swing_arm,
+    works_again,
+)
 
 pytestmark = pytest.mark.real_time
 
 CONTROLLER = "arm_controller"
-
-
-def swing(robot: HardwareRobot) -> Motion:
-    """A slow motion of the arm that is well under way."""
-    arm = robot.part("arm", Arm)
-    here = arm.positions()
-    motion = arm.move_to(here + np.array([0.8 if here[0] < 0 else -0.8, 0, 0, 0, 0, 0]), 0.2)
-    robot.clock.sleep(0.4)
-    assert not motion.done, motion.error
-    return motion
-
-
-def works_again(robot: HardwareRobot) -> None:
-    robot.clear_stop()
-    motion = swing(robot)
-    motion.cancel()
-    robot.clock.sleep(0.5)
+swing = partial(swing_arm, speed_scale=0.2)
 
 
 @pytest.mark.parametrize(
@@ -48,18 +39,8 @@ def test_an_error_of_the_controller_fails_the_motion_with_its_number_and_stops_t
 ) -> None:
     motion = swing(robot)
     twin.fault(CONTROLLER, fault)
-    ended(robot, motion, 0.1)
-    assert motion.status is MotionStatus.FAILED
-    assert motion.error is not None
-    assert motion.error.code is code
-    assert number in motion.error.text
-    robot.clock.sleep(0.05)
-    assert robot.stopped
-    assert robot.faults[CONTROLLER].vendor_code == number
-    assert number in robot.diagnostics()[CONTROLLER]
-    with pytest.raises(CommandRefusedError, match=number):
-        robot.part("arm", Arm).move_to(robot.part("arm", Arm).positions())
-    works_again(robot)
+    fails_with_its_number(robot, motion, CONTROLLER, code, number)
+    works_again(robot, swing)
 
 
 def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
@@ -70,14 +51,9 @@ def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
     ended(robot, motion, 0.3)
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.DISCONNECTED
-    assert robot.stopped
-    with pytest.raises(NotConnectedError, match="arm"):
-        robot.part("arm", Arm).positions()
-    with pytest.raises(ConnectionFailedError, match=CONTROLLER):
-        robot.clear_stop()
-    assert robot.stopped
+    stays_stopped_while_away(robot, twin, CONTROLLER, "arm", robot.part("arm", Arm).positions)
     twin.fault(CONTROLLER, "restore")
-    works_again(robot)
+    works_again(robot, swing)
 
 
 def test_a_link_that_takes_200_ms_is_taken_for_lost(robot: HardwareRobot, twin: TwinProcess) -> None:
@@ -87,7 +63,7 @@ def test_a_link_that_takes_200_ms_is_taken_for_lost(robot: HardwareRobot, twin: 
     assert motion.error is not None
     assert motion.error.code in (MotionErrorCode.DISCONNECTED, MotionErrorCode.TIMEOUT)
     twin.fault(CONTROLLER, "restore")
-    works_again(robot)
+    works_again(robot, swing)
 
 
 def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(robot: HardwareRobot, twin: TwinProcess) -> None:
@@ -100,7 +76,7 @@ def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(robot: Ha
     twin.fault(CONTROLLER, "restore")
     robot.clock.sleep(0.5)
     assert CONTROLLER not in robot.faults  # the controller has seen no jump of the set-points
-    works_again(robot)
+    works_again(robot, swing)
 
 
 def test_a_jammed_gripper_fails_its_motion_with_the_grippers_number(robot: HardwareRobot, twin: TwinProcess) -> None:
@@ -142,13 +118,8 @@ def test_a_client_that_is_killed_leaves_the_arm_at_rest(twin_model: RobotModel, 
         moving = twin.judge("joints", "arm")["velocities"]
         client.send_signal(signal.SIGKILL)
         client.wait()
-        time.sleep(0.3)
-        after = twin.judge("joints", "arm")
-        time.sleep(0.3)
-        later = twin.judge("joints", "arm")
     assert abs(moving[0]) > 0.1
-    assert np.max(np.abs(after["velocities"])) < 0.01
-    assert np.max(np.abs(np.subtract(later["positions"], after["positions"]))) < 1e-3
+    arm_comes_to_rest(twin)
 
 
 STARTER = """
