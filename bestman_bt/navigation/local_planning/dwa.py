@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.local_planning.base import MotionLimits
-from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
+from bestman_bt.navigation.local_planning.critics import CriticParameters, Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
 
 Floats = NDArray[np.float32]
@@ -21,7 +21,7 @@ class DWAParameters(ObstacleAwareParameters):
 
     ``window``: seconds within which a velocity must be reachable. ``horizon``, ``step``: seconds, of the drives at
     constant velocity. ``reverse``: m/s backwards at most. ``oscillation_distance`` (m), ``oscillation_angle`` (rad):
-    how far the base must come before a velocity may change its sign a second time.
+    how far the base must come before a velocity may change its sign a second time, or ``oscillation_time`` (s) pass.
     """
 
     forward_samples: int = 11
@@ -33,6 +33,9 @@ class DWAParameters(ObstacleAwareParameters):
     reverse: float = 0.15
     oscillation_distance: float = 0.05
     oscillation_angle: float = 0.2
+    oscillation_time: float = 1.0
+    # A drive at constant velocity that ends in a contact later on may still begin well: what is not admissible is out.
+    critics: CriticParameters = field(default_factory=lambda: CriticParameters(contact=2.0, obstacle=0.2))
 
 
 class DWA(ObstacleAwareFollower):
@@ -52,9 +55,9 @@ class DWA(ObstacleAwareFollower):
     def _choose(self, pose: Pose2D, twist: Twist2D, around: Surroundings, dt: float) -> Twist2D:
         p, base = self._parameters, self._base
         if self._oscillation is None:
-            self._oscillation = _Oscillation(p.oscillation_distance, p.oscillation_angle)
+            self._oscillation = _Oscillation(p.oscillation_distance, p.oscillation_angle, p.oscillation_time)
         vx, vy, wz = self._window(twist)
-        allowed = self._oscillation.allowed(vx, vy, wz, pose)
+        allowed = self._oscillation.allowed(vx, vy, wz, pose, dt)
         vx, vy, wz = vx[allowed], vy[allowed], wz[allowed]
         drives = _simulated(pose, vx, vy, wz, round(p.horizon / p.step), p.step)
         costs, contact = self._critics.judge(drives, around)
@@ -84,18 +87,21 @@ class DWA(ObstacleAwareFollower):
 class _Oscillation:
     """nav2's oscillation critic: a velocity that has changed its sign keeps the new one until the base got on."""
 
-    def __init__(self, distance: float, angle: float) -> None:
-        self._distance, self._angle = distance, angle
+    def __init__(self, distance: float, angle: float, time: float) -> None:
+        self._distance, self._angle, self._time = distance, angle, time
         self._signs = [0, 0, 0]
         self._kept: list[Pose2D | None] = [None, None, None]
+        self._kept_for = [0.0, 0.0, 0.0]
 
-    def allowed(self, vx: Floats, vy: Floats, wz: Floats, pose: Pose2D) -> NDArray[np.bool_]:
+    def allowed(self, vx: Floats, vy: Floats, wz: Floats, pose: Pose2D, dt: float) -> NDArray[np.bool_]:
         allowed = np.ones(len(vx), dtype=bool)
         for axis, values in enumerate((vx, vy, wz)):
             since = self._kept[axis]
             if since is None:
                 continue
-            if pose.distance_to(since) > self._distance or abs(pose.theta - since.theta) > self._angle:
+            self._kept_for[axis] += dt
+            turned = abs(wrap_angle(pose.theta - since.theta))
+            if pose.distance_to(since) > self._distance or turned > self._angle or self._kept_for[axis] > self._time:
                 self._kept[axis] = None
             else:
                 allowed &= values * self._signs[axis] >= 0.0
@@ -105,7 +111,7 @@ class _Oscillation:
         for axis, (value, still) in enumerate(((chosen.vx, 0.02), (chosen.vy, 0.02), (chosen.wz, 0.05))):
             sign = 0 if abs(value) < still else (1 if value > 0.0 else -1)
             if sign and self._signs[axis] and sign != self._signs[axis]:
-                self._kept[axis] = pose
+                self._kept[axis], self._kept_for[axis] = pose, 0.0
             self._signs[axis] = sign or self._signs[axis]
 
 

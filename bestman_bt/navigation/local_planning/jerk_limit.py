@@ -44,14 +44,16 @@ class JerkLimit:
     def towards(self, wanted: Twist2D, dt: float) -> Twist2D:
         """The command for the next ``dt`` seconds."""
         for axis, (goal, (most, jerk)) in enumerate(zip((wanted.vx, wanted.vy, wanted.wz), self._bounds, strict=True)):
-            left = goal - self._velocity[axis]
-            # From an acceleration a, the velocity still changes by a² / (2 jerk) until a is zero.
-            ideal = math.copysign(min(most, math.sqrt(2.0 * jerk * abs(left)), abs(left) / dt), left)
             before = self._acceleration[axis]
+            left = goal - self._velocity[axis]
+            # From an acceleration a, the velocity still changes by a² / (2 jerk) until a is zero; one step is gone
+            # before that begins.
+            after = max(0.0, abs(left) - abs(before) * dt)
+            ideal = math.copysign(min(most, math.sqrt(2.0 * jerk * after), abs(left) / dt), left)
             acceleration = before + min(max(ideal - before, -jerk * dt), jerk * dt)
             acceleration = min(max(acceleration, -most), most)
-            self._acceleration[axis] = acceleration
-            self._velocity[axis] += acceleration * dt
-            if abs(self._velocity[axis] - goal) < 1e-3 and abs(acceleration) <= 2.0 * jerk * dt:
-                self._velocity[axis], self._acceleration[axis] = goal, 0.0
+            change = acceleration * dt
+            lands = abs(left) <= abs(change) if change * left > 0.0 else abs(left) < 1e-3
+            self._velocity[axis] = goal if lands else self._velocity[axis] + change
+            self._acceleration[axis] = 0.0 if lands else acceleration
         return self.twist

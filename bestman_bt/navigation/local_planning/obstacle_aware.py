@@ -28,7 +28,7 @@ from bestman_bt.navigation.local_planning.path_progress import PathProgress, den
 from bestman_bt.navigation.local_planning.pure_pursuit import PurePursuit, PurePursuitParameters
 from bestman_bt.navigation.local_planning.rotate_to_heading import RotateToHeading, RotateToHeadingParameters
 
-STILL = 0.03
+STILL = 0.02
 TURN_ENDS = 0.25
 TURN_TRIAL = 0.8
 """m/s at which the base counts as standing; radians off the way ahead at which a turn on the spot has done enough;
@@ -51,8 +51,8 @@ class ObstacleAwareParameters:
     max_turn_rate: float = 1.2
     margin: float = 0.03
     clearance: float = 0.05
-    hand_over: float = 0.6
-    entry: float = 0.42
+    hand_over: float = 0.8
+    entry: float = 0.5
     carrot: float = 0.7
     turn_first: float = 1.0
     reaction: float = 0.1
