@@ -51,8 +51,8 @@ class ObstacleAwareParameters:
     max_turn_rate: float = 1.2
     margin: float = 0.03
     clearance: float = 0.05
-    hand_over: float = 0.8
-    entry: float = 0.5
+    hand_over: float = 0.6
+    entry: float = 0.42
     carrot: float = 0.7
     turn_first: float = 1.0
     reaction: float = 0.1
