@@ -14,16 +14,13 @@ from hal.pybullet.honesty_record import Finding
 from hal.pybullet.simulation import Simulation
 
 # Radians or metres, seconds, N m or N. Honest leaves keep to their velocity within 1e-15; in a hand that trembles the
-# solver leaves efforts of any size and sense at up to 0.01 per second, free ones slide against their friction exactly,
-# and while a hand pushes, single steps fall short of it by up to 15 %: there the mean of some 20 steps counts.
+# solver leaves efforts of any size and sense at up to 0.01 per second, free ones slide against their friction exactly.
 DRIFT = 1e-5
 DRIFT_DECAY = 0.99
 GAIN = 1e-3
 MOVING = 1e-3
 SLIDING = 0.05
 EFFORT_TOLERANCE = (0.02, 0.01)  # share and least
-FRICTION_MEMORY = 0.95
-LEAST_MEAN_FRICTION = 0.95
 GRAVITY = 9.81
 
 
@@ -31,7 +28,7 @@ GRAVITY = 9.81
 class _Leaf:
     """``friction``, ``latched``: efforts of its joint beyond ``travel`` and within; ``falling``: how much speed its
     weight can give it in one step, and the others how it was after the step before. ``drift``: how far it has moved of
-    late without a velocity, ``resisted``: which share of its friction it has slid against.
+    late without a velocity.
     """
 
     name: str
@@ -45,7 +42,6 @@ class _Leaf:
     position: float
     velocity: float
     drift: float = 0.0
-    resisted: float = 1.0
     accused: bool = False
 
 
@@ -113,16 +109,14 @@ class LeafWatcher:
         if abs(effort) > owed + slack:
             return f"is driven by its joint with {abs(effort):.2f}, its friction is {owed:.2f}"
         if abs(velocity) < MOVING or (effort * velocity < 0.0 and abs(effort) > owed - slack):
-            leaf.resisted = FRICTION_MEMORY * leaf.resisted + (1.0 - FRICTION_MEMORY)
             return ""
-        slides, pressed = min(velocity * leaf.velocity, velocity**2) > SLIDING**2, self._is_pressed(leaf)
-        if not slides and pressed:
+        slides = min(velocity * leaf.velocity, velocity**2) > SLIDING**2
+        if not slides and self._is_pressed(leaf):
             return ""
         if effort * velocity > 0.0:
             return f"is driven by its joint with {abs(effort):.2f}"
-        leaf.resisted = FRICTION_MEMORY * leaf.resisted + (1.0 - FRICTION_MEMORY) * abs(effort) / owed
-        if pressed and leaf.resisted > LEAST_MEAN_FRICTION:
-            return ""
+        if not 0.0 < leaf.position + leaf.velocity * self._time_step < leaf.upper:
+            return ""  # its end stop has done the rest
         return f"slides against {abs(effort):.2f}, its friction is {owed:.2f}"
 
     def _fault_of_speed(self, leaf: _Leaf, velocity: float) -> str:
