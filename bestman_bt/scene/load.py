@@ -132,12 +132,12 @@ def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
     models: dict[str, ObjectModel] = {}
     goal_models: dict[str, ObjectModel] = {}
     unmapped: dict[str, FurnitureModel] = {}
-    for kind, piece, standing, pieces in [
-        *(("furniture", name, placement, furniture) for name, placement in file.furniture.items()),
-        *(("unmapped", name, placement, unmapped) for name, placement in file.unmapped.items()),
+    for kind, piece, model, pieces in [
+        *(("furniture", name, placement.model, furniture) for name, placement in file.furniture.items()),
+        *(("unmapped", name, new.model, unmapped) for name, new in file.unmapped.items()),
     ]:
         try:
-            pieces[piece] = read_furniture(standing.model, document.problem((kind, piece, "model"), ""))
+            pieces[piece] = read_furniture(model, document.problem((kind, piece, "model"), ""))
         except ConfigurationError as error:
             problems += error.problems
     if file.generator is not None:

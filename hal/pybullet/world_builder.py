@@ -60,8 +60,8 @@ class BuiltWorld:
 
 def build_world(client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> BuiltWorld:
     """Fill an empty physics server. Raises SimulationError if two bodies share a name."""
-    things = (*world.furniture, *world.objects, *world.walkers)
-    names = ["floor", "robot", *(thing.name for thing in things)]
+    names = ["floor", "robot", *(f.name for f in world.furniture), *(o.name for o in world.objects)]
+    names += [walker.name for walker in world.walkers]
     if len(set(names)) < len(names):
         raise SimulationError(f"bodies of a world need names of their own, but got {', '.join(sorted(names))}")
     client.setGravity(0.0, 0.0, -9.81)
