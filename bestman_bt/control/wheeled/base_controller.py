@@ -12,10 +12,11 @@ import numpy as np
 from bestman_bt.control.handle import ControlErrorCode, ControlHandle
 from bestman_bt.control.reading import READING_ERRORS
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction, MonitoredCommand
+from bestman_bt.control.wheeled.motion_limits import motion_limits
 from bestman_bt.control.wheeled.progress import ProgressWatch
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.navigation.local_planning import MotionLimits, PathFollower, RotateToHeading
+from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.navigation.local_planning import PathFollower, RotateToHeading
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, OdometryScan, WheelOdometry
 from bestman_bt.sensing.inertial import FusedOdometry
 from bestman_bt.sensing.lidar import LidarSensor
@@ -338,20 +339,6 @@ class BaseController:
             else:
                 handle.fail(code, text)
             self._action = None
-
-
-def motion_limits(base: BaseDescription) -> MotionLimits:
-    """What a path follower must know of a base."""
-    return MotionLimits(
-        vx=base.max_vx,
-        vy=base.max_vy,
-        wz=base.max_wz,
-        acceleration=base.max_acceleration,
-        angular_acceleration=base.max_angular_acceleration,
-        jerk=base.max_jerk,
-        angular_jerk=base.max_angular_jerk,
-        footprint=Footprint(np.array(base.footprint)),
-    )
 
 
 @dataclass

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import ControlErrorCode, ControlStatus
-from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
-from bestman_bt.scene import draw_world, load_scene, semantic_map
+from bestman_bt.scene import FurnitureModel, PlacedFurniture, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap
 from hal.api import MobileBase
 from hal.pybullet.reading_line import SensorFault
@@ -148,6 +148,21 @@ def test_a_wall_in_the_way_is_reported_as_blocked(simulate):
     handle = simulated.wait(simulated.base.drive(1.0), limit=15.0)
     assert handle.status is ControlStatus.FAILED
     assert handle.error.code is ControlErrorCode.BLOCKED
+
+
+def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulate):
+    world = draw_world(load_scene("kitchen"), 1)
+    part = PlacedShape(Box((0.3, 0.3, 0.5)), Pose(np.array([0.0, 0.0, 0.25])))
+    place = world.robot_start @ Pose2D(1.1, 0.05, 0.0)
+    model = FurnitureModel("crate", (0.3, 0.3), (part,), ((0.6, 0.5, 0.3, 1.0),), ())
+    crate = PlacedFurniture("crate", model, place, place)
+    simulated = simulate(1, replace(world, furniture=(*world.furniture, crate)), semantic_map(world))
+    before = simulated.true_pose
+    handle = simulated.wait(simulated.base.drive(1.5), limit=15.0)
+    assert handle.error.code is ControlErrorCode.BLOCKED
+    assert "ahead" in handle.error.text
+    assert simulated.touched() == []
+    assert simulated.true_pose.distance_to(before) > 0.5
 
 
 def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
