@@ -115,7 +115,8 @@ class LeafWatcher:
             return ""
         if effort * velocity > 0.0:
             return f"is driven by its joint with {abs(effort):.2f}"
-        if not 0.0 < leaf.position + leaf.velocity * self._time_step < leaf.upper:
+        ahead = leaf.position + leaf.velocity * self._time_step
+        if (leaf.velocity < 0.0 and ahead <= 0.0) or (leaf.velocity > 0.0 and ahead >= leaf.upper):
             return ""  # its end stop has done the rest
         return f"slides against {abs(effort):.2f}, its friction is {owed:.2f}"
 
