@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.local_planning.base import MotionLimits
-from bestman_bt.navigation.local_planning.critics import CriticParameters, Critics, Drives, Surroundings
+from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
 
 Floats = NDArray[np.float32]
@@ -34,8 +34,6 @@ class DWAParameters(ObstacleAwareParameters):
     oscillation_distance: float = 0.05
     oscillation_angle: float = 0.2
     oscillation_time: float = 1.0
-    # A drive at constant velocity that ends in a contact later on may still begin well: what is not admissible is out.
-    critics: CriticParameters = field(default_factory=lambda: CriticParameters(contact=2.0, obstacle=0.2))
 
 
 class DWA(ObstacleAwareFollower):
