@@ -111,24 +111,24 @@ class LeafWatcher:
         if abs(velocity) < MOVING or (effort * velocity < 0.0 and abs(effort) > owed - slack):
             return ""
         slides = min(velocity * leaf.velocity, velocity**2) > SLIDING**2
-        if not slides and self._is_pressed(leaf):
+        if not slides and (self._leaves_stop(leaf, velocity) or self._is_pressed(leaf)):
             return ""
         if effort * velocity > 0.0:
             return f"is driven by its joint with {abs(effort):.2f}"
-        ahead = leaf.position + leaf.velocity * self._time_step
-        if (leaf.velocity < 0.0 and ahead <= 0.0) or (leaf.velocity > 0.0 and ahead >= leaf.upper):
-            return ""  # its end stop has done the rest
         return f"slides against {abs(effort):.2f}, its friction is {owed:.2f}"
 
     def _fault_of_speed(self, leaf: _Leaf, velocity: float) -> str:
         gained = abs(velocity) - max(0.0, math.copysign(leaf.velocity, velocity * leaf.velocity))
         if gained <= GAIN + leaf.falling:
             return ""
-        beyond = max(-leaf.position, leaf.position - leaf.upper)
-        leaves_stop = (velocity > 0.0) is (leaf.position < 0.0) and abs(velocity) * self._time_step < beyond
-        if leaves_stop or self._is_pressed(leaf):
+        if self._leaves_stop(leaf, velocity) or self._is_pressed(leaf):
             return ""
         return f"gained {gained:.4f} per second in a step, and nothing pressed on it"
+
+    def _leaves_stop(self, leaf: _Leaf, velocity: float) -> bool:
+        """Whether an end stop that it was pressed into pushes it back, no further than out of the stop."""
+        beyond = max(-leaf.position, leaf.position - leaf.upper)
+        return (velocity > 0.0) is (leaf.position < 0.0) and abs(velocity) * self._time_step < beyond
 
     def _is_pressed(self, leaf: _Leaf) -> bool:
         contacts = self._contacts(bodyA=leaf.body, linkIndexA=leaf.joint)
