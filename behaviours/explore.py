@@ -83,6 +83,7 @@ class ExploreAndMap(Skill):
         before = skills.base.localise_by(SlamLocalizer(slam))
         try:
             finished = yield from self._explore()
+            yield skills.base.park()
         finally:
             skills.base.stop()
             self._localise_by(before, told)
