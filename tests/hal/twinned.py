@@ -29,13 +29,13 @@ def fixtures_of(robot_file: Path, sdk: str, extra: str, faults: dict[str, tuple[
     back on it when it has ended.
     """
 
-    @pytest.fixture(scope="session")
+    @pytest.fixture(scope="module")
     def twin() -> Iterator[TwinProcess]:
         pytest.importorskip(sdk, reason=f"the extra {extra} is not installed")
         with TwinProcess(robot_file, "pick_place_table", seed=1) as running:
             yield running
 
-    @pytest.fixture(scope="session")
+    @pytest.fixture(scope="module")
     def twin_model(twin: TwinProcess) -> RobotModel:
         return load_robot_model(robot_file, twin.settings)
 
