@@ -31,6 +31,7 @@ def fixtures_of(robot_file: Path, sdk: str, extra: str, faults: dict[str, tuple[
 
     @pytest.fixture(scope="module")
     def twin() -> Iterator[TwinProcess]:
+        # `make test` installs it; another installation may be without the vendor's SDK.
         pytest.importorskip(sdk, reason=f"the extra {extra} is not installed")
         with TwinProcess(robot_file, "pick_place_table", seed=1) as running:
             yield running
