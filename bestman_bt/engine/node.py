@@ -9,15 +9,10 @@ node's bare tick, the traced one while somebody listens, or one wrapped in condi
 
 from __future__ import annotations
 
-import typing
-import uuid
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import py_trees
 from py_trees.behaviour import Behaviour
-from py_trees.common import BlackBoxLevel
-from py_trees.common import Status as PyTreesStatus
 from py_trees.ports import PortInformation
 
 from bestman_bt.engine.around_tick import (
@@ -32,19 +27,11 @@ from bestman_bt.engine.around_tick import (
     with_visits,
 )
 from bestman_bt.engine.errors import NodeError
-from bestman_bt.engine.lazy import Lazy
 from bestman_bt.engine.node_arguments import split_arguments
 from bestman_bt.engine.node_errors import describe_bad_status, wrapped
 from bestman_bt.engine.ports import make_reader, make_writer
-from bestman_bt.engine.status import (
-    FAILURE,
-    IDLE,
-    RUNNING,
-    SKIPPED,
-    SUCCESS,
-    TO_PY_TREES,
-    from_py_trees,
-)
+from bestman_bt.engine.py_trees_face import PyTreesFace
+from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 if TYPE_CHECKING:
     from bestman_bt.engine.blackboard import Blackboard
@@ -53,12 +40,8 @@ if TYPE_CHECKING:
     from bestman_bt.engine.registry import NodeInfo
     from bestman_bt.engine.tree import Tree
 
-    _Base = Behaviour
-else:
-    _Base = object
 
-
-class Node(_Base):
+class Node(PyTreesFace):
     """Base of all nodes.
 
     Write leaves on ``SyncAction``, ``StatefulAction`` or ``Condition``, parents on ``Control`` or ``Decorator``.
@@ -67,7 +50,6 @@ class Node(_Base):
 
     __slots__ = (
         "_readers",
-        "_s",
         "_writers",
         "attributes",
         "children",
@@ -99,7 +81,6 @@ class Node(_Base):
     tick_traced: ClassVar[Callable[..., int] | None] = None
     """The same, logging every state change."""
 
-    _s: int
     run: Tick
     log: list[Any] | None
     ev: tuple[int, int, int, int]
@@ -116,22 +97,8 @@ class Node(_Base):
     _readers: dict[str, Callable[[], Any]] | None
     _writers: dict[str, Callable[[Any], None]] | None
 
-    # py_trees' own attributes. Those that cost time or memory are made when somebody reads them.
     children: list[Behaviour]
     parent: Behaviour | None
-    feedback_message: str = ""
-    blackbox_level: BlackBoxLevel = BlackBoxLevel.NOT_A_BLACKBOX
-    if not TYPE_CHECKING:
-        current_child = None
-        memory = True
-        id = Lazy(lambda node: uuid.uuid4())
-        blackboards = Lazy(lambda node: [])
-        qualified_name = Lazy(lambda node: f"{type(node).__qualname__}/{node.name}")
-        iterator = Lazy(lambda node: node.tick())
-        logger = Lazy(lambda node: py_trees.logging.Logger(node.name))
-        path = Lazy(lambda node: node.full_path())
-    else:
-        path: str
 
     def __init__(self, *args: Any, name: str | None = None, **attributes: Any) -> None:
         name, children = split_arguments(type(self), args, name, attributes)
@@ -254,7 +221,7 @@ class Node(_Base):
         prefix = "" if self.place is None else self.place.prefix
         return prefix + self.name + suffix
 
-    # ---- the two statuses
+    # ---- the engine's status
 
     @property
     def state(self) -> int:
@@ -266,17 +233,6 @@ class Node(_Base):
     def last_result(self) -> int:
         """What an idle node returned last (IDLE if nothing, or if it was halted), else its state."""
         return abs(self._s)
-
-    if not TYPE_CHECKING:
-
-        @property
-        def status(self) -> PyTreesStatus:
-            """py_trees' view of the state; an idle node shows its last result."""
-            return TO_PY_TREES[self._s]
-
-        @status.setter
-        def status(self, value: PyTreesStatus) -> None:
-            self._s = from_py_trees(value)
 
     def set_state(self, state: int) -> None:
         """Store a status that is not IDLE, and log the change."""
@@ -416,48 +372,3 @@ class Node(_Base):
         if self.hooks is None:
             self.hooks = Hooks()
         return self.hooks
-
-    # ---- py_trees' side
-
-    def tick(self) -> Iterator[Behaviour]:
-        """Tick as a py_trees behaviour: everything happens at once, then the visited nodes are yielded."""
-        yield from self.standalone_tree().tick_as_behaviour(self)
-
-    def standalone_tree(self) -> Tree:
-        """Return the node's tree; a node that has none, under a native py_trees composite, gets its own."""
-        if self.tree is None:
-            from bestman_bt.engine.authoring import build_tree
-
-            parent = self.parent
-            build_tree(self)
-            self.parent = parent
-        return self.owner
-
-    def stop(self, new_status: PyTreesStatus = PyTreesStatus.INVALID) -> None:
-        """Stop as a py_trees behaviour: halt if running, and become idle."""
-        if self.tree is not None:
-            if self._s == RUNNING:
-                self.halt_node()
-            self.reset_status()
-        if new_status is PyTreesStatus.INVALID:
-            for node in self.iterate():
-                if isinstance(node, Node):
-                    node._s = IDLE
-        else:
-            self._s = from_py_trees(new_status)
-
-    def update(self) -> PyTreesStatus:
-        """Return the current status; the engine does not call it."""
-        return self.status
-
-    def tip(self) -> Behaviour | None:
-        """Return the deepest node that runs or decided last, as py_trees does."""
-        for child in self.children:
-            if child.status == PyTreesStatus.RUNNING:
-                return typing.cast(Behaviour, child.tip()) if hasattr(child, "tip") else child
-        if self.status == PyTreesStatus.INVALID:
-            return None
-        decided = [c for c in self.children if c.status == self.status]
-        if decided and hasattr(decided[-1], "tip"):
-            return decided[-1].tip() or self
-        return self
