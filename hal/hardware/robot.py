@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import cast
 
@@ -167,12 +168,13 @@ class HardwareRobot(Robot):
         make = cast(Callable[..., Connection], CONNECTIONS.resolve(settings.driver))
         return make(name, settings, self._model, self._model.safety, self._clock, self._latch)
 
-    def _stop(self, why: str) -> None:
-        latched = bool(self._latch)
-        self._latch.set(why)
+    def _stop(self, why: str, fail: Callable[[], None] = lambda: None) -> None:
+        """``fail``: what fails motions. No command is accepted any more when somebody sees that one has ended."""
+        first = self._latch.set(why)
+        fail()
         for connection in self._connections.values():
             connection.stop()
-        if not latched:
+        if first:
             self._stopped_at = self._clock.now()
 
     def _watch(self, elapsed: float) -> None:
@@ -184,8 +186,7 @@ class HardwareRobot(Robot):
                 fault = connection.fault()
                 if fault is not None and name not in self._faults:
                     self._faults[name] = fault
-                    connection.fail(fault)
-                    self._stop(f"{name}: {fault}")
+                    self._stop(f"{name}: {fault}", partial(connection.fail, fault))
             finally:
                 self._lock.release()
 

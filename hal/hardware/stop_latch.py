@@ -24,11 +24,12 @@ class StopLatch:
         """The fault that stopped the robot; empty where somebody asked for it."""
         return self._why
 
-    def set(self, why: str = "") -> None:
-        """Stop; the first reason is kept."""
+    def set(self, why: str = "") -> bool:
+        """Stop; the first reason is kept. Tells whether it was not set before."""
         with self._lock:
-            self._set = True
+            first, self._set = not self._set, True
             self._why = self._why or why
+        return first
 
     def clear(self) -> None:
         """Accept commands again."""

@@ -1,0 +1,83 @@
+"""A fault of a controller stops the robot: there is no moment after it at which a command is still accepted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.registry import CONNECTIONS
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.api import CommandRefusedError, MobileBase, MotionErrorCode, MotionStatus, Part
+from hal.hardware import BaseChannel, BaseReading, Connection, DrivenBase, Fault, HardwareRobot
+
+WAIT = 10.0
+"""Seconds that the watchdog's thread gets, which looks a hundred times a second."""
+
+
+class Standing(BaseChannel):
+    """A base that does not move, whatever it is told."""
+
+    def read(self) -> BaseReading:
+        return BaseReading(Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
+
+    def send(self, velocity: Twist2D) -> None:
+        pass
+
+
+class Controller(Connection):
+    """Reports ``told``; whoever commands its base as soon as its motion has failed is an impatient program."""
+
+    told: Fault | None = None
+    answer: CommandRefusedError | None = None
+
+    def make_parts(self) -> dict[str, Part]:
+        self.noticed = threading.Event()
+        self.base = DrivenBase("base", self.model.bases["base"], Standing(), self.latch)
+        return {"base": self.base}
+
+    def open(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def heard(self) -> float:
+        return self.clock.now()
+
+    def reported_fault(self) -> Fault | None:
+        return self.told
+
+    def recover(self) -> None:
+        self.told = None
+
+    def fail(self, fault: Fault) -> None:
+        super().fail(fault)
+        try:
+            self.base.rotate(1.0)
+        except CommandRefusedError as error:
+            self.answer = error
+        self.noticed.set()
+
+
+@pytest.fixture
+def robot(robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch) -> Iterator[HardwareRobot]:
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Controller)
+    with HardwareRobot(replace(robot_model, connections={"platform": ConnectionConfig("any", ("base",))})) as robot:
+        yield robot
+
+
+def test_a_command_at_the_moment_at_which_a_fault_fails_a_motion_is_refused(robot: HardwareRobot) -> None:
+    controller = robot.connections["platform"]
+    assert isinstance(controller, Controller)
+    motion = robot.part("base", MobileBase).rotate(1.0)
+    controller.told = Fault(MotionErrorCode.FAULT, "a wheel is blocked")
+    assert controller.noticed.wait(WAIT)
+    assert motion.status is MotionStatus.FAILED
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.FAULT
+    assert "stopped because platform: a wheel is blocked" in str(controller.answer)
