@@ -237,7 +237,7 @@ class SimulatedJointGroup(JointGroup):
 
     def _leave_effort_mode(self) -> None:
         if self._torques is not None:
-            self._torques = None
+            self._torques, self._steps_left = None, 0
             self._connection.simulation.torques[self._slots] = np.nan
             self._position = np.clip(self._measured(0), self._lower, self._upper)
             self._velocity = np.clip(self._measured(1), -self._speed, self._speed)
