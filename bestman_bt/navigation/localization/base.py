@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import LaserScan, Pose2D
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.navigation.localization.map_lines import PlanarMap
+from bestman_bt.navigation.localization.pose_uncertainty import worst_position_std
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,7 @@ class LocalizationEstimate:
     @property
     def position_std(self) -> float:
         """Standard deviation along the worst direction, metres."""
-        (xx, xy), (_, yy) = self.covariance[:2, :2].tolist()
-        return math.sqrt((xx + yy) / 2.0 + math.hypot((xx - yy) / 2.0, xy))  # the larger eigenvalue of a 2 x 2 matrix
+        return worst_position_std(self.covariance)
 
     @property
     def heading_std(self) -> float:

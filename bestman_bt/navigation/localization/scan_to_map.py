@@ -16,9 +16,14 @@ from numpy.typing import NDArray
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
+from bestman_bt.navigation.localization.pose_uncertainty import (
+    WEAK_PRIOR,
+    deviation,
+    difference,
+    driven_on,
+    inverse,
+)
 from bestman_bt.navigation.localization.ray_casting import cast_rays
-
-WEAK_PRIOR = 1e-6 * np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -28,10 +33,9 @@ class ScanToMapParameters:
     ``iterations`` of the match; hits farther than ``gate_first * gate_decay**k + gate_last`` from everything in the map
     are left out of iteration k. Which line a hit belongs to is asked again after a step of more than
     ``associate_again`` (metres, radians). ``robust_scale``: residual at which a hit counts half. ``range_std``: noise
-    of a beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``:
-    variance that odometry gains per metre driven (m²/m), ``turn_slip``: per radian turned (rad²/rad), ``drift``:
-    heading variance per metre (rad²/m). A match is refused with less than ``min_inlier_ratio`` of the hits explained,
-    or when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
+    of a beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``,
+    ``turn_slip``, ``drift``: see ``OdometryNoise``. A match is refused with less than ``min_inlier_ratio`` of the hits
+    explained, or when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
     ``sure_inlier_ratio`` of the hits all the same, the wheels have slipped, and the variances grow by ``surprise``
     until it is believed. Nothing is matched where the pose is less certain than ``unknown_std``: a place that fits is
     then no more than one of many.
@@ -85,15 +89,9 @@ class ScanToMap(Localizer):
         estimate, p = self.estimate, self._parameters
         moved = self._odometry.inverse() @ odometry
         self._odometry = odometry
-        distance, turned = math.hypot(moved.x, moved.y), abs(moved.theta)
-        if distance == 0.0 and turned == 0.0:
+        if moved == Pose2D():
             return estimate
-        pose = estimate.pose @ moved
-        jacobian = np.eye(3)
-        jacobian[0, 2] = estimate.pose.y - pose.y
-        jacobian[1, 2] = pose.x - estimate.pose.x
-        noise = np.diag([p.slip * distance, p.slip * distance, p.turn_slip * turned + p.drift * distance])
-        covariance = jacobian @ estimate.covariance @ jacobian.T + noise
+        pose, covariance = driven_on(estimate.pose, estimate.covariance, moved, p)
         self._estimate = LocalizationEstimate(pose, covariance, estimate.match)
         return self._estimate
 
@@ -115,19 +113,12 @@ class ScanToMap(Localizer):
         if inliers < p.min_inlier_ratio:
             text = f"only {inliers:.0%} of the hits lie on something in the map"
             return self._refused(ScanMatch(False, inliers, residual, text))
-        innovation = np.array(
-            [
-                matched.x - estimate.pose.x,
-                matched.y - estimate.pose.y,
-                wrap_angle(matched.theta - estimate.pose.theta),
-            ]
-        )
-        # Directions that no hit constrains get a huge, finite variance.
-        measured = np.linalg.inv(information + WEAK_PRIOR)
+        innovation = difference(matched, estimate.pose)
+        measured = inverse(information + WEAK_PRIOR)
         expected = estimate.covariance + measured
-        deviation = math.sqrt(float(innovation @ np.linalg.solve(expected, innovation)))
-        if deviation > p.max_deviation:
-            text = f"the match lies {deviation:.1f} standard deviations from the prediction"
+        away = deviation(innovation, expected)
+        if away > p.max_deviation:
+            text = f"the match lies {away:.1f} standard deviations from the prediction"
             growth = p.surprise if inliers >= p.sure_inlier_ratio else 1.0
             return self._refused(ScanMatch(False, inliers, residual, text), growth)
         gain = estimate.covariance @ np.linalg.inv(expected)

@@ -13,7 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import wrap_angle
+from bestman_bt.messages import Pose2D
+from bestman_bt.navigation.localization.pose_uncertainty import (
+    WEAK_PRIOR,
+    deviation,
+    difference,
+    inverse,
+    turned,
+    worst_position_std,
+)
 from bestman_bt.navigation.slam.correlative import SearchWindow
 from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
 from bestman_bt.navigation.slam.submap import Keyframe, Submap
@@ -67,7 +75,7 @@ class LoopCloser:
         closures = []
         for distance, _, submap in sorted(near, key=lambda entry: entry[:2])[: p.candidates]:
             covariance = graph.relative_covariance(submap.anchor.node, keyframe.node)
-            spread = p.sigmas * math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
+            spread = p.sigmas * worst_position_std(covariance)
             if distance < p.reach + spread:
                 constraint = self._close(keyframe, submap, graph, covariance, spread)
                 if constraint is not None:
@@ -97,15 +105,11 @@ class LoopCloser:
         found = submap.reference.align(keyframe.hits, guess)
         if found.inlier_ratio < p.min_inlier_ratio or found.residual > p.max_residual:
             return None
-        measured = np.linalg.inv(found.information + 1e-6 * np.eye(3))
-        if math.sqrt(float(np.linalg.eigvalsh(measured[:2, :2])[-1])) > p.max_std:
+        measured = inverse(found.information + WEAK_PRIOR)
+        if worst_position_std(measured) > p.max_std:
             return None
-        cos, sin = math.cos(found.pose.theta), math.sin(found.pose.theta)
-        turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        measured = turn @ measured @ turn.T + np.diag([p.position_std, p.position_std, p.heading_std]) ** 2
-        off = expected.inverse() @ found.pose
-        innovation = np.array([off.x, off.y, wrap_angle(off.theta)])
-        deviation = float(innovation @ np.linalg.solve(covariance + measured, innovation))
-        if deviation > p.max_deviation**2:
+        measured = turned(measured, -found.pose.theta) + np.diag([p.position_std, p.position_std, p.heading_std]) ** 2
+        off = difference(expected.inverse() @ found.pose, Pose2D())
+        if deviation(off, covariance + measured) > p.max_deviation:
             return None
-        return Constraint(submap.anchor.node, keyframe.node, found.pose, np.linalg.inv(measured), doubtful=True)
+        return Constraint(submap.anchor.node, keyframe.node, found.pose, inverse(measured), doubtful=True)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints
 
 
@@ -80,7 +81,7 @@ class LineReference:
     def align(self, scan: OrientedPoints, guess: Pose2D, prior: NDArray[np.float64] | None = None) -> ScanAlignment:
         """The pose of ``scan`` from ``guess`` on; ``prior``: (3, 3) information of the guess, none by default."""
         p = self._parameters
-        prior = 1e-6 * np.eye(3) if prior is None else prior
+        prior = WEAK_PRIOR if prior is None else prior
         x, y, theta = guess.x, guess.y, guess.theta
         information = np.zeros((3, 3))
         for k in range(p.iterations):

@@ -14,6 +14,15 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
 from bestman_bt.navigation.localization import ScanMatch
+from bestman_bt.navigation.localization.pose_uncertainty import (
+    WEAK_PRIOR,
+    deviation,
+    difference,
+    driven_on,
+    inverse,
+    turned,
+    worst_position_std,
+)
 from bestman_bt.navigation.slam.base import Slam, SlamEstimate, SlamTrajectory
 from bestman_bt.navigation.slam.correlative import CorrelativeParameters, SearchWindow
 from bestman_bt.navigation.slam.log_odds_grid import LogOddsGrid, LogOddsGridParameters
@@ -31,10 +40,9 @@ class PoseGraphSlamParameters:
     ``loop_closure``: False leaves only scan matching, as a control. A scan becomes a keyframe after
     ``keyframe_distance`` or ``keyframe_angle``; a submap has ``submap_keyframes``, and its second half is the first
     half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: on lines, that a scan needs.
-    ``slip``, ``turn_slip``, ``drift``: variance that odometry gains per metre driven (m²/m), per radian turned
-    (rad²/rad) and in heading per metre (rad²/m): wheels that slip by a tenth between two scans; ``rest_std``,
-    ``rest_heading_std``: what is left at rest. Where a match explains less than ``min_inlier_ratio`` of the hits,
-    ``recovery_distance`` and ``recovery_angle`` around are searched; what is found there has to explain
+    ``slip``, ``turn_slip``, ``drift``: see ``OdometryNoise``, here of wheels that slip by a tenth between two scans;
+    ``rest_std``, ``rest_heading_std``: what is left at rest. Where a match explains less than ``min_inlier_ratio`` of
+    the hits, ``recovery_distance`` and ``recovery_angle`` around are searched; what is found there has to explain
     ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if it explains
     ``least_inlier_ratio``, as where a new room comes into view, and lies within ``max_deviation`` of the odometry.
     ``position_std``, ``heading_std``: error of a match beside the noise of the hits. ``redraw_distance``,
@@ -104,15 +112,9 @@ class PoseGraphSlam(Slam):
         estimate, p = self.estimate, self._parameters
         moved = self._odometry.inverse() @ odometry
         self._odometry = odometry
-        distance, turned = math.hypot(moved.x, moved.y), abs(moved.theta)
-        if distance == 0.0 and turned == 0.0:
+        if moved == Pose2D():
             return estimate
-        local = self._local @ moved
-        jacobian = np.eye(3)
-        jacobian[:2, 2] = self._local.y - local.y, local.x - self._local.x
-        noise = np.diag([p.slip * distance, p.slip * distance, p.turn_slip * turned + p.drift * distance])
-        self._covariance = jacobian @ self._covariance @ jacobian.T + noise
-        self._local = local
+        self._local, self._covariance = driven_on(self._local, self._covariance, moved, p)
         return self._tell(estimate.match)
 
     def add(self, odometry: Pose2D, scan: LaserScan, base_from_lidar: Pose2D) -> SlamEstimate:
@@ -136,8 +138,8 @@ class PoseGraphSlam(Slam):
         p, poses = self._parameters, self._graph.poses
         old = poses[: len(self._drawn)]
         change = np.abs(old - self._drawn)
-        turned = np.abs((change[:, 2] + np.pi) % (2.0 * np.pi) - np.pi)
-        if (change[:, :2] > p.redraw_distance).any() or (turned > p.redraw_angle).any():
+        turn = np.abs((change[:, 2] + np.pi) % (2.0 * np.pi) - np.pi)
+        if (change[:, :2] > p.redraw_distance).any() or (turn > p.redraw_angle).any():
             self._drawing, self._drawn = LogOddsGrid(p.occupancy), np.zeros((0, 3))
         for keyframe in self._keyframes[len(self._drawn) :]:
             self._drawing.add(self._graph.pose(keyframe.node) @ keyframe.base_from_lidar, keyframe.scan)
@@ -155,19 +157,19 @@ class PoseGraphSlam(Slam):
         p, submap = self._parameters, self._active[0]
         anchor = submap.anchor.local.theta
         guess = submap.pose_of(self._local)
-        expected = _turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
-        prior = _inverse(expected)
+        expected = turned(self._covariance + self._error(p.rest_std, p.rest_heading_std), -anchor)
+        prior = inverse(expected)
         found = submap.reference.align(hits, guess, prior)
         if found.inlier_ratio < p.min_inlier_ratio:
             elsewhere = self._search(hits, guess, submap)
             if elsewhere is not None:
-                found, prior = elsewhere, 1e-6 * np.eye(3)
-            elif found.inlier_ratio < p.least_inlier_ratio or _deviation(guess, found.pose, prior) > p.max_deviation:
+                found, prior = elsewhere, WEAK_PRIOR
+            elif not self._is_likely(found, difference(found.pose, guess), expected):
                 text = f"only {found.inlier_ratio:.0%} of the hits lie on what was mapped lately"
                 return ScanMatch(False, found.inlier_ratio, found.residual, text)
         self._local = submap.anchor.local @ found.pose
-        covariance = _inverse(found.information + prior)
-        self._covariance = _turned(covariance, anchor) + self._error(p.position_std, p.heading_std)
+        covariance = inverse(found.information + prior)
+        self._covariance = turned(covariance, anchor) + self._error(p.position_std, p.heading_std)
         return ScanMatch(True, found.inlier_ratio, found.residual)
 
     def _search(self, hits: OrientedPoints, guess: Pose2D, submap: Submap) -> ScanAlignment | None:
@@ -179,18 +181,22 @@ class PoseGraphSlam(Slam):
         found = submap.reference.align(hits, coarse.pose)
         if found.inlier_ratio < p.sure_inlier_ratio:
             return None
-        spread = _inverse(found.information + 1e-6 * np.eye(3))[:2, :2]
-        return found if math.sqrt(float(np.linalg.eigvalsh(spread)[-1])) < p.sure_std else None
+        return found if worst_position_std(inverse(found.information + WEAK_PRIOR)) < p.sure_std else None
+
+    def _is_likely(self, found: ScanAlignment, off: NDArray[np.float64], expected: NDArray[np.float64]) -> bool:
+        """Whether a match that explains little, ``off`` from what the odometry says, is believed all the same."""
+        p = self._parameters
+        return found.inlier_ratio >= p.least_inlier_ratio and deviation(off, expected) <= p.max_deviation
 
     def _is_new_place(self) -> bool:
         p, last = self._parameters, self._keyframes[-1].local
-        turned = abs(wrap_angle(self._local.theta - last.theta))
-        return last.distance_to(self._local) > p.keyframe_distance or turned > p.keyframe_angle
+        turn = abs(wrap_angle(self._local.theta - last.theta))
+        return last.distance_to(self._local) > p.keyframe_distance or turn > p.keyframe_angle
 
     def _add_keyframe(self, scan: LaserScan, base_from_lidar: Pose2D, hits: OrientedPoints) -> None:
         node = self._graph.add_pose(self._map_from_local @ self._local)
         keyframe = Keyframe(node, self._local, scan, base_from_lidar, hits)
-        information = _inverse(_turned(self._covariance, -self._local.theta))
+        information = inverse(turned(self._covariance, -self._local.theta))
         for submap in self._active:
             self._graph.add_constraint(
                 Constraint(submap.anchor.node, node, submap.pose_of(self._local), information / len(self._active))
@@ -221,24 +227,6 @@ class PoseGraphSlam(Slam):
         return np.diag([position**2, position**2, heading**2])
 
     def _tell(self, match: ScanMatch | None) -> SlamEstimate:
-        turned = _turned(self._covariance, self._map_from_local.theta)
-        self._estimate = SlamEstimate(self._map_from_local @ self._local, turned, match, len(self._loops))
+        covariance = turned(self._covariance, self._map_from_local.theta)
+        self._estimate = SlamEstimate(self._map_from_local @ self._local, covariance, match, len(self._loops))
         return self._estimate
-
-
-def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-
-
-def _deviation(expected: Pose2D, found: Pose2D, information: NDArray[np.float64]) -> float:
-    """Standard deviations between two poses of one frame."""
-    off = np.array([found.x - expected.x, found.y - expected.y, wrap_angle(found.theta - expected.theta)])
-    return math.sqrt(float(off @ information @ off))
-
-
-def _turned(covariance: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """A covariance (3, 3) in a frame in which the vectors of its own appear turned by ``angle``."""
-    cos, sin = math.cos(angle), math.sin(angle)
-    turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    turned: NDArray[np.float64] = turn @ covariance @ turn.T
-    return turned
