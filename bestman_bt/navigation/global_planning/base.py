@@ -27,6 +27,15 @@ class PlanningFailure:
     reason: PlanningFailureReason
     text: str
 
+    @classmethod
+    def no_path(cls, start: Pose2D, goal: Pose2D) -> PlanningFailure:
+        """Both ends are free, and nothing connects them."""
+        return cls(
+            PlanningFailureReason.NO_PATH,
+            f"nothing wide enough for the base leads from ({start.x:.2f}, {start.y:.2f}) m "
+            f"to ({goal.x:.2f}, {goal.y:.2f}) m",
+        )
+
 
 class GlobalPlanner(ABC):
     """Finds a path that the footprint can follow without touching an obstacle of the costmap."""

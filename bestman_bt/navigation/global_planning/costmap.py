@@ -154,15 +154,16 @@ class Costmap:
         rows, columns = self.distance.shape
         x = (points[..., 0] - self.origin[0]) / self.resolution - 0.5
         y = (points[..., 1] - self.origin[1]) / self.resolution - 0.5
-        column = np.clip(np.floor(x).astype(np.intp), 0, columns - 2)
-        row = np.clip(np.floor(y).astype(np.intp), 0, rows - 2)
-        u, v = np.clip(x - column, 0.0, 1.0), np.clip(y - row, 0.0, 1.0)
+        inside = (x >= -0.5) & (x < columns - 0.5) & (y >= -0.5) & (y < rows - 0.5)
+        column = np.minimum(np.maximum(x, 0.0).astype(np.intp), columns - 2)
+        row = np.minimum(np.maximum(y, 0.0).astype(np.intp), rows - 2)
+        u, v = np.minimum(np.maximum(x - column, 0.0), 1.0), np.minimum(np.maximum(y - row, 0.0), 1.0)
         flat = self.distance.ravel()
         corner = row * columns + column
         value = (1 - v) * ((1 - u) * flat[corner] + u * flat[corner + 1]) + v * (
             (1 - u) * flat[corner + columns] + u * flat[corner + columns + 1]
         )
-        distance: NDArray[np.float64] = np.where(self.contains(points), value, -1.0)
+        distance: NDArray[np.float64] = np.where(inside, value, -1.0)
         return distance
 
     def cost(self, distance: ArrayLike, lethal_distance: float, slack: float = 0.0) -> NDArray[np.float64]:

@@ -1,0 +1,124 @@
+"""Planners of polylines, at whose corners a base turns where it stands: what they share.
+
+Both ends are treated by footprint: the start is left by backing out straight (or straight ahead) to a place where the
+base can turn, and the goal is entered straight along its heading from such a place. In between, places where the base
+can turn freely are tried first, and narrower ones, which it passes straight, only when there is no other way.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.room import Room
+from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightEndsParameters
+
+
+@dataclass(frozen=True)
+class PolylineParameters(StraightEndsParameters):
+    """Beside those of the ends:
+
+    ``turning_clearance``: metres kept beyond the circumscribed radius where the base turns. ``slack``: metres less of
+    it, at the highest cost, where there is no more room, as in narrow doorways: cells rarely have their centres in the
+    middle of one. ``turn_cost``: metres of detour worth one corner. ``vertex_limit``: how many points of the way that
+    was found the smoothing considers.
+    """
+
+    turning_clearance: float = 0.02
+    slack: float = 0.01
+    turn_cost: float = 0.1
+    vertex_limit: int = 40
+
+
+class PolylinePlanner(GlobalPlanner):
+    """Ends by footprint, a way between them from the subclass, then the cheapest polyline through its points."""
+
+    TURNS_EVERYWHERE: ClassVar[tuple[bool, ...]] = (True, False)
+    """The kinds of room in which a way is sought, one after the other."""
+
+    def __init__(self, parameters: PolylineParameters) -> None:
+        self._parameters = parameters
+
+    @abstractmethod
+    def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+        """Points (N, 2), metres, on a way in ``room`` from near ``start`` (2,) to near ``goal`` (2,); None without."""
+
+    def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
+        """See ``GlobalPlanner.plan``."""
+        turning_distance = costmap.footprint.circumscribed_radius + self._parameters.turning_clearance
+        ends = StraightEnds(costmap, self._parameters, turning_distance)
+        fault = ends.fault(start, goal)
+        if fault is not None:
+            return fault
+        leave = ends.leave(start)
+        if isinstance(leave, PlanningFailure):
+            return leave
+        approach = ends.approach(goal)
+        if isinstance(approach, PlanningFailure):
+            return approach
+        exit_point, backwards = leave
+        for turns_everywhere in self.TURNS_EVERYWHERE:
+            room = Room(costmap, turning_distance, self._parameters.slack, turns_everywhere)
+            way = self.way(exit_point, approach, room)
+            middle = None if way is None else self._polyline(np.vstack([exit_point, way, approach]), room)
+            if middle is not None:
+                points, reverse = _joined(start.xy, middle, goal.xy, backwards)
+                return Path2D(points, goal, reverse)
+        return PlanningFailure.no_path(start, goal)
+
+    def _polyline(self, points: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
+        """The cheapest polyline through some of ``points`` (N, 2) that keeps the first and the last."""
+        if not room.turns_everywhere:
+            turns = room.can_turn(points)
+            turns[[0, -1]] = True
+            points = points[turns]
+        count = min(len(points), self._parameters.vertex_limit)
+        kept = np.unique(np.linspace(0, len(points) - 1, count).round().astype(int))
+        vertices = points[kept]
+        best = np.full(len(vertices), np.inf)
+        best[0] = 0.0
+        previous = np.zeros(len(vertices), dtype=int)
+        # Where even the next vertex cannot be reached straight, the way between the two is taken as it was found.
+        as_found = np.zeros(len(vertices), dtype=bool)
+        for i in range(len(vertices) - 1):
+            so_far = best[i] + self._parameters.turn_cost
+            # A metre costs 1 or more, so that many segments cannot be worth it.
+            hopeful = so_far + np.linalg.norm(vertices[i + 1 :] - vertices[i], axis=1) < best[i + 1 :]
+            if not hopeful.any():
+                continue
+            cost = np.full(len(hopeful), np.inf)
+            cost[hopeful] = so_far + room.segment_costs(vertices[i], vertices[i + 1 :][hopeful])
+            if room.turns_everywhere and hopeful[0] and not np.isfinite(cost[0]):
+                length = np.linalg.norm(np.diff(points[kept[i] : kept[i + 1] + 1], axis=0), axis=1).sum()
+                cost[0] = best[i] + 10.0 * length
+                as_found[i + 1] = cost[0] < best[i + 1]
+            better = cost < best[i + 1 :]
+            best[i + 1 :][better] = cost[better]
+            previous[i + 1 :][better] = i
+        if not np.isfinite(best[-1]):
+            return None
+        pieces = [points[-1:]]
+        j = len(vertices) - 1
+        while j != 0:
+            i = int(previous[j])
+            pieces.append(points[kept[i] : kept[j]] if as_found[j] and i == j - 1 else points[kept[i]][None])
+            j = i
+        return np.vstack(pieces[::-1])
+
+
+def _joined(
+    start: NDArray[np.float64], middle: NDArray[np.float64], goal: NDArray[np.float64], backwards: bool
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """The whole path without repeated points, and which of its segments are driven backwards."""
+    points = np.vstack([start, middle, goal])
+    reverse = np.zeros(len(points) - 1, dtype=bool)
+    reverse[0] = backwards
+    moves = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6
+    return points[np.append(True, moves)], reverse[moves]

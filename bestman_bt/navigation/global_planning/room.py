@@ -1,0 +1,86 @@
+"""Room to drive in: what a base touches on straight pieces, where it can turn, and what driving there costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from bestman_bt.navigation.global_planning.costmap import Costmap
+
+_SPARSE = 8  # of so many samples of a segment, one is looked at first
+
+
+@dataclass(frozen=True)
+class Room:
+    """The free part of a costmap for a base that drives straight and turns where it stands.
+
+    ``turning_distance``: metres from obstacles at which it can turn, less ``slack`` where there is no more, at the
+    highest cost. ``turns_everywhere``: it keeps that distance all the way; else only where it turns, and between two
+    such places its footprint, turned along the way, has to pass.
+    """
+
+    costmap: Costmap
+    turning_distance: float
+    slack: float
+    turns_everywhere: bool
+
+    @property
+    def lethal_distance(self) -> float:
+        """Metres from obstacles that its middle keeps at least."""
+        return self.turning_distance if self.turns_everywhere else self.costmap.footprint.inscribed_radius
+
+    @property
+    def lethal_slack(self) -> float:
+        """Metres less than ``lethal_distance`` that are taken where there is no more room."""
+        return self.slack if self.turns_everywhere else 0.0
+
+    def can_turn(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """At which of the points (..., 2) it can turn into any direction."""
+        turns: NDArray[np.bool_] = self.costmap.distance_at(points) >= self.turning_distance - self.slack
+        return turns
+
+    def segment_costs(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (N,) of driving straight from ``starts`` (2,) or (N, 2) to ``ends`` (N, 2); infinite where blocked."""
+        starts = np.broadcast_to(starts, ends.shape)
+        spacing = self.costmap.resolution / 2
+        # Most segments are blocked, and a few of their samples tell.
+        points, segments, _ = _samples(starts, ends, _SPARSE * spacing)
+        blocked = self.costmap.distance_at(points) < self.lethal_distance - self.lethal_slack
+        costs = np.full(len(ends), np.inf)
+        passable = np.ones(len(ends), dtype=bool)
+        passable[segments[blocked]] = False
+        candidates = np.flatnonzero(passable)
+        if len(candidates):
+            starts, ends = starts[candidates], ends[candidates]
+            points, segments, counts = _samples(starts, ends, spacing)
+            distance = self.costmap.distance_at(points)
+            cost = self.costmap.cost(distance, self.lethal_distance, self.lethal_slack)
+            if not self.turns_everywhere:
+                headings = np.arctan2(ends[:, 1] - starts[:, 1], ends[:, 0] - starts[:, 0])
+                cost[self._touches(points, headings[segments], distance)] = np.inf
+            lengths = np.linalg.norm(ends - starts, axis=1)
+            costs[candidates] = np.add.reduceat(cost, np.cumsum(counts) - counts) / counts * lengths
+        return costs
+
+    def _touches(
+        self, points: NDArray[np.float64], headings: NDArray[np.float64], distance: NDArray[np.float64]
+    ) -> NDArray[np.intp]:
+        """Indices of the points (N, 2) at which the footprint touches something, looked at only where it may."""
+        footprint = self.costmap.footprint
+        near = np.flatnonzero((distance >= footprint.inscribed_radius) & (distance < footprint.circumscribed_radius))
+        clearance = self.costmap.footprint_clearance(np.column_stack([points[near], headings[near]]))
+        return near[clearance <= 0.0]
+
+
+def _samples(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], spacing: float
+) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
+    """Points (M, 2) along segments, at most ``spacing`` apart, both ends included; of which segment; how many of it."""
+    lengths = np.linalg.norm(ends - starts, axis=1)
+    counts = np.maximum(2, np.ceil(lengths / spacing)).astype(np.intp) + 1
+    segments = np.repeat(np.arange(len(ends)), counts)
+    number = np.arange(len(segments)) - (np.cumsum(counts) - counts)[segments]
+    share = (number / (counts - 1)[segments])[:, None]
+    return starts[segments] + share * (ends - starts)[segments], segments, counts

@@ -1,0 +1,109 @@
+"""The ends of a path near furniture, where a base may neither turn nor take any direction: they are driven straight."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning.costmap import Costmap
+
+
+@dataclass(frozen=True)
+class StraightEndsParameters:
+    """``straight``: wanted, ``max_straight``: longest straight piece at an end that needs one, metres.
+
+    ``step``: spacing of collision checks along it, metres. ``max_overlap``: metres by which the base may stand inside a
+    margin at the start.
+    """
+
+    straight: float = 0.4
+    max_straight: float = 1.2
+    step: float = 0.02
+    max_overlap: float = 0.06
+
+
+@dataclass(frozen=True)
+class StraightEnds:
+    """Leaves starts straight, and enters goals straight along their heading.
+
+    ``turning_distance``: metres from obstacles where the straight piece may end, for bases that turn there; None: it
+    may end wherever the footprint is free.
+    """
+
+    costmap: Costmap
+    parameters: StraightEndsParameters
+    turning_distance: float | None = None
+
+    def fault(self, start: Pose2D, goal: Pose2D) -> PlanningFailure | None:
+        """Why there cannot be a path, as far as both poses tell by themselves."""
+        for pose, what, reason in (
+            (start, "start", PlanningFailureReason.START_OUTSIDE),
+            (goal, "goal", PlanningFailureReason.GOAL_OUTSIDE),
+        ):
+            if not self.costmap.contains(pose.xy):
+                return PlanningFailure(reason, f"the {what} ({pose.x:.2f}, {pose.y:.2f}) m is not on the map")
+        if self.costmap.clearance_at(goal) <= 0.0:
+            return PlanningFailure(
+                PlanningFailureReason.GOAL_BLOCKED,
+                f"the base would touch an obstacle at the goal ({goal.x:.2f}, {goal.y:.2f}) m, "
+                f"{math.degrees(goal.theta):.0f}°",
+            )
+        return None
+
+    def leave(self, start: Pose2D) -> tuple[NDArray[np.float64], bool] | PlanningFailure:
+        """Where the way goes on first, (2,), and whether the base drives there backwards."""
+        best: tuple[int, NDArray[np.float64], bool] | None = None
+        for direction in (-1.0, 1.0):
+            poses = self._straight(start, direction)
+            clearance = self.costmap.footprint_clearance(poses)
+            # A base that stands inside a margin may leave it as long as it does not come nearer to anything.
+            rising = np.append(clearance[0] > -self.parameters.max_overlap, np.diff(clearance) > -1e-3)
+            index = self._end(poses, clearance, (clearance > 0.0) | rising)
+            if index is not None and (best is None or index < best[0]):
+                best = index, poses[index, :2], direction < 0.0
+        if best is not None:
+            return best[1:]
+        return PlanningFailure(
+            PlanningFailureReason.START_BLOCKED,
+            f"the base cannot leave ({start.x:.2f}, {start.y:.2f}) m straight back or ahead without touching",
+        )
+
+    def approach(self, goal: Pose2D) -> NDArray[np.float64] | PlanningFailure:
+        """The point (2,) straight behind the goal from which it is entered."""
+        poses = self._straight(goal, -1.0)
+        clearance = self.costmap.footprint_clearance(poses)
+        index = self._end(poses, clearance, clearance > 0.0)
+        if index is not None:
+            point: NDArray[np.float64] = poses[index, :2]
+            return point
+        return PlanningFailure(
+            PlanningFailureReason.GOAL_BLOCKED,
+            f"there is no free straight approach to ({goal.x:.2f}, {goal.y:.2f}) m, {math.degrees(goal.theta):.0f}°",
+        )
+
+    def _end(
+        self, poses: NDArray[np.float64], clearance: NDArray[np.float64], passable: NDArray[np.bool_]
+    ) -> int | None:
+        """At which of the poses (N, 3) along a straight piece to end it; 0 if none is needed."""
+        suits = clearance > 0.0
+        if self.turning_distance is not None:
+            suits = self.costmap.distance_at(poses[:, :2]) >= self.turning_distance
+        suits &= np.logical_and.accumulate(passable)
+        if not suits.any():
+            return None
+        first = int(np.argmax(suits))
+        wanted = round(self.parameters.straight / self.parameters.step)
+        if first == 0 or first >= wanted:
+            return first
+        return int(np.flatnonzero(suits[: wanted + 1])[-1])
+
+    def _straight(self, pose: Pose2D, direction: float) -> NDArray[np.float64]:
+        """Poses (N, 3) straight ahead of (1.0) or behind (-1.0) a pose, itself first."""
+        along = direction * np.arange(0.0, self.parameters.max_straight, self.parameters.step)
+        heading = np.full_like(along, pose.theta)
+        return np.column_stack([pose.x + along * math.cos(pose.theta), pose.y + along * math.sin(pose.theta), heading])
