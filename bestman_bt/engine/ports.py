@@ -119,7 +119,8 @@ def _entry_reader(node: Node, port: Port, slot: Slot, key: str) -> Callable[[], 
     converters = slot.store.converters
     untyped = data_type in UNTYPED
     exact = data_type if isinstance(data_type, type) else None
-    default = port.default
+    # A default that names an entry is where the value comes from, and never the value.
+    default = None if isinstance(port.default, str) and key_of(port.default, port.name) is not None else port.default
 
     def read() -> Any:
         value = slot.value

@@ -1,5 +1,6 @@
 """Value types that travel between floors: frozen dataclasses over numpy arrays, SI units, quaternions xyzw."""
 
+from bestman_bt.messages.goals import Goals
 from bestman_bt.messages.handle import Handle, HandleKind, HingeSide, JointKind
 from bestman_bt.messages.image import CameraIntrinsics, RGBDImage
 from bestman_bt.messages.joint_motion import joint_motion
@@ -24,6 +25,7 @@ __all__ = [
     "Box",
     "CameraIntrinsics",
     "Cylinder",
+    "Goals",
     "Handle",
     "HandleKind",
     "HingeSide",

@@ -45,7 +45,14 @@ class PipelineSequence(Control, composites.Sequence):
 
 
 class RoundRobin(Control, composites.Selector):
-    """Ticks its children in turn until one succeeds, and goes on with the next one the next time."""
+    """Ticks its children in turn until one succeeds, and goes on with the next one the next time.
+
+    After the last child comes the first one again; without ``wrap_around`` it fails there once, and then begins anew.
+    """
+
+    INPUT_PORTS = {
+        "wrap_around": PortInformation(bool, False, "Whether the first child follows the last one at once", True)
+    }
 
     def on_load(self) -> None:
         """Begin with the first child."""
@@ -61,13 +68,18 @@ class RoundRobin(Control, composites.Selector):
     def on_tick(self) -> int:
         """Tick the current child, and those after it while they fail."""
         children = self.nodes_below()
+        wraps = self.get_input("wrap_around")
         self.set_state(RUNNING)
         skipped = 0
         while self.failed + skipped < len(children):
+            if self.index == len(children):
+                if not wraps:
+                    break
+                self.index = 0
             status = children[self.index].execute_tick()
             if status == RUNNING:
                 return RUNNING
-            self.index = (self.index + 1) % len(children)
+            self.index += 1
             if status == SUCCESS:
                 self.failed = 0
                 self.reset_children()
