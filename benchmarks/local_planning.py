@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import math
+import sys
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.navigation_measures.report import median, percentile, print_report, scaled
 from bestman_bt.control import ControlStatus
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor, CollisionMonitorParameters
 from bestman_bt.manipulation.kinematics import ForwardKinematics
@@ -76,20 +80,19 @@ class Measurements:
     wall: float = 0.0
 
     def summary(self) -> dict[str, Any]:
-        position, heading = self.position_errors or [math.nan], self.heading_errors or [math.nan]
         return {
             "drives": self.drives,
             "reached_rate": self.reached / self.drives,
             "contacts": self.contacts,
-            "final_error_mm_median": round(1e3 * float(np.median(position)), 2),
-            "final_error_mm_max": round(1e3 * float(np.max(position)), 2),
-            "final_error_believed_mm_median": round(1e3 * float(np.median(self.believed_errors or [math.nan])), 2),
-            "final_yaw_deg_median": round(math.degrees(float(np.median(heading))), 3),
-            "path_ratio_median": round(float(np.median(self.path_ratios or [math.nan])), 3),
-            "sim_s_median": round(float(np.median(self.times)), 1),
-            "local_tick_ms_median": round(1e3 * float(np.median(self.ticks)), 3),
-            "local_tick_ms_p95": round(1e3 * float(np.percentile(self.ticks, 95)), 3),
-            "real_time_factor": round(sum(self.times) / self.wall, 2),
+            "final_error_mm_median": scaled(median(self.position_errors), 1e3),
+            "final_error_mm_max": scaled(max(self.position_errors, default=None), 1e3),
+            "final_error_believed_mm_median": scaled(median(self.believed_errors), 1e3),
+            "final_yaw_deg_median": scaled(median(self.heading_errors), math.degrees(1.0)),
+            "path_ratio_median": median(self.path_ratios),
+            "sim_s_median": median(self.times),
+            "local_tick_ms_median": scaled(median(self.ticks), 1e3),
+            "local_tick_ms_p95": scaled(percentile(self.ticks, 95.0), 1e3),
+            "real_time_factor": sum(self.times) / self.wall,
             "failures": self.failures,
         }
 
@@ -203,11 +206,9 @@ def main() -> None:
         measured = Measurements()
         for seed in range(arguments.seed, arguments.seed + arguments.drives):
             drive(model, planner, seed, arguments.boxes, not arguments.no_monitor, measured)
-            if not arguments.json:
-                print(planner, seed, measured.summary(), flush=True)
+            print(planner, seed, measured.summary(), file=sys.stderr, flush=True)
         found[planner] = measured.summary()
-    if arguments.json:
-        print(json.dumps(found))
+    print_report(found, arguments.json)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,48 @@
+"""A session with the truth beside it: poses from the simulator, which only the benchmark sees."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from bestman_bt.messages import Pose2D
+from bestman_bt.runtime import Session, open_session
+from bestman_bt.runtime.setup import Setup
+from hal.api import Robot
+from hal.pybullet import GroundTruth, PyBulletRobot
+
+
+@dataclass
+class JudgedSession:
+    """``simulated``, ``wall``: seconds that it has taken, once it is over."""
+
+    session: Session
+    robot: PyBulletRobot
+    truth: GroundTruth
+    simulated: float = 0.0
+    wall: float = 0.0
+
+    @property
+    def true_pose(self) -> Pose2D:
+        """Of the base, in the map frame."""
+        return self.truth.base_pose().to_pose2d()
+
+
+@contextmanager
+def judged_session(setup: Setup, before: Callable[[Robot], None] = lambda robot: None) -> Iterator[JudgedSession]:
+    """Open a session; ``before`` is shown the robot before anything is started."""
+    held: list[tuple[PyBulletRobot, GroundTruth]] = []
+
+    def hold(robot: Robot) -> None:
+        assert isinstance(robot, PyBulletRobot)
+        held.append((robot, GroundTruth(robot)))
+        before(robot)
+
+    with open_session(setup, hold) as session:
+        judged = JudgedSession(session, *held[0])
+        begin, wall = judged.robot.clock.now(), time.perf_counter()
+        yield judged
+        judged.simulated = judged.robot.clock.now() - begin
+        judged.wall = time.perf_counter() - wall
