@@ -16,6 +16,8 @@ class RotateToHeadingParameters:
 
     ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below
     which the base counts as standing.
+    ``slack``: metres that the base may creep along itself meanwhile before it is driven back, ``place_gain`` 1/s of what
+    is beyond, ``max_place_speed`` m/s: wheels that are dragged over the floor push a loaded base forward or backward.
     """
 
     max_speed: float = 1.2
@@ -24,15 +26,19 @@ class RotateToHeadingParameters:
     min_speed: float = 0.05
     tolerance: float = 0.005
     still: float = 0.03
+    slack: float = 0.02
+    place_gain: float = 5.0
+    max_place_speed: float = 0.2
 
 
 class RotateToHeading(PathFollower):
-    """Turns to the heading of a path's goal and ignores its points."""
+    """Turns to the heading of a path's goal, where the base is, and ignores its points."""
 
     def __init__(self, parameters: RotateToHeadingParameters | None = None) -> None:
         self._parameters = parameters or RotateToHeadingParameters()
         self._heading: float | None = None
         self._speed = 0.0
+        self._place: Pose2D | None = None
 
     @property
     def turn_rate(self) -> float:
@@ -47,12 +53,14 @@ class RotateToHeading(PathFollower):
         """Begin to turn to ``heading``, radians in the map frame; ``speed``: rad/s at which the base turns already."""
         self._heading = heading
         self._speed = speed
+        self._place = None
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
         """See ``PathFollower.compute``; ``remaining`` is 0, as no distance is driven."""
         if self._heading is None:
             raise RuntimeError("RotateToHeading.compute was called before reset")
         p = self._parameters
+        self._place = self._place or pose
         error = wrap_angle(self._heading - pose.theta)
         arrived = abs(error) < p.tolerance
         if arrived and abs(velocity.wz) < p.still and abs(self._speed) < p.still:
@@ -66,4 +74,12 @@ class RotateToHeading(PathFollower):
             speed = 0.0
         change = p.acceleration * dt
         self._speed += min(max(sign * speed - self._speed, -change), change)
-        return FollowerCommand(Twist2D(wz=self._speed), False, 0.0)
+        return FollowerCommand(Twist2D(vx=self._back_to_place(pose), wz=self._speed), False, 0.0)
+
+    def _back_to_place(self, pose: Pose2D) -> float:
+        """Speed along the base, m/s, against having crept away; 0 within the slack."""
+        p = self._parameters
+        assert self._place is not None
+        ahead = (pose.inverse() @ self._place).x
+        beyond = math.copysign(max(0.0, abs(ahead) - p.slack), ahead)
+        return min(max(p.place_gain * beyond, -p.max_place_speed), p.max_place_speed)
