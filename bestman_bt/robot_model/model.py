@@ -222,6 +222,24 @@ class RobotModel:
     connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """Names of all parts, kind by kind; a kind's own in the order of the robot's YAML."""
+        kinds: tuple[Mapping[str, object], ...] = (
+            self.bases,
+            self.arms,
+            self.grippers,
+            self.joint_groups,
+            self.cameras,
+            self.lidars,
+            self.force_torques,
+            self.imus,
+            self.tactiles,
+            self.bumpers,
+            self.batteries,
+        )
+        return tuple(name for kind in kinds for name in kind)
+
     def posture(self, name: str, joint_names: tuple[str, ...]) -> NDArray[np.float64]:
         """Positions (n,) of ``joint_names`` in a posture; KeyError names what there is."""
         if name not in self.postures:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from memory_sensors import FlatCamera, FullBattery, QuietWrist, RoundRoom, StillImu, UntouchedPad
+from memory_sensors import FlatCamera, FullBattery, QuietWrist, RoundRoom, StillImu, UntouchedBumper, UntouchedPad
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import GripperModel, RobotModel
@@ -127,6 +127,7 @@ class MemoryRobot(Robot):
         sensors += [QuietWrist(name, wrist, self) for name, wrist in model.force_torques.items()]
         sensors += [StillImu(name, imu, self) for name, imu in model.imus.items()]
         sensors += [UntouchedPad(name, pad, self) for name, pad in model.tactiles.items()]
+        sensors += [UntouchedBumper(name, bumper, self) for name, bumper in model.bumpers.items()]
         sensors += [FullBattery(name, battery, self) for name, battery in model.batteries.items()]
         self._parts: dict[str, Part] = {part.name: part for part in (*self._moving, *sensors)}
 

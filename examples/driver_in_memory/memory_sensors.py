@@ -7,10 +7,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import BatteryModel, CameraModel, ForceTorqueModel, ImuModel, LidarModel, TactileModel
+from bestman_bt.robot_model import (
+    BatteryModel,
+    BumperModel,
+    CameraModel,
+    ForceTorqueModel,
+    ImuModel,
+    LidarModel,
+    TactileModel,
+)
 from hal.api import (
     Battery,
     BatteryReading,
+    Bumper,
+    BumperReading,
+    BumperZone,
     Camera,
     ForceTorque,
     Imu,
@@ -141,3 +152,21 @@ class FullBattery(Battery):
         """Full."""
         stamp = stamp_of(self._robot, self.name)
         return BatteryReading(charge=1.0, voltage=self._model.voltage_full, current=0.0, charging=False, stamp=stamp)
+
+
+class UntouchedBumper(Bumper):
+    """Nothing presses on it."""
+
+    def __init__(self, name: str, model: BumperModel, robot: MemoryRobot) -> None:
+        super().__init__(name)
+        self._robot = robot
+        self._zones = tuple(BumperZone(start, end) for start, end in model.zones)
+
+    @property
+    def zones(self) -> tuple[BumperZone, ...]:
+        """As the model has them."""
+        return self._zones
+
+    def read(self) -> BumperReading:
+        """No zone."""
+        return BumperReading(pressed=(), stamp=stamp_of(self._robot, self.name))

@@ -13,13 +13,14 @@ from hal.api.motion import Motion
 
 
 class Arm(JointGroup):
-    """A joint group that follows trajectories and streams set-points.
-
-    ``latency``: seconds by which its encoders follow what it is commanded, when nothing disturbs it.
-    """
+    """A joint group that follows trajectories and streams set-points."""
 
     kind: ClassVar[str] = "arm"
-    latency: float = 0.02
+
+    @property
+    def latency(self) -> float:
+        """Seconds by which its encoders follow what it is commanded, when nothing disturbs it."""
+        return 0.02
 
     @abstractmethod
     def follow(self, trajectory: JointTrajectory) -> Motion:

@@ -121,6 +121,14 @@ def pads_tell_forces_taxel_by_taxel(robot: Robot) -> None:
         require(finite, f"{pad.name} gave what is no number")
 
 
+def bumpers_tell_zones_that_they_have(robot: Robot) -> None:
+    """At least one; with nothing beside the robot, none is pressed."""
+    for bumper in parts_of(robot, Bumper):
+        require(len(bumper.zones) > 0, f"{bumper.name} has no zones")
+        pressed = bumper.read().pressed
+        require(not pressed, f"nothing touches {bumper.name}, and zones {pressed} are pressed")
+
+
 def batteries_tell_their_charge(robot: Robot) -> None:
     """A share of 0 to 1, and a voltage."""
     for battery in parts_of(robot, Battery):
@@ -170,6 +178,7 @@ SENSOR_CHECKS = (
     Check("forces are finite", forces_are_finite, (ForceTorque,)),
     Check("inertial units feel gravity", inertial_units_feel_gravity, (Imu,)),
     Check("pads tell forces taxel by taxel", pads_tell_forces_taxel_by_taxel, (Tactile,)),
+    Check("bumpers tell zones that they have", bumpers_tell_zones_that_they_have, (Bumper,)),
     Check("batteries tell their charge", batteries_tell_their_charge, (Battery,)),
     Check("readings are stamped", readings_are_stamped, (Sensor,)),
 )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hal.api import (
     Arm,
     Battery,
+    Bumper,
     Camera,
     Clock,
     ForceTorque,
@@ -47,6 +48,7 @@ MODEL_KINDS: Mapping[type[Part], tuple[str, ...]] = {
     ForceTorque: ("force_torques",),
     Imu: ("imus",),
     Tactile: ("tactiles",),
+    Bumper: ("bumpers",),
     Battery: ("batteries",),
 }
 """Kind of part → where the robot model lists such parts."""
@@ -78,10 +80,9 @@ class Check:
         return None
 
 
-def modelled(robot: Robot, *kinds: type[Part]) -> Iterator[str]:
-    """Names of the parts of some kinds, or of all, that the robot's model lists."""
-    listed = {field for kind in kinds or tuple(MODEL_KINDS) for field in MODEL_KINDS.get(kind, ())}
-    for field in sorted(listed):
+def modelled(robot: Robot, kind: type[Part]) -> Iterator[str]:
+    """Names of the parts of a kind that the robot's model lists."""
+    for field in MODEL_KINDS.get(kind, ()):
         yield from getattr(robot.model, field)
 
 

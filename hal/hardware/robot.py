@@ -78,7 +78,7 @@ class HardwareRobot(Robot):
     @property
     def declared_missing(self) -> dict[str, str]:
         """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
-        missing = {name: "it is behind no connection" for name in _modelled(self._model) if name not in self._parts}
+        missing = {name: "it is behind no connection" for name in self._model.part_names if name not in self._parts}
         for name, connection in self._connections.items():
             for what, why in connection.declared_missing.items():
                 reason = f"{name}: {why}"
@@ -198,25 +198,7 @@ class HardwareRobot(Robot):
             connection.disconnect()
 
 
-def _modelled(model: RobotModel) -> list[str]:
-    """Names of all parts of the model, kind by kind."""
-    kinds: tuple[Mapping[str, object], ...] = (
-        model.bases,
-        model.arms,
-        model.grippers,
-        model.joint_groups,
-        model.cameras,
-        model.lidars,
-        model.force_torques,
-        model.imus,
-        model.tactiles,
-        model.bumpers,
-        model.batteries,
-    )
-    return [name for kind in kinds for name in kind]
-
-
 def _in_order_of(model: RobotModel, parts: Mapping[str, Part]) -> list[str]:
     """Names in the order of the robot's YAML kinds, so that the first arm of a list is the model's first arm."""
-    known = [name for name in _modelled(model) if name in parts]
+    known = [name for name in model.part_names if name in parts]
     return [*known, *(name for name in parts if name not in known)]

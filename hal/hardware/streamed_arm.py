@@ -40,9 +40,13 @@ class StreamedArm(StreamedJointGroup, Arm):
         super().__init__(name, model, channel, latch, period, parameters)
         self._tool = tool
         self._pace = 1.0  # of the trajectory under way
-        self.latency = self._parameters.latency
         self._streamed_at = 0.0
         self._time = 0.0
+
+    @property
+    def latency(self) -> float:
+        """Seconds from a set-point to the reading that shows it."""
+        return self._parameters.latency
 
     def follow(self, trajectory: JointTrajectory) -> Motion:
         """Follow a trajectory, slower where the tool would be too fast; a start that is a little off fades out."""

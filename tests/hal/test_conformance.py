@@ -44,6 +44,7 @@ ROBOTS = {
         "diff_panda",
         imu=("imu", "base_link"),
         pad=("tactile_pad", "panda_leftfinger"),
+        bumper=("bumper", "base_link"),
         battery=("battery", "base_link"),
     ),
 }

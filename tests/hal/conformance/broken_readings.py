@@ -73,6 +73,7 @@ BROKEN: list[tuple[str, Break]] = [
     ("forces are finite", of("wrist_force_torque", "wrench", lambda do: replace(do(), force=np.full(3, np.nan)))),
     ("inertial units feel gravity", of("imu", "read", lambda do: in_multiples_of_gravity(do()))),
     ("pads tell forces taxel by taxel", of("pad", "read", lambda do: replace(do(), shear=np.zeros((2, 2))))),
+    ("bumpers tell zones that they have", of("bumper", "read", lambda do: replace(do(), pressed=(12,)))),
     ("batteries tell their charge", of("battery", "read", lambda do: replace(do(), charge=100.0))),
     ("readings are stamped", of("lidar", "scan", lambda do: replace(do(), stamp=0.0))),
 ]

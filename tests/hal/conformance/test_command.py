@@ -57,7 +57,12 @@ def test_a_driver_beside_the_command_passes(folder: Path) -> None:
     assert code == 0, said
     assert re.search(r"\d\d passed", said)
     lacking = re.findall(r"MemoryRobot \(diff_panda\): .*: (.*)$", said, flags=re.MULTILINE)
-    assert set(lacking) == {"the robot has no imu", "the robot has no tactile", "the robot has no battery"}, said
+    assert set(lacking) == {
+        "the robot has no imu",
+        "the robot has no tactile",
+        "the robot has no bumper",
+        "the robot has no battery",
+    }, said
 
 
 @pytest.mark.parametrize(

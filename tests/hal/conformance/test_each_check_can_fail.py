@@ -21,6 +21,7 @@ EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "driver_in_memory"
 ADDED = {
     "imu": ("imu", "base_link"),
     "pad": ("tactile_pad", "panda_leftfinger"),
+    "bumper": ("bumper", "base_link"),
     "battery": ("battery", "base_link"),
 }
 BROKEN = [*broken_readings.BROKEN, *broken_commands.BROKEN, *broken_stops.BROKEN, *broken_connections.BROKEN]
