@@ -119,6 +119,69 @@ def test_round_robin_fails_when_all_children_failed_in_turn() -> None:
     assert ticks(tree, 2) == [FAILURE, FAILURE]
 
 
+def test_round_robin_without_wrap_around_fails_once_after_the_last_child_and_begins_anew() -> None:
+    a, b = Plan("a", plan="S"), Plan("b", plan="S")
+    tree = build_tree(RoundRobin([a, b], wrap_around=False))
+    assert ticks(tree, 5) == [SUCCESS, SUCCESS, FAILURE, SUCCESS, SUCCESS]
+    assert (a.ticks, b.ticks) == (2, 2)
+
+
+def test_round_robin_skips_children_and_is_skipped_with_all_of_them() -> None:
+    a, b = Plan("a", plan="K"), Plan("b", plan="S")
+    assert ticks(build_tree(RoundRobin([a, b])), 2) == [SUCCESS, SUCCESS]
+    assert (a.ticks, b.ticks) == (2, 2)
+    assert build_tree(RoundRobin([Plan("c", plan="K"), Plan("d", plan="K")])).tick_exactly_once() == SKIPPED
+
+
+def test_a_halted_round_robin_begins_with_the_first_child() -> None:
+    a, b = Plan("a", plan="S"), Plan("b", plan="R")
+    tree = build_tree(RoundRobin([a, b]))
+    assert ticks(tree, 2) == [SUCCESS, RUNNING]
+    tree.halt()
+    assert ticks(tree, 1) == [SUCCESS]
+    assert (a.ticks, b.ticks, b.halts) == (2, 1, 1)
+
+
+def test_a_recovery_that_is_skipped_is_none_and_a_skipped_action_skips_the_node() -> None:
+    assert build_tree(RecoveryNode([AlwaysFailure(), Plan("r", plan="K")])).tick_exactly_once() == FAILURE
+    assert build_tree(RecoveryNode([Plan("a", plan="K"), AlwaysSuccess()])).tick_exactly_once() == SKIPPED
+
+
+def test_a_halted_recovery_node_has_all_its_retries_again() -> None:
+    act, recover = Plan("act", plan="F"), Plan("recover", plan="SRSR")
+    tree = build_tree(RecoveryNode([act, recover], number_of_retries=2))
+    assert ticks(tree, 1) == [RUNNING]
+    tree.halt()
+    assert recover.halts == 1
+    assert ticks(tree, 1) == [RUNNING]
+    assert recover.ticks == 4
+
+
+def test_a_skipped_child_leaves_the_rate_controller_waiting_for_its_period() -> None:
+    clock, child = ManualClock(), Again("child", plan="KS")
+    tree = build_tree(RateController(child, hz=2.0), clock=clock)
+    assert ticks(tree, 2) == [SKIPPED, RUNNING]
+    clock.advance(0.5)
+    assert ticks(tree, 1) == [SUCCESS]
+
+
+def test_a_default_that_names_an_entry_is_read_from_it_and_is_nothing_while_that_is_empty() -> None:
+    class Watch(SyncAction):
+        INPUT_PORTS = {"goal": PortInformation(object, required=False, default_value="{goal}")}
+
+        def on_tick(self) -> int:
+            self.seen = self.get_input("goal")
+            return SUCCESS
+
+    watch = Watch()
+    tree = build_tree(watch)
+    tree.tick_exactly_once()
+    assert watch.seen is None
+    tree.blackboard.set("goal", 3)
+    tree.tick_exactly_once()
+    assert watch.seen == 3
+
+
 def test_a_recovery_node_retries_after_each_recovery() -> None:
     act, recover = Plan("act", plan="FRFS"), Plan("recover", plan="RS")
     tree = build_tree(RecoveryNode([act, recover], number_of_retries=2))

@@ -11,7 +11,6 @@ from bestman_bt.engine.decorators.precondition import Precondition
 from bestman_bt.engine.decorators.rate_controller import RateController
 from bestman_bt.engine.decorators.repetition import KeepRunningUntilFailure, Repeat, RetryUntilSuccessful
 from bestman_bt.engine.decorators.run_once import RunOnce
-from bestman_bt.engine.decorators.single_trigger import SingleTrigger
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.decorators.timing import Delay, Timeout
 from bestman_bt.engine.decorators.updated import SkipUnlessUpdated, WaitValueUpdate
@@ -34,7 +33,6 @@ __all__ = [
     "Repeat",
     "RetryUntilSuccessful",
     "RunOnce",
-    "SingleTrigger",
     "SkipUnlessUpdated",
     "SubTree",
     "Timeout",

@@ -73,7 +73,7 @@ class PurePursuit(PathFollower):
         self._parameters = parameters or PurePursuitParameters()
         self._legs: list[_Leg] | None = None
         self._turn = RotateToHeading(self._parameters.turning)
-        self._turning = False
+        self._turning = self._fresh = False
         self._turn_heading = self._goal_heading = 0.0
         self._speed = self._turn_rate = 0.0
         self._at = 0
@@ -86,12 +86,16 @@ class PurePursuit(PathFollower):
         self._goal_heading = path.goal.theta
         self._speed = 0.0
         self._turn_rate = 0.0
+        self._fresh = True
         self._begin_leg()
 
     def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
         """See ``PathFollower.compute``."""
         if self._legs is None:
             raise RuntimeError("PurePursuit.compute was called before reset")
+        if self._fresh:
+            self._fresh = False
+            self._take_over(pose, velocity)
         if self._turning:
             turn_rate = self._turn.turn_rate
             command = self._turn.compute(pose, velocity, dt)
@@ -107,6 +111,17 @@ class PurePursuit(PathFollower):
             self._legs.pop(0)
             self._begin_leg()
         return FollowerCommand(twist, False, self._remaining())
+
+    def _take_over(self, pose: Pose2D, velocity: Twist2D) -> None:
+        """Go on at the present speed where the base drives in about the direction of the path already."""
+        p = self._parameters
+        if not self._legs:
+            return
+        leg = self._legs[0]
+        along = -velocity.vx if leg.reverse else velocity.vx
+        if along > p.still and abs(wrap_angle(leg.start_heading - pose.theta)) < p.corner:
+            self._turning = False
+            self._speed, self._turn_rate = min(along, p.max_speed), velocity.wz
 
     def _begin_leg(self) -> None:
         assert self._legs is not None

@@ -11,6 +11,7 @@ from bestman_bt.navigation.localization.base import (
 from bestman_bt.navigation.localization.correlative_search import CorrelativeSearch, CorrelativeSearchParameters
 from bestman_bt.navigation.localization.distance_field import DistanceField
 from bestman_bt.navigation.localization.ekf import OdometryEkf, OdometryEkfParameters
+from bestman_bt.navigation.localization.front_edge import FrontEdge, FrontEdgeParameters, front_edge
 from bestman_bt.navigation.localization.map_lines import MapLines, PlanarMap, map_lines
 from bestman_bt.navigation.localization.odometry import OdometryFilter, WheelOdometry
 from bestman_bt.navigation.localization.particle_filter import ParticleFilter, ParticleFilterParameters
@@ -21,6 +22,8 @@ __all__ = [
     "CorrelativeSearch",
     "CorrelativeSearchParameters",
     "DistanceField",
+    "FrontEdge",
+    "FrontEdgeParameters",
     "GlobalLocalizer",
     "LocalizationEstimate",
     "Localizer",
@@ -38,5 +41,6 @@ __all__ = [
     "ScanToMapParameters",
     "WheelOdometry",
     "cast_rays",
+    "front_edge",
     "map_lines",
 ]

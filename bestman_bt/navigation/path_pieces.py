@@ -1,0 +1,112 @@
+"""Pieces of planar paths: what is left of one, what lies up to so many metres before its goal, several joined."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Path2D, Pose2D, wrap_angle
+
+
+def metres_along(path: Path2D) -> NDArray[np.float64]:
+    """From the beginning of a path to each of its points, (N,)."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path.points, axis=0), axis=1)))
+
+
+def nearest_along(path: Path2D, position: NDArray[np.float64], begin: float = 0.0, end: float = math.inf) -> float:
+    """Metres along a path with two points or more to the place on it that is nearest to ``position`` (2,).
+
+    Only places between ``begin`` and ``end`` metres along it are looked at: it may pass a place twice.
+    """
+    along = metres_along(path)
+    lengths = np.maximum(np.diff(along), 1e-12)
+    steps = np.diff(path.points, axis=0)
+    share = np.sum((position - path.points[:-1]) * steps, axis=1) / lengths**2
+    low, high = (np.clip((bound - along[:-1]) / lengths, 0.0, 1.0) for bound in (begin, end))
+    share = np.clip(share, low, high)
+    away = np.linalg.norm(path.points[:-1] + share[:, None] * steps - position, axis=1)
+    looked_at = (along[1:] >= begin) & (along[:-1] <= end)
+    nearest = int(np.argmin(np.where(looked_at, away, np.inf)))
+    return float(along[nearest] + share[nearest] * lengths[nearest])
+
+
+def piece(path: Path2D, begin: float, end: float) -> Path2D:
+    """What lies between ``begin`` and ``end`` metres along a path with two points or more.
+
+    It keeps the goal where it reaches to the path's end, and else ends in the direction of travel.
+    """
+    along = metres_along(path)
+    begin, end = max(0.0, begin), min(float(along[-1]), end)
+    begin = min(begin, end)
+    inner = np.flatnonzero((along > begin + 1e-9) & (along < end - 1e-9))
+    points = np.vstack([_place(path, along, begin), path.points[inner], _place(path, along, end)])
+    first = int(np.clip(np.searchsorted(along, begin + 1e-9) - 1, 0, len(path.reverse) - 1))
+    reverse = np.append(path.reverse[first], path.reverse[inner])
+    if end >= along[-1] - 1e-9:
+        return Path2D(points, path.goal, reverse)
+    return Path2D(points, _heading_along(points[-2:], bool(reverse[-1])), reverse)
+
+
+def before_goal(path: Path2D, distance: float) -> Path2D:
+    """A path with two points or more up to where it last is ``distance`` metres, as the crow flies, from its end.
+
+    It ends facing the goal, as a robot stands that is to go on from there; nothing but the beginning is left where the
+    whole path is nearer.
+    """
+    along, goal = metres_along(path), path.points[-1]
+    end = 0.0
+    for i in range(len(path.points) - 2, -1, -1):
+        if np.linalg.norm(path.points[i] - goal) >= distance:
+            start, step = path.points[i] - goal, path.points[i + 1] - path.points[i]
+            # |start + share * step| = distance, the later of the two
+            a, b, c = float(step @ step), float(start @ step), float(start @ start) - distance**2
+            share = (-b - math.sqrt(max(0.0, b * b - a * c))) / a
+            end = float(along[i]) + min(max(share, 0.0), 1.0) * math.sqrt(a)
+            break
+    cut = piece(path, 0.0, end)
+    x, y = cut.points[-1]
+    away = goal - cut.points[-1]
+    heading = math.atan2(away[1], away[0]) if np.any(away) else path.goal.theta
+    if len(cut.reverse) and cut.reverse[-1]:
+        heading += math.pi
+    return replace(cut, goal=Pose2D(float(x), float(y), wrap_angle(heading)))
+
+
+def joined(paths: Sequence[Path2D]) -> Path2D:
+    """Paths of which each begins where the one before it ends, as one."""
+    points = np.vstack([paths[0].points, *(path.points[1:] for path in paths[1:])])
+    return Path2D(points, paths[-1].goal, np.concatenate([path.reverse for path in paths]))
+
+
+def poses_along(path: Path2D, spacing: float, turn: float = 0.05) -> NDArray[np.float64]:
+    """Poses (N, 3) of a base that drives a path and turns at its corners and at its end; metres and radians between."""
+    poses: list[NDArray[np.float64]] = []
+    headings = [
+        math.atan2(dy, dx) + (math.pi if reverse else 0.0)
+        for (dx, dy), reverse in zip(np.diff(path.points, axis=0), path.reverse, strict=True)
+    ]
+    for i, heading in enumerate(headings):
+        start, step = path.points[i], path.points[i + 1] - path.points[i]
+        count = max(2, math.ceil(float(np.linalg.norm(step)) / spacing) + 1)
+        share = np.linspace(0.0, 1.0, count)
+        poses.append(np.column_stack([start + share[:, None] * step, np.full(count, heading)]))
+        after = headings[i + 1] if i + 1 < len(headings) else path.goal.theta
+        turned = wrap_angle(after - heading)
+        between = heading + turned * np.linspace(0.0, 1.0, max(2, math.ceil(abs(turned) / turn) + 1))
+        poses.append(np.column_stack([np.broadcast_to(path.points[i + 1], (len(between), 2)), between]))
+    if not poses:
+        return np.array([[path.goal.x, path.goal.y, path.goal.theta]])
+    return np.vstack(poses)
+
+
+def _place(path: Path2D, along: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
+    return np.array([np.interp(metres, along, path.points[:, k]) for k in range(2)])
+
+
+def _heading_along(points: NDArray[np.float64], reverse: bool) -> Pose2D:
+    (x, y), (dx, dy) = points[-1], points[-1] - points[0]
+    return Pose2D(float(x), float(y), wrap_angle(math.atan2(dy, dx) + (math.pi if reverse else 0.0)))
