@@ -26,6 +26,7 @@ from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner
+from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
 from bestman_bt.perception.affordance import HandleDetector
@@ -76,7 +77,8 @@ class SkillContext:
     may be none. ``wrist_wrench``: what touches the hand, where there is a sensor.
     ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
-    oldest first. ``policies``: from the name or file of a learned policy to it.
+    oldest first. ``policies``: from the name or file of a learned policy to it. ``planners``, ``followers``: from the
+    name of a global and of a local planner to it; they raise UnknownNameError.
     """
 
     clock: TimeSource
@@ -96,6 +98,8 @@ class SkillContext:
     computation: Computation
     costs: Mapping[str, float]
     rng: np.random.Generator
+    planners: Callable[[str], GlobalPlanner]
+    followers: Callable[[str], PathFollower]
     failures: list[Failure] = field(default_factory=list)
     observations: dict[str, list[Observation]] = field(default_factory=dict)
     policies: Callable[[str], Policy] = load_policy
@@ -136,6 +140,10 @@ class SkillContext:
         """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open."""
         footprint = Footprint(np.array(self.base.description.footprint))
         return Costmap.from_map(self.world.map, footprint, open_leaves(self.world))
+
+    def seen_costmap(self) -> Costmap:
+        """``costmap`` and what the lidar sees that the map does not know."""
+        return self.base.layer.on(self.costmap())
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:
         """The collision world of the arm in ``scene``."""

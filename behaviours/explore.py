@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Awaitable, Declaration, Skill, SkillFailure, Steps, StepsTo
-from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.waiting import Until
+from bestman_bt.control import READING_ERRORS, ControlStatus
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.occupancy_grid import FREE
 from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
@@ -33,30 +31,10 @@ EVERY_POINT = 7
 """Of a depth image's points, one in so many is drawn."""
 ARRIVED = 0.30
 """Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
-PLANS = 6
-"""Ways that are planned in vain before the frontiers are ranked anew."""
-AGAIN = 0.3
-"""Metres: places nearer than this to one that was of no use are not tried."""
-
-
-@dataclass(frozen=True)
-class _Until(Awaitable):
-    """Waits for a drive or until ``time``, whatever comes first."""
-
-    handle: ControlHandle[BasePose]
-    now: Callable[[], float]
-    time: float
-
-    @property
-    def done(self) -> bool:
-        return self.handle.done or self.now() >= self.time
-
-    def cancel(self) -> None:
-        self.handle.cancel()
 
 
 class ExploreAndMap(Skill):
-    """Map the surroundings by lidar SLAM: drive to where most of the unknown can be seen until no such place is left.
+    """Map the surroundings by lidar SLAM: drive from place to place where unknown floor can be seen until none is left.
 
     The map's frame is the one in which the base believes to be at the start. The head camera looks for table tops and
     what else the lidar does not see. Afterwards the base localises as before.
@@ -118,21 +96,22 @@ class ExploreAndMap(Skill):
         yield skills.base.park()
         overhangs = Overhangs(slam.grid.resolution)
         self._pictured: Pose2D | None = None
-        useless: list[NDArray[np.float64]] = []
+        useless = np.zeros((0, 2))
         while skills.clock.now() < end:
             grid, costmap = self._look(overhangs)
-            views: list[FrontierView] = yield self.compute("exploration", explorer.rank, grid, costmap, self._pose)
-            views = [view for view in views if all(np.linalg.norm(view.pose.xy - p) > AGAIN for p in useless)]
+            views: list[FrontierView] = yield self.compute(
+                "exploration", explorer.tour, grid, costmap, self._pose, useless
+            )
             if not views:
                 return True
-            for view in views[:PLANS]:
+            for view in views:
                 path = yield self.compute("global_planning", self._plan, view.pose, costmap)
                 if isinstance(path, Path2D):
                     self.feedback_message = f"{view.gain:.1f} m² unknown in view, {path.length:.1f} m away"
                     if not (yield from self._drive(path, view, overhangs, end)):
-                        useless.append(view.pose.xy)
+                        useless = np.vstack([useless, view.pose.xy])
                     break
-                useless.append(view.pose.xy)
+                useless = np.vstack([useless, view.pose.xy])
         return False
 
     def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> StepsTo[bool]:
@@ -140,7 +119,7 @@ class ExploreAndMap(Skill):
         skills, explorer = self.skills, self.skills.algorithms.exploration
         handle = skills.base.follow(path)
         while True:
-            yield _Until(handle, skills.clock.now, skills.clock.now() + LOOK_PERIOD)
+            yield Until(handle, skills.clock.now, skills.clock.now() + LOOK_PERIOD)
             if handle.done and handle.status is not ControlStatus.SUCCEEDED:
                 error = handle.error
                 if error is None or error.code.value not in ("blocked", "tolerance"):

@@ -13,7 +13,7 @@ from behaviours.computation import Job
 from behaviours.context import SkillContext
 from behaviours.failure import Failure
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
-from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
@@ -61,13 +61,8 @@ class Declaration:
     recovery: Mapping[str, str] = field(default_factory=dict)
 
 
-class Explained(Node):
-    """Shared by skills and conditions: the context, and failures that are told with a code and in words."""
-
-    OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
-        "error_code": PortInformation(str, required=False, description="why it failed, for programs; empty if not"),
-        "error_message": PortInformation(str, required=False, description="why it failed, in words"),
-    }
+class OnRobot(Node):
+    """A node that knows the robot that its tree runs."""
 
     @property
     def skills(self) -> SkillContext:
@@ -76,6 +71,15 @@ class Explained(Node):
         if not isinstance(context, SkillContext):
             raise TypeError(f"skills need a SkillContext as the tree's context, not {type(context).__name__}")
         return context
+
+
+class Explained(OnRobot):
+    """Shared by skills and conditions: failures are told with a code and in words."""
+
+    OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
+        "error_code": PortInformation(str, required=False, description="why it failed, for programs; empty if not"),
+        "error_message": PortInformation(str, required=False, description="why it failed, in words"),
+    }
 
     def get_input(self, port: str) -> Any:
         """The value of a port; SkillFailure (``bad_input``) for a number that is none, in a pose or a list, too."""
@@ -179,6 +183,22 @@ class SkillCondition(Explained, Condition):
         except (SkillFailure, *READING_ERRORS) as error:
             refusal = error.code, str(error)
         return self.succeed() if refusal is None else self.explain(*refusal)
+
+
+class InstantSkill(Explained, SyncAction):
+    """A leaf that is done within its tick and moves nothing: ``act`` raises SkillFailure to fail."""
+
+    def act(self) -> None:
+        """Do the work."""
+        raise NotImplementedError(f"{type(self).__name__} does not define act()")
+
+    def on_tick(self) -> int:
+        """SUCCESS once it is done."""
+        try:
+            self.act()
+        except (SkillFailure, *READING_ERRORS) as error:
+            return self.explain(error.code, str(error))
+        return self.succeed(self.feedback_message)
 
 
 def _numbers(value: Any) -> Iterator[float]:

@@ -12,7 +12,7 @@ from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
 from bestman_bt.manipulation.trajectory import TimeParametrization
 from bestman_bt.navigation.global_planning import GlobalPlanner
-from bestman_bt.navigation.local_planning import PathFollower
+from bestman_bt.navigation.local_planning import MotionLimits, PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
 from bestman_bt.perception.affordance import HandleDetector
@@ -23,7 +23,7 @@ from bestman_bt.perception.pose_estimation import MultiView, PoseEstimator
 from bestman_bt.perception.segmentation import Segmentation, SupportSurfaces
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
-from bestman_bt.registry import ALGORITHMS, suggestion
+from bestman_bt.registry import ALGORITHMS, UnknownNameError, suggestion
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.world_model import SemanticMap
 
@@ -83,14 +83,41 @@ def make_local_planner(config: RunConfig) -> PathFollower:
     return follower
 
 
-def make_algorithm(config: RunConfig, slot: str, base: type[Any], *needs: Any, kind: str = "", **parts: Any) -> Any:
+def planner_by_name(config: RunConfig, name: str) -> GlobalPlanner:
+    """A global planner that a tree names; raises UnknownNameError."""
+    planner: GlobalPlanner = _by_name(config, "global_planning", GlobalPlanner, name)
+    return planner
+
+
+def follower_by_name(config: RunConfig, limits: MotionLimits, name: str) -> PathFollower:
+    """A local planner that a tree names, told the base; raises UnknownNameError."""
+    follower: PathFollower = _by_name(config, "local_planning", PathFollower, name)
+    follower.configure(limits)
+    return follower
+
+
+def _by_name(config: RunConfig, slot: str, base: type[Any], name: str) -> Any:
+    """As the configuration has it where that names the same one, else with its own defaults."""
+    try:
+        return make_algorithm(config, slot, base, name=name)
+    except ConfigurationError as error:
+        raise UnknownNameError(error.problems[0].message) from error
+
+
+def make_algorithm(
+    config: RunConfig, slot: str, base: type[Any], *needs: Any, kind: str = "", name: str = "", **parts: Any
+) -> Any:
     """The algorithm in ``slot``, a ``base``, made as ``Class(*needs, parameters=…, **parts)``.
 
-    ``kind``: the registered kind where it is not called like the slot. ``parts``: other algorithms that it stands on.
+    ``kind``: the registered kind where it is not called like the slot. ``name``: another one than the configured, which
+    then has its own default parameters. ``parts``: other algorithms that it stands on.
     Its parameters are checked against the dataclass ``<Class>Parameters`` of the class's module.
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
-    name, values = config.task.algorithm(slot)
+    configured, values = config.task.algorithm(slot)
+    if name and name != configured:
+        values = {}
+    name = name or configured
     algorithms = _of_kind(kind or slot, base)
     if name not in algorithms:
         message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"

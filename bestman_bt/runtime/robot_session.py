@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,19 @@ from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor, motion_limits
 from bestman_bt.engine import Node, Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model import RobotModel, joints_above
-from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer, make_odometry_filter
+from bestman_bt.runtime.algorithms import (
+    follower_by_name,
+    make_algorithms,
+    make_local_planner,
+    make_localizer,
+    make_odometry_filter,
+    planner_by_name,
+)
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.policies import find_policy
 from bestman_bt.runtime.setup import Setup, load_for, prepare
@@ -210,6 +217,8 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         computation=InlineComputation(clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),
+        planners=cache(partial(planner_by_name, config)),
+        followers=cache(partial(follower_by_name, config, motion_limits(mobile_base.description))),
         policies=partial(find_policy, tree=find_data("tree", config.task.tree)),
     )
 

@@ -1,0 +1,107 @@
+"""Planning a path, without driving it: ComputePathToPose and ComputePathThroughPoses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.nav2.ports import SERVER, named
+from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.messages import Goals, Path2D, Pose2D
+from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure
+from bestman_bt.navigation.path_pieces import joined
+
+ALL_GOALS = -1
+"""What ``last_reached_index`` is where the path leads through all poses."""
+
+
+class _ComputePath(Skill):
+    """A path that leads through poses; without one the output is cleared, so that nobody drives an old path."""
+
+    INPUT_PORTS: ClassVar = {
+        **SERVER,
+        "start": PortInformation(Pose2D, required=False, description="x;y;theta instead of where the base is"),
+        "planner_id": PortInformation(
+            str, required=False, default_value="", description="a global planner, as grid_astar; the configured one"
+        ),
+    }
+    OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path; empty on failure")}
+
+    def on_halted(self) -> None:
+        """Clear the path, as nav2 does."""
+        super().on_halted()
+        self.set_output("path", None)
+
+    def _plan(self, start: Pose2D | None, goals: Sequence[Pose2D]) -> StepsTo[tuple[int, PlanningFailure | None]]:
+        """Plan through ``goals`` and put the path out; how many of them it can get to, and what ended that."""
+        skills = self.skills
+        name = self.get_input("planner_id")
+        planner = named(skills.planners, name) if name else skills.algorithms.global_planning
+        begin = skills.world.base.pose if start is None else start
+        legs: list[Path2D]
+        legs, failure = yield self.compute("global_planning", _legs, planner, begin, goals, skills.seen_costmap())
+        path = joined(legs) if failure is None else None
+        self.set_output("path", path)
+        if path is not None:
+            self.feedback_message = f"{path.length:.1f} m"
+        return len(legs), failure
+
+
+class ComputePathToPose(_ComputePath):
+    """Plan a path to a pose, past ``viapoints`` where there are any."""
+
+    INPUT_PORTS: ClassVar = {
+        "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
+        "viapoints": PortInformation(Goals, required=False, description="passed on the way: x;y;theta;x;y;theta"),
+        "use_start": PortInformation(bool, required=False, description="false: from where the base is, all the same"),
+    }
+
+    def execute(self) -> Steps:
+        """Plan."""
+        start: Pose2D | None = self.get_input("start")
+        use_start = self.get_input("use_start")
+        if use_start is not None and not use_start:
+            start = None
+        _, failure = yield from self._plan(start, [*(self.get_input("viapoints") or ()), self.get_input("goal")])
+        if failure is not None:
+            raise SkillFailure(failure.reason.value, failure.text)
+
+
+class ComputePathThroughPoses(_ComputePath):
+    """Plan a path through several poses."""
+
+    INPUT_PORTS: ClassVar = {
+        "goals": PortInformation(Goals, description="x;y;theta;x;y;theta in the map frame, metres and radians")
+    }
+    OUTPUT_PORTS: ClassVar = {
+        "last_reached_index": PortInformation(
+            int, required=False, description="-1: the path leads through all; else the last pose that can be got to"
+        )
+    }
+
+    def execute(self) -> Steps:
+        """Plan."""
+        goals: Goals = self.get_input("goals")
+        if not goals:
+            self.set_output("path", None)
+            raise SkillFailure("no_goals", "there is no pose to plan to")
+        reached, failure = yield from self._plan(self.get_input("start"), goals)
+        self.set_output("last_reached_index", ALL_GOALS if failure is None else reached - 1)
+        if failure is not None:
+            raise SkillFailure(failure.reason.value, failure.text)
+
+
+def _legs(
+    planner: GlobalPlanner, start: Pose2D, goals: Sequence[Pose2D], costmap: Costmap
+) -> tuple[list[Path2D], PlanningFailure | None]:
+    """The paths from each pose to the next as far as there are any, and what ended that."""
+    legs: list[Path2D] = []
+    for goal in goals:
+        planned = planner.plan(start, goal, costmap)
+        if isinstance(planned, PlanningFailure):
+            return legs, planned
+        legs.append(planned)
+        start = goal
+    return legs, None

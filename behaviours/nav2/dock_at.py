@@ -1,0 +1,130 @@
+"""DockAt: the final approach to a pose, to a centimetre and a degree."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from py_trees.ports import PortInformation
+
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.messages import Path2D, Pose2D, wrap_angle
+from bestman_bt.navigation.global_planning import PlanningFailure
+from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters
+from bestman_bt.navigation.localization import front_edge
+from bestman_bt.world_model import MapFurniture
+
+STAGED, STAGED_HEADING = 0.05, math.radians(5.0)
+"""Metres and radians from the staging pose within which the base need not drive there first."""
+LOOKS, LOOK_PERIOD = 5, 0.1
+"""Scans of a front that are taken at rest, and the seconds between them: their noise is independent."""
+DOCKING = PurePursuitParameters(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
+"""Slow, and steering for a near point: what is off at the side goes away on the way."""
+
+
+class DockAt(Skill):
+    """Drive to a pose as exactly as the base can: from a place straight behind it, slowly, and once more if need be.
+
+    The pose is reached by the map. Where ``furniture`` names a piece that the lidar sees, the pose is taken to be given
+    by where the map has that piece, and is corrected by where its front is seen: the distance from it and the angle to
+    it are then right, whereas along the front the map has the word.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
+        "furniture": PortInformation(
+            str, required=False, default_value="", description="piece whose front is looked at"
+        ),
+        "approach": PortInformation(float, required=False, default_value=0.5, description="metres, driven straight"),
+        "tolerance": PortInformation(float, required=False, default_value=0.006, description="metres"),
+        "heading_tolerance": PortInformation(
+            float, required=False, default_value=math.radians(0.6), description="radians"
+        ),
+        "attempts": PortInformation(int, required=False, default_value=3, description="approaches at most"),
+    }
+    OUTPUT_PORTS: ClassVar = {
+        "docked": PortInformation(Pose2D, required=False, description="the goal, by where the furniture was seen")
+    }
+    DECLARATION = Declaration(
+        effects=("at({goal})",),
+        recovery={"not_docked": "BackUp, then DockAt again", "not_seen": "DockAt without furniture"},
+    )
+
+    def execute(self) -> Steps:
+        """Get behind the goal, look, approach, judge."""
+        skills = self.skills
+        goal, piece = self.get_input("goal"), self._piece()
+        approach, attempts = self.get_input("approach"), self.get_input("attempts")
+        if approach <= 0.0 or attempts < 1:
+            raise SkillFailure("bad_input", f"approach is {approach} m, attempts {attempts}; both should be above 0")
+        why = ""
+        for _ in range(attempts):
+            yield from self._stage(goal @ Pose2D(-approach, 0.0, 0.0))
+            if piece is not None:
+                goal = yield from self._seen(piece, self.get_input("goal"))
+            begin = skills.world.base.pose
+            axis = goal @ Pose2D(-approach / 2, 0.0, 0.0)
+            path = Path2D(np.array([begin.xy, axis.xy, goal.xy]), goal)
+            try:
+                yield skills.base.follow(path, None, PurePursuit(DOCKING))
+            except SkillFailure as failure:
+                if failure.code != "tolerance":
+                    raise
+            why = yield from self._improve(goal)
+            if not why:
+                self.set_output("docked", goal)
+                return
+        raise SkillFailure("not_docked", f"after {attempts} approaches the base is {why}")
+
+    def _piece(self) -> MapFurniture | None:
+        name, known = self.get_input("furniture"), self.skills.world.map.furniture
+        if not name:
+            return None
+        if name not in known or not known[name].solid_at_lidar:
+            seen = ", ".join(sorted(n for n, piece in known.items() if piece.solid_at_lidar)) or "none"
+            raise SkillFailure("bad_input", f"furniture is {name!r}; a lidar sees the front of {seen}")
+        return known[name]
+
+    def _stage(self, staging: Pose2D) -> StepsTo[None]:
+        """Drive to the staging pose, by the shortest way if the base stands before it."""
+        skills, pose = self.skills, self.skills.world.base.pose
+        back = staging.inverse() @ pose
+        if abs(back.y) < STAGED and abs(wrap_angle(back.theta)) < STAGED_HEADING and back.x > STAGED:
+            yield skills.base.drive(-back.x)
+        elif math.hypot(back.x, back.y) > STAGED or abs(wrap_angle(back.theta)) > STAGED_HEADING:
+            planner = skills.algorithms.global_planning
+            path = yield self.compute("global_planning", planner.plan, pose, staging, skills.seen_costmap())
+            if isinstance(path, PlanningFailure):
+                raise SkillFailure(path.reason.value, path.text)
+            yield skills.base.follow(path, skills.costmap())
+
+    def _seen(self, piece: MapFurniture, goal: Pose2D) -> StepsTo[Pose2D]:
+        """The goal by where the front of ``piece`` is seen."""
+        skills = self.skills
+        hits: list[NDArray[np.float64]] = []
+        for _ in range(LOOKS):
+            yield skills.computation.submit(lambda: None, LOOK_PERIOD)
+            map_from_lidar = skills.world.base.pose @ skills.base.base_from_lidar
+            hits.append(map_from_lidar.apply(skills.base.scan().scan.points()))
+        edge = front_edge(piece, np.vstack(hits))
+        if edge is None:
+            raise SkillFailure("not_seen", f"too little is seen of the front of {piece.name}")
+        return edge.corrected(piece, goal)
+
+    def _improve(self, goal: Pose2D) -> StepsTo[str]:
+        """Turn and drive what is left of the way; in words how far off the base is then, empty if it is not."""
+        base, tolerance, turning = self.skills.base, self.get_input("tolerance"), self.get_input("heading_tolerance")
+        for last in (False, True):
+            off = goal.inverse() @ self.skills.world.base.pose
+            turn = abs(wrap_angle(off.theta))
+            if math.hypot(off.x, off.y) <= tolerance and turn <= turning:
+                return ""
+            if last or abs(off.y) > tolerance:
+                break
+            if abs(off.x) > tolerance / 2:
+                yield base.drive(-off.x)
+            if turn > turning:
+                yield base.rotate_to(goal.theta)
+        return f"{1e3 * math.hypot(off.x, off.y):.0f} mm and {math.degrees(turn):.1f}° from its goal"

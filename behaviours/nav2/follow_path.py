@@ -1,0 +1,79 @@
+"""FollowPath: drive along a path, and along the next one as soon as there is one."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from py_trees.ports import PortInformation
+
+from behaviours.nav2.ports import SERVER, named, without_meaning
+from behaviours.skill import Awaitable, Skill, SkillFailure, Steps
+from bestman_bt.control import ControlHandle
+from bestman_bt.messages import Path2D
+from bestman_bt.world_model import BasePose
+
+
+class FollowPath(Skill):
+    """Drive along a path to its goal pose.
+
+    Where another path is put on the port meanwhile, the base goes over to it without stopping; where it is cleared, the
+    base goes on along the one that it has.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        **SERVER,
+        **without_meaning("goal_checker_id", "progress_checker_id", "path_handler_id"),
+        "path": PortInformation(Path2D, required=False, description="the path, in the map frame"),
+        "controller_id": PortInformation(
+            str, required=False, default_value="", description="a local planner, as pure_pursuit; the configured one"
+        ),
+    }
+
+    def execute(self) -> Steps:
+        """Follow whatever path there is until the last one has ended."""
+        path: Path2D | None = self.get_input("path")
+        if path is None:
+            raise SkillFailure("no_path", "there is no path to follow")
+        self._drive = _Drive(self._follow(path))
+        yield self._drive
+        yield self._drive.handle
+
+    def on_running(self) -> int:
+        """Go over to a new path, if there is one."""
+        try:
+            path: Path2D | None = self.get_input("path")
+            if path is not None and not self._drive.done and self._is_new(path):
+                self._drive.handle = self._follow(path)
+        except SkillFailure as failure:
+            self.on_halted()
+            return self.explain(failure.code, str(failure))
+        return super().on_running()
+
+    def _follow(self, path: Path2D) -> ControlHandle[BasePose]:
+        skills, controller = self.skills, self.get_input("controller_id")
+        self._path, self._controller = path, controller
+        self.feedback_message = f"driving {path.length:.1f} m"
+        follower = named(skills.followers, controller) if controller else None
+        return skills.base.follow(path, skills.costmap(), follower)
+
+    def _is_new(self, path: Path2D) -> bool:
+        """Whether a path, or who is to follow it, is not what it was."""
+        before = self._path
+        if path is before:
+            return self.get_input("controller_id") != self._controller
+        return path.goal != before.goal or not np.array_equal(path.points, before.points)
+
+
+class _Drive(Awaitable):
+    """A drive whose handle is another one after each new path."""
+
+    def __init__(self, handle: ControlHandle[BasePose]) -> None:
+        self.handle = handle
+
+    @property
+    def done(self) -> bool:
+        return self.handle.done
+
+    def cancel(self) -> None:
+        self.handle.cancel()

@@ -1,0 +1,109 @@
+"""Small motions, mostly to recover by: Spin, BackUp, DriveOnHeading, Wait."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.nav2.ports import SERVER, without_meaning
+from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
+from behaviours.waiting import Until
+from bestman_bt.control import ControlHandle
+from bestman_bt.world_model import BasePose
+
+TURN_AT_ONCE = math.pi / 2
+"""Radians; a base turns within ±pi, so longer turns are made of several."""
+TIME_ALLOWANCE = PortInformation(
+    float, required=False, default_value=10.0, description="seconds, then it fails as timeout; 0 or less: no limit"
+)
+COLLISION_CHECKS = without_meaning("disable_collision_checks")
+"""The collision monitor is always there."""
+
+
+class _Motion(Skill):
+    """A motion that may take no longer than ``time_allowance``."""
+
+    INPUT_PORTS: ClassVar = {**SERVER, **COLLISION_CHECKS, "time_allowance": TIME_ALLOWANCE}
+
+    def in_time(self, motion: ControlHandle[BasePose], end: float) -> StepsTo[None]:
+        """Wait for a motion, until ``end`` seconds at most."""
+        yield Until(motion, self.skills.clock.now, end)
+        if not motion.done:
+            motion.cancel()
+            raise SkillFailure("timeout", f"not done within {self.get_input('time_allowance'):g} s")
+        yield motion
+
+    def end(self) -> float:
+        """When the time is up, seconds."""
+        allowed = self.get_input("time_allowance")
+        return self.skills.clock.now() + allowed if allowed > 0.0 else math.inf
+
+
+class Spin(_Motion):
+    """Turn on the spot; by odometry, so that it also works where the base has lost its way."""
+
+    INPUT_PORTS: ClassVar = {
+        **without_meaning("is_recovery"),
+        "spin_dist": PortInformation(float, required=False, default_value=1.57, description="radians, to the left"),
+    }
+
+    def execute(self) -> Steps:
+        """Turn, a quarter at a time."""
+        left, end = self.get_input("spin_dist"), self.end()
+        while left:
+            step = math.copysign(min(abs(left), TURN_AT_ONCE), left)
+            yield from self.in_time(self.skills.base.turn(step), end)
+            left -= step
+
+
+class DriveOnHeading(_Motion):
+    """Drive straight on; the collision monitor stops it before whatever is in the way, which ends it as blocked."""
+
+    INPUT_PORTS: ClassVar = {
+        "dist_to_travel": PortInformation(
+            float, required=False, default_value=0.15, description="metres, backwards where it is negative"
+        ),
+        "speed": PortInformation(float, required=False, default_value=0.025, description="m/s, of the distance's sign"),
+    }
+
+    def execute(self) -> Steps:
+        """Drive."""
+        distance, speed = self.get_input("dist_to_travel"), self.get_input("speed")
+        if distance * speed <= 0.0:
+            text = f"dist_to_travel is {distance} m and speed {speed} m/s; both of one sign and not 0 are accepted"
+            raise SkillFailure("bad_input", text)
+        yield from self.in_time(self.skills.base.drive(distance, abs(speed)), self.end())
+
+
+class BackUp(_Motion):
+    """Drive straight back."""
+
+    INPUT_PORTS: ClassVar = {
+        "backup_dist": PortInformation(float, required=False, default_value=0.15, description="metres"),
+        "backup_speed": PortInformation(float, required=False, default_value=0.025, description="m/s"),
+    }
+
+    def execute(self) -> Steps:
+        """Drive."""
+        distance, speed = abs(self.get_input("backup_dist")), abs(self.get_input("backup_speed"))
+        if not distance or not speed:
+            raise SkillFailure("bad_input", f"backup_dist is {distance} m, backup_speed {speed} m/s; neither may be 0")
+        yield from self.in_time(self.skills.base.drive(-distance, speed), self.end())
+
+
+class Wait(Skill):
+    """Let time pass."""
+
+    INPUT_PORTS: ClassVar = {
+        **SERVER,
+        "wait_duration": PortInformation(float, required=False, default_value=1.0, description="seconds"),
+    }
+
+    def execute(self) -> Steps:
+        """Wait."""
+        duration = self.get_input("wait_duration")
+        if not (math.isfinite(duration) and duration >= 0.0):
+            raise SkillFailure("bad_input", f"wait_duration is {duration} s; 0 or more is accepted")
+        yield self.skills.computation.submit(lambda: None, duration)

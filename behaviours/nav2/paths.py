@@ -1,0 +1,201 @@
+"""Paths on the blackboard: cutting, smoothing, and asking of them."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+from py_trees.ports import PortInformation
+
+from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, without_meaning
+from behaviours.skill import InstantSkill, SkillCondition, SkillFailure
+from bestman_bt.messages import Goals, Path2D, Pose2D
+from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.navigation.path_pieces import before_goal, nearest_along, piece, poses_along
+from bestman_bt.navigation.path_smoothing import PathSmoother
+
+SMOOTHERS = ("", "simple_smoother")
+"""Names of the one smoother that there is."""
+CHECKED_EVERY = 0.05
+"""Metres between the poses of a path at which it is held against the costmap."""
+LEAVES = 1e-3
+"""Metres by which interpolation may make a place that is left seem nearer."""
+PATH = PortInformation(Path2D, description="the path")
+
+
+class TruncatePath(InstantSkill):
+    """Cut a path where it is ``distance`` metres, as the crow flies, from its end; it then ends facing that end."""
+
+    INPUT_PORTS: ClassVar = {
+        "input_path": PATH,
+        "distance": PortInformation(float, required=False, default_value=1.0, description="metres from the end"),
+    }
+    OUTPUT_PORTS: ClassVar = {"output_path": PATH}
+
+    def act(self) -> None:
+        """Cut."""
+        path: Path2D = self.get_input("input_path")
+        whole = len(path.points) < 2 or self.get_input("distance") <= 0.0
+        self.set_output("output_path", path if whole else before_goal(path, self.get_input("distance")))
+
+
+class TruncatePathLocal(InstantSkill):
+    """Cut out of a path what is around the base: so many metres ahead of and behind the place nearest to it."""
+
+    INPUT_PORTS: ClassVar = {
+        **FRAMES,
+        **without_meaning("transform_tolerance", "angular_distance_weight"),
+        "input_path": PATH,
+        "distance_forward": PortInformation(
+            float, required=False, default_value=8.0, description="metres ahead; below 0: to its end"
+        ),
+        "distance_backward": PortInformation(float, required=False, default_value=4.0, description="metres behind"),
+        "pose": PortInformation(Pose2D, required=False, description="x;y;theta instead of where the base is"),
+        "max_robot_pose_search_dist": PortInformation(
+            float,
+            required=False,
+            default_value=math.inf,
+            description="metres of path beyond the last place within which the next one is looked for",
+        ),
+    }
+    OUTPUT_PORTS: ClassVar = {"output_path": PATH}
+
+    def on_load(self) -> None:
+        """Begin with no place."""
+        self._progress = PlaceOnPath()
+
+    def act(self) -> None:
+        """Cut."""
+        path: Path2D = self.get_input("input_path")
+        pose = self.get_input("pose") or self.skills.world.base.pose
+        if len(path.points) > 1:
+            at = self._progress.find(path, pose, self.get_input("max_robot_pose_search_dist"))
+            forward = self.get_input("distance_forward")
+            end = math.inf if forward < 0.0 else at + forward
+            path = piece(path, at - self.get_input("distance_backward"), end)
+        self.set_output("output_path", path)
+
+
+class SmoothPath(InstantSkill):
+    """Round the corners of a path; where the base would then touch something, the path stays as it was."""
+
+    INPUT_PORTS: ClassVar = {
+        **SERVER,
+        **without_meaning("max_smoothing_duration"),
+        "unsmoothed_path": PATH,
+        "check_for_collisions": PortInformation(
+            bool, required=False, default_value=False, description="keep the path as it was where it would touch"
+        ),
+        "smoother_id": PortInformation(str, required=False, default_value="", description="simple_smoother"),
+    }
+    OUTPUT_PORTS: ClassVar = {
+        "smoothed_path": PATH,
+        "was_completed": PortInformation(bool, required=False, description="false: the path is as it was"),
+    }
+
+    def act(self) -> None:
+        """Smooth."""
+        smoother = self.get_input("smoother_id")
+        if smoother not in SMOOTHERS:
+            raise SkillFailure("bad_input", f"smoother_id is {smoother!r}; there is {SMOOTHERS[1]}")
+        path: Path2D = self.get_input("unsmoothed_path")
+        smoothed = PathSmoother().smooth(path)
+        touches = (
+            self.get_input("check_for_collisions") and first_contact(smoothed, self.skills.seen_costmap()) is not None
+        )
+        self.set_output("smoothed_path", path if touches else smoothed)
+        self.set_output("was_completed", not touches)
+
+
+class IsPathValid(SkillCondition):
+    """Whether the base can drive what is left of a path, by what is known and seen of its surroundings now."""
+
+    INPUT_PORTS: ClassVar = {
+        **SERVICE,
+        **without_meaning("max_cost", "consider_unknown_as_obstacle", "layer_name", "footprint"),
+        **without_meaning("stop_at_first_collision"),
+        "path": PATH,
+        "max_lookahead_distance": PortInformation(
+            float, required=False, default_value=-1.0, description="metres ahead that are looked at; below 0: all"
+        ),
+    }
+    OUTPUT_PORTS: ClassVar = {
+        "collision_poses": PortInformation(Goals, required=False, description="where it would touch first, if anywhere")
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the costmap."""
+        path: Path2D = self.get_input("path")
+        ahead = self.get_input("max_lookahead_distance")
+        if len(path.points) > 1:
+            at = nearest_along(path, self.skills.world.base.pose.xy)
+            path = piece(path, at, math.inf if ahead < 0.0 else at + ahead)
+        contact = first_contact(path, self.skills.seen_costmap())
+        self.set_output("collision_poses", Goals(() if contact is None else (contact,)))
+        if contact is None:
+            return None
+        return "path_blocked", f"the base would touch something at ({contact.x:.2f}, {contact.y:.2f}) m on the path"
+
+
+class IsGoalNearby(SkillCondition):
+    """Whether less than ``proximity_threshold`` metres of a path are left to drive."""
+
+    INPUT_PORTS: ClassVar = {
+        **FRAMES,
+        "path": PortInformation(Path2D, required=False, description="the path; none is not near"),
+        "proximity_threshold": PortInformation(float, required=False, default_value=1.0, description="metres"),
+        "max_robot_pose_search_dist": PortInformation(
+            float,
+            required=False,
+            default_value=-1.0,
+            description="metres of path beyond the last place within which the next one is looked for; below 0: all",
+        ),
+    }
+
+    def on_load(self) -> None:
+        """Begin with no place."""
+        self._progress = PlaceOnPath()
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the localisation."""
+        path: Path2D | None = self.get_input("path")
+        if path is None:
+            return "no_path", "there is no path yet"
+        left = path.length
+        if len(path.points) > 1:
+            window = self.get_input("max_robot_pose_search_dist")
+            left -= self._progress.find(path, self.skills.world.base.pose, math.inf if window < 0.0 else window)
+        if left < self.get_input("proximity_threshold"):
+            return None
+        return "not_near", f"{left:.1f} m are left to drive"
+
+
+class PlaceOnPath:
+    """Where on a path the base is; it goes on from the last place where no more than a part of the path is searched."""
+
+    def __init__(self) -> None:
+        self._path: Path2D | None = None
+        self._at = 0.0
+
+    def find(self, path: Path2D, pose: Pose2D, window: float) -> float:
+        """Metres along ``path``, at most ``window`` beyond where it was the last time."""
+        if path is not self._path or math.isinf(window):
+            self._path, self._at = path, 0.0
+        self._at = nearest_along(path, pose.xy, self._at, self._at + window)
+        return self._at
+
+
+def first_contact(path: Path2D, costmap: Costmap) -> Pose2D | None:
+    """The first pose on a path at which the base would touch an obstacle of the costmap.
+
+    A base that stands within a margin already may leave it: up to the first free pose it only must not come nearer.
+    """
+    poses = poses_along(path, CHECKED_EVERY)
+    clearance = costmap.footprint_clearance(poses)
+    leaving = np.logical_and.accumulate((clearance <= 0.0) & (np.diff(clearance, prepend=-np.inf) > -LEAVES))
+    touching = np.flatnonzero((clearance <= 0.0) & ~leaving)
+    if not len(touching):
+        return None
+    x, y, theta = poses[touching[0]].tolist()
+    return Pose2D(x, y, theta)
