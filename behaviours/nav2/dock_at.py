@@ -34,9 +34,7 @@ class DockAt(Skill):
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "furniture": PortInformation(
-            str, required=False, default_value="", description="piece whose front is looked at"
-        ),
+        "furniture": PortInformation(str, required=False, default_value="", description="whose front is looked at"),
         "approach": PortInformation(float, required=False, default_value=0.5, description="metres, driven straight"),
         "tolerance": PortInformation(float, required=False, default_value=0.006, description="metres"),
         "heading_tolerance": PortInformation(

@@ -18,9 +18,7 @@ def test_metres_are_counted_along_the_corners() -> None:
     assert metres_along(CORNER).tolist() == [0.0, 2.0, 3.0]
 
 
-@pytest.mark.parametrize(
-    ("position", "along"), [((0.5, 0.2), 0.5), ((2.2, 0.4), 2.4), ((-1.0, 0.0), 0.0), ((3, 3), 3.0)]
-)
+@pytest.mark.parametrize(("position", "along"), [((0.5, 0.2), 0.5), ((2.2, 0.4), 2.4), ((-1, 0), 0.0), ((3, 3), 3.0)])
 def test_the_nearest_place_lies_on_a_segment_or_at_an_end(position, along) -> None:
     assert nearest_along(CORNER, np.array(position)) == pytest.approx(along)
 
