@@ -13,6 +13,10 @@ class ProgressWatch:
         self._pose: Pose2D | None = None
         self._since = 0.0
 
+    def restart(self) -> None:
+        """The time that has passed does not count: the base was not to move."""
+        self._pose = None
+
     def is_stuck(self, pose: Pose2D, now: float) -> bool:
         """Take in where the base is at ``now`` seconds."""
         moved = self._pose is None or pose.distance_to(self._pose) > self._distance

@@ -23,7 +23,8 @@ class FootprintMotion:
         edges = np.roll(footprint.corners, -1, axis=0) - footprint.corners
         self._normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
         self._offsets = np.einsum("ij,ij->i", self._normals, footprint.corners) + margin
-        self._reach = footprint.circumscribed_radius + margin
+        self.reach = footprint.circumscribed_radius + margin
+        """Metres from the base's middle within which a point can be within the outline."""
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Of points (..., 2), base frame, to the outline with its margin, (...): exact along its edges, metres.
@@ -40,11 +41,11 @@ class FootprintMotion:
         moving away from it is always free.
         """
         speed = math.hypot(twist.vx, twist.vy)
-        reach = self._reach + speed * horizon
+        reach = self.reach + speed * horizon
         near = np.flatnonzero(np.einsum("ij,ij->i", points, points) < reach**2)
         if not len(near) or (speed == 0.0 and twist.wz == 0.0):
             return math.inf, -1
-        steps = min(MOST_STEPS, math.ceil((speed + abs(twist.wz) * self._reach) * horizon / STEP))
+        steps = min(MOST_STEPS, math.ceil((speed + abs(twist.wz) * self.reach) * horizon / STEP))
         times = horizon * np.arange(steps + 1) / steps
         x, y, theta = arc(twist, times)
         cos, sin = np.cos(theta)[:, None], np.sin(theta)[:, None]

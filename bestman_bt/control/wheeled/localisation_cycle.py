@@ -1,0 +1,142 @@
+"""Where a base is: its odometry at each control tick, a lidar scan every few, and whether it still knows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, OdometryScan
+from bestman_bt.sensing.inertial import FusedOdometry
+from bestman_bt.sensing.lidar import LidarSensor
+from bestman_bt.world_model import BasePose, WorldModel
+from hal.api import Clock
+
+
+@dataclass(frozen=True)
+class LocalisationCycleParameters:
+    """``rate``: control hertz, 20 to 50. ``scan_every``: control ticks per lidar scan.
+
+    ``settle_scans``: scans at rest after which a resting base knows where it ended; from then on it scans only every
+    ``rest_scan_every`` ticks, to notice when it is pushed. ``still_speed`` (m/s), ``still_turn_rate`` (rad/s): below
+    them it rests. ``lost_position_std``: metres, ``lost_scans``: scans refused in a row, above which the robot counts
+    as lost.
+    """
+
+    rate: float = 40.0
+    scan_every: int = 4
+    settle_scans: int = 5
+    rest_scan_every: int = 40
+    still_speed: float = 0.01
+    still_turn_rate: float = 0.01
+    lost_position_std: float = 0.10
+    lost_scans: int = 20
+
+
+@dataclass(frozen=True)
+class PlacedScan:
+    """A scan, where the odometry was when it was taken, and where the lidar is believed to have been on the map."""
+
+    scan: LaserScan
+    odometry: Pose2D
+    map_from_lidar: Pose2D
+
+
+class LocalisationCycle:
+    """Keeps ``world.base`` up to date with each ``step``; ``seen`` is told of each scan.
+
+    ``lost``: it does not know where it is, until a scan has fitted again; whoever drives by the map sets it.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        lidar: LidarSensor,
+        localizer: Localizer,
+        odometer: FusedOdometry,
+        world: WorldModel,
+        parameters: LocalisationCycleParameters,
+        seen: Callable[[PlacedScan], None],
+    ) -> None:
+        self._clock, self._lidar, self._odometer = clock, lidar, odometer
+        self.localizer = localizer  # who puts another one here tells it where to begin, see ``believe``
+        self._world, self._parameters, self._seen = world, parameters, seen
+        self._ticks = self._scans_at_rest = self._refused_scans = 0
+        self.lost = False
+        self.odometry = Pose2D()
+
+    @property
+    def estimate(self) -> LocalizationEstimate:
+        """The localizer's."""
+        return self.localizer.estimate
+
+    @property
+    def base_from_lidar(self) -> Pose2D:
+        """The lidar's pose in the base frame."""
+        return self._lidar.base_from_lidar
+
+    @property
+    def settled(self) -> bool:
+        """Whether the base rests, and enough scans taken there have told where."""
+        return self._scans_at_rest >= self._parameters.settle_scans
+
+    @property
+    def knows_where(self) -> bool:
+        """Whether the estimate is certain enough to drive by the map."""
+        p = self._parameters
+        return self.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
+
+    def begin(self) -> None:
+        """From the believed ``world.base`` on."""
+        believed = self._world.base
+        self._odometer.begin()
+        self._reset(believed)
+        self.lost = believed.position_std > self._parameters.lost_position_std
+
+    def end(self) -> None:
+        """No longer."""
+        self._odometer.end()
+
+    def believe(self, believed: BasePose) -> None:
+        """Go on from another pose; the base is lost until a scan has fitted there."""
+        self._world.base = believed
+        self._reset(believed)
+        self.lost = True
+
+    def look_again(self, forgive: bool = False) -> None:
+        """Wait for scans at rest from now on; ``forgive``: those that were refused so far no longer count."""
+        self._scans_at_rest = 0
+        if forgive:
+            self._refused_scans = 0
+
+    def scan(self) -> OdometryScan:
+        """What the lidar sees now; raises as its readings do."""
+        return OdometryScan(self._odometer.pose(), self._lidar.scan())
+
+    def step(self) -> None:
+        """One control tick; raises as the readings do."""
+        p = self._parameters
+        odometry = self._odometer.pose()
+        moved = self.odometry.inverse() @ odometry
+        self.odometry = odometry
+        if math.hypot(moved.x, moved.y) * p.rate > p.still_speed or abs(moved.theta) * p.rate > p.still_turn_rate:
+            self._scans_at_rest = 0
+        estimate = self.localizer.predict(odometry)
+        self._ticks += 1
+        every = p.rest_scan_every if self.settled and not self.lost else p.scan_every
+        if self._ticks % every == 0:
+            scan, base_from_lidar = self._lidar.scan(), self._lidar.base_from_lidar
+            estimate = self.localizer.correct(scan, base_from_lidar)
+            self._scans_at_rest += 1
+            if estimate.match is not None and estimate.match.accepted:
+                self._refused_scans, self.lost = 0, False
+            else:
+                self._refused_scans += 1
+            self._seen(PlacedScan(scan, odometry, estimate.pose @ base_from_lidar))
+        self._world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self._clock.now())
+
+    def _reset(self, believed: BasePose) -> None:
+        self.odometry = self._odometer.pose()
+        self.localizer.reset(believed.pose, self.odometry, believed.position_std, believed.heading_std)
+        self._scans_at_rest = self._refused_scans = 0

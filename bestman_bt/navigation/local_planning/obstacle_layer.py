@@ -1,0 +1,196 @@
+"""What the lidar sees and the map does not know: a grid that rolls along, marked by hits and cleared by rays.
+
+As nav2's obstacle layer: hits mark cells, beams that pass through clear them. Hits that lie on something in the costmap
+are the costmap's, which knows it better. What moves is tracked apart, see ``MovingObstacles``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.local_planning.moving_obstacles import (
+    MovingObstacle,
+    MovingObstacles,
+    MovingObstaclesParameters,
+)
+
+INFLUENCE = 1.0
+"""Metres from a mark within which it changes what a costmap costs."""
+
+
+@dataclass(frozen=True)
+class ObstacleLayerParameters:
+    """``size``: metres, the side of the square. ``resolution``: metres per cell. ``roll``: metres, its steps.
+
+    ``range``: metres from the lidar within which hits mark cells. ``known``: metres; hits that near to an obstacle of
+    the costmap are that obstacle. ``evidence``: scans that must see through a cell before what was in it is forgotten.
+    ``ray_margin``: metres before a hit that its beam does not clear.
+    """
+
+    size: float = 16.0
+    resolution: float = 0.025
+    roll: float = 0.5
+    range: float = 5.0
+    known: float = 0.06
+    evidence: int = 3
+    ray_margin: float = 0.05
+    moving: MovingObstaclesParameters = field(default_factory=MovingObstaclesParameters)
+
+
+class ObstacleLayer:
+    """Takes in scans; ``points``: what stands and the costmap lacks, ``moving``: what moves."""
+
+    def __init__(self, parameters: ObstacleLayerParameters | None = None) -> None:
+        self._parameters = p = parameters or ObstacleLayerParameters()
+        self._cells = round(p.size / p.resolution)
+        self._evidence: NDArray[np.int8] = np.zeros((self._cells, self._cells), dtype=np.int8)
+        self._steps: tuple[int, int] | None = None  # of ``roll``, from the map's origin to the square's
+        self._costmap: Costmap | None = None
+        self._tracks = MovingObstacles(p.moving)
+        self.points: NDArray[np.float64] = np.zeros((0, 2))  # middles of marked cells, map frame, metres
+
+    @property
+    def moving(self) -> list[MovingObstacle]:
+        """What moves, as of the last scan."""
+        return self._tracks.moving
+
+    @property
+    def origin(self) -> tuple[float, float] | None:
+        """Metres in the map frame, the outer corner of cell (0, 0); None before the first scan."""
+        return (
+            None
+            if self._steps is None
+            else (self._steps[0] * self._parameters.roll, self._steps[1] * self._parameters.roll)
+        )
+
+    @property
+    def marked(self) -> NDArray[np.bool_]:
+        """(N, N) Which cells something stands in, row 0 at the smallest y."""
+        return self._evidence > 0
+
+    def use_costmap(self, costmap: Costmap | None) -> None:
+        """What is known without the lidar from now on; marks that it explains are dropped."""
+        self._costmap = costmap
+        if costmap is not None:
+            self._drop(self.points[costmap.distance_at(self.points) <= self._parameters.known])
+
+    def clear(self, which: Callable[[NDArray[np.float64]], NDArray[np.bool_]] | None = None) -> None:
+        """Forget marks, ``which``: (N,) of points (N, 2), else all; what is still there is marked by the next scan."""
+        self._drop(self.points if which is None else self.points[which(self.points)])
+
+    def centre_on(self, pose: Pose2D) -> None:
+        """Make sure that the square lies around ``pose``."""
+        p = self._parameters
+        wanted = (round((pose.x - p.size / 2) / p.roll), round((pose.y - p.size / 2) / p.roll))
+        if wanted == self._steps:
+            return
+        if self._steps is not None:
+            step = round(p.roll / p.resolution)
+            columns, rows = ((w - o) * step for w, o in zip(wanted, self._steps, strict=True))
+            self._evidence = _shifted(self._evidence, rows, columns)
+        self._steps = wanted
+        self._collect()
+
+    def update(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
+        """Take in a scan and where it was taken."""
+        p = self._parameters
+        self.centre_on(map_from_lidar)
+        self._clear_by_rays(scan, map_from_lidar)
+        hits = map_from_lidar.apply(scan.points())
+        hits = hits[np.linalg.norm(hits - map_from_lidar.xy, axis=1) < p.range]
+        if self._costmap is not None and len(hits):
+            hits = hits[self._costmap.distance_at(hits) > p.known]
+        standing = self._tracks.update(hits, map_from_lidar.xy, scan.range_min, scan.stamp)
+        column, row = self._to_cells(standing).T
+        inside = (column >= 0) & (row >= 0) & (column < self._cells) & (row < self._cells)
+        self._evidence[row[inside], column[inside]] = p.evidence
+        self._collect()
+
+    def on(self, costmap: Costmap) -> Costmap:
+        """The costmap with what stands around, too; the same one where there is nothing."""
+        column, row = np.floor((self.points - costmap.origin) / costmap.resolution).astype(np.intp).T
+        rows, columns = costmap.distance.shape
+        inside = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
+        if not inside.any():
+            return costmap
+        points, row, column = self.points[inside], row[inside], column[inside]
+        reach = math.ceil(INFLUENCE / costmap.resolution)
+        top, left = max(0, int(row.min()) - reach), max(0, int(column.min()) - reach)
+        window = np.s_[top : int(row.max()) + reach + 1, left : int(column.max()) + reach + 1]
+        distance = np.array(costmap.distance)
+        taken = np.ones(distance[window].shape, dtype=np.uint8)
+        taken[row - top, column - left] = 0
+        _, labels = cv2.distanceTransformWithLabels(taken, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
+        # Which cell with a mark is the nearest one tells the grid; how far its marks are, their middle does.
+        at = labels[row - top, column - left]
+        count = np.bincount(at, minlength=int(labels.max()) + 1)
+        sums = np.column_stack([np.bincount(at, points[:, axis], len(count)) for axis in (0, 1)])
+        middles = sums / np.maximum(count, 1)[:, None]
+        height, width = distance[window].shape
+        y, x = np.mgrid[top : top + height, left : left + width]
+        nearest = middles[labels]
+        away = np.hypot(
+            costmap.origin[0] + (x + 0.5) * costmap.resolution - nearest[..., 0],
+            costmap.origin[1] + (y + 0.5) * costmap.resolution - nearest[..., 1],
+        )
+        margin = self._parameters.resolution / 2 + costmap.parameters.clearance
+        distance[window] = np.minimum(distance[window], away - margin)
+        return replace(costmap, distance=distance)
+
+    def _clear_by_rays(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
+        """Believe a cell that a beam passes through a little less in what was in it."""
+        marked = np.flatnonzero(self._evidence)
+        if not len(marked):
+            return
+        row, column = np.divmod(marked, self._cells)
+        assert self.origin is not None
+        p = self._parameters
+        x = self.origin[0] + (column + 0.5) * p.resolution - map_from_lidar.x
+        y = self.origin[1] + (row + 0.5) * p.resolution - map_from_lidar.y
+        distance = np.hypot(x, y)
+        bearing = np.arctan2(y, x) - map_from_lidar.theta - scan.angle_min
+        beam = np.round(bearing % (2.0 * math.pi) / scan.angle_increment).astype(int)
+        if round(2.0 * math.pi / scan.angle_increment) == len(scan.ranges):
+            beam %= len(scan.ranges)
+        covered = beam < len(scan.ranges)
+        measured = np.minimum(scan.ranges, scan.range_max)[np.where(covered, beam, 0)]
+        seen_through = covered & (distance < measured - p.ray_margin) & (distance > scan.range_min)
+        self._evidence.flat[marked[seen_through]] -= 1
+
+    def _drop(self, points: NDArray[np.float64]) -> None:
+        if len(points):
+            column, row = self._to_cells(points).T
+            self._evidence[row, column] = 0
+            self._collect()
+
+    def _to_cells(self, points: NDArray[np.float64]) -> NDArray[np.intp]:
+        assert self.origin is not None
+        cells: NDArray[np.intp] = np.floor((points - np.array(self.origin)) / self._parameters.resolution).astype(
+            np.intp
+        )
+        return cells
+
+    def _collect(self) -> None:
+        assert self.origin is not None or not self._evidence.any()
+        row, column = np.nonzero(self._evidence)
+        resolution = self._parameters.resolution
+        self.points = np.column_stack([column, row]) * resolution + np.array(self.origin or (0.0, 0.0)) + resolution / 2
+
+
+def _shifted(grid: NDArray[np.int8], rows: int, columns: int) -> NDArray[np.int8]:
+    """The same cells seen from an origin that lies ``rows`` and ``columns`` further; what was not in view is zero."""
+    shifted = np.zeros_like(grid)
+    size = grid.shape[0]
+    if abs(rows) < size and abs(columns) < size:
+        to_row, to_column = (slice(max(0, -n), size - max(0, n)) for n in (rows, columns))
+        from_row, from_column = (slice(max(0, n), size - max(0, -n)) for n in (rows, columns))
+        shifted[to_row, to_column] = grid[from_row, from_column]
+    return shifted
