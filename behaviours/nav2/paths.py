@@ -12,13 +12,12 @@ from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, without_meaning
 from behaviours.skill import InstantSkill, SkillCondition, SkillFailure
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.path_pieces import before_goal, nearest_along, piece, poses_along
+from bestman_bt.navigation.local_planning import SweptPath
+from bestman_bt.navigation.path_pieces import before_goal, nearest_along, piece
 from bestman_bt.navigation.path_smoothing import PathSmoother
 
 SMOOTHERS = ("", "simple_smoother")
 """Names of the one smoother that there is."""
-CHECKED_EVERY = 0.05
-"""Metres between the poses of a path at which it is held against the costmap."""
 LEAVES = 1e-3
 """Metres by which interpolation may make a place that is left seem nearer."""
 PATH = PortInformation(Path2D, description="the path")
@@ -191,7 +190,7 @@ def first_contact(path: Path2D, costmap: Costmap) -> Pose2D | None:
 
     A base that stands within a margin already may leave it: up to the first free pose it only must not come nearer.
     """
-    poses = poses_along(path, CHECKED_EVERY)
+    poses = SweptPath(path).ahead
     clearance = costmap.footprint_clearance(poses)
     leaving = np.logical_and.accumulate((clearance <= 0.0) & (np.diff(clearance, prepend=-np.inf) > -LEAVES))
     touching = np.flatnonzero((clearance <= 0.0) & ~leaving)

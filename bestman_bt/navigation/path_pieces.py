@@ -82,27 +82,6 @@ def joined(paths: Sequence[Path2D]) -> Path2D:
     return Path2D(points, paths[-1].goal, np.concatenate([path.reverse for path in paths]))
 
 
-def poses_along(path: Path2D, spacing: float, turn: float = 0.05) -> NDArray[np.float64]:
-    """Poses (N, 3) of a base that drives a path and turns at its corners and at its end; metres and radians between."""
-    poses: list[NDArray[np.float64]] = []
-    headings = [
-        math.atan2(dy, dx) + (math.pi if reverse else 0.0)
-        for (dx, dy), reverse in zip(np.diff(path.points, axis=0), path.reverse, strict=True)
-    ]
-    for i, heading in enumerate(headings):
-        start, step = path.points[i], path.points[i + 1] - path.points[i]
-        count = max(2, math.ceil(float(np.linalg.norm(step)) / spacing) + 1)
-        share = np.linspace(0.0, 1.0, count)
-        poses.append(np.column_stack([start + share[:, None] * step, np.full(count, heading)]))
-        after = headings[i + 1] if i + 1 < len(headings) else path.goal.theta
-        turned = wrap_angle(after - heading)
-        between = heading + turned * np.linspace(0.0, 1.0, max(2, math.ceil(abs(turned) / turn) + 1))
-        poses.append(np.column_stack([np.broadcast_to(path.points[i + 1], (len(between), 2)), between]))
-    if not poses:
-        return np.array([[path.goal.x, path.goal.y, path.goal.theta]])
-    return np.vstack(poses)
-
-
 def _place(path: Path2D, along: NDArray[np.float64], metres: float) -> NDArray[np.float64]:
     return np.array([np.interp(metres, along, path.points[:, k]) for k in range(2)])
 

@@ -12,7 +12,7 @@ from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
 from bestman_bt.manipulation.trajectory import TimeParametrization
 from bestman_bt.navigation.global_planning import GlobalPlanner
-from bestman_bt.navigation.local_planning import MotionLimits, PathFollower
+from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
 from bestman_bt.perception.affordance import HandleDetector
@@ -89,10 +89,9 @@ def planner_by_name(config: RunConfig, name: str) -> GlobalPlanner:
     return planner
 
 
-def follower_by_name(config: RunConfig, limits: MotionLimits, name: str) -> PathFollower:
-    """A local planner that a tree names, told the base; raises UnknownNameError."""
+def follower_by_name(config: RunConfig, name: str) -> PathFollower:
+    """A local planner that a tree names; raises UnknownNameError."""
     follower: PathFollower = _by_name(config, "local_planning", PathFollower, name)
-    follower.configure(limits)
     return follower
 
 

@@ -18,7 +18,7 @@ from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor, motion_limits
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.engine import Node, Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
@@ -218,7 +218,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),
         planners=cache(partial(planner_by_name, config)),
-        followers=cache(partial(follower_by_name, config, motion_limits(mobile_base.description))),
+        followers=cache(partial(follower_by_name, config)),
         policies=partial(find_policy, tree=find_data("tree", config.task.tree)),
     )
 

@@ -7,7 +7,6 @@ from bestman_bt.control.wheeled.collision_monitor import (
     MonitorAction,
     MonitoredCommand,
 )
-from bestman_bt.control.wheeled.motion_limits import motion_limits
 from bestman_bt.control.wheeled.turning_slip import TurningSlip, TurningSlipParameters, measure_turning_slip
 
 __all__ = [
@@ -20,5 +19,4 @@ __all__ = [
     "TurningSlip",
     "TurningSlipParameters",
     "measure_turning_slip",
-    "motion_limits",
 ]

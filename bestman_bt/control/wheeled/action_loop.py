@@ -26,8 +26,8 @@ class ActionLoopParameters:
     """``position_tolerance`` (metres), ``heading_tolerance`` (radians): what counts as arrived.
 
     ``corrections``: turns to improve the heading. ``stall_*``: no progress of that many metres or radians in so many
-    seconds is blocked. ``patience``: seconds that it stands at a stretch for somebody who walks before that is blocked,
-    too.
+    seconds is blocked; after ``stuck_time`` seconds the base counts as stuck. ``patience``: seconds that it stands at a
+    stretch for somebody who walks before that is blocked, too.
     """
 
     position_tolerance: float = 0.02
@@ -36,14 +36,14 @@ class ActionLoopParameters:
     stall_distance: float = 0.03
     stall_angle: float = math.radians(3.0)
     stall_time: float = 3.0
+    stuck_time: float = 1.5
     patience: float = 15.0
 
 
 class ActionLoop:
     """Runs the actions of a ``BaseController``: ``begin`` one, then ``tick`` at the rate of the localisation.
 
-    ``stuck``: the last action ended because the base did not get on, and none has begun since. ``lock``: held by each
-    tick; who changes what a tick uses holds it, too.
+    ``lock``: held by each tick; who changes what a tick uses holds it, too.
     """
 
     def __init__(
@@ -63,7 +63,15 @@ class ActionLoop:
         self._parameters, self._period = parameters, period
         self._action: BaseAction | None = None
         self.lock = threading.RLock()
-        self.stuck = False
+        self._gave_up = False
+
+    @property
+    def stuck(self) -> bool:
+        """Whether the action under way, or the last one where none has begun since, does not get the base on."""
+        action = self._action
+        if action is None or action.handle.done:
+            return self._gave_up
+        return action.follower is not None and action.watch.without > self._parameters.stuck_time
 
     @property
     def driven(self) -> DrivenPath | None:
@@ -88,7 +96,7 @@ class ActionLoop:
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
             self._replace(BaseAction(handle, follower, goal, tolerance, watch, by_odometry, speed, driven))
             self._where.look_again(forgive=True)
-            self.stuck = False
+            self._gave_up = False
             return handle
 
     def stop(self) -> None:
@@ -191,7 +199,7 @@ class ActionLoop:
 
     def _end(self, code: ControlErrorCode, text: str, aborted: bool = False) -> None:
         if self._action is not None:
-            self.stuck = code is ControlErrorCode.BLOCKED
+            self._gave_up = code is ControlErrorCode.BLOCKED
             handle = self._action.handle
             if aborted:
                 handle.abort(code, text)

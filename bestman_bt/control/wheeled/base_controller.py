@@ -76,6 +76,7 @@ class BaseController:
             base, clock, self._where, self._gate, self._rotation, self.layer, world, p.actions, self._period
         )
         self._timer: Timer | None = None
+        self._own_follower = follower
         follower.configure(motion_limits(base.description))
 
     @property
@@ -121,7 +122,7 @@ class BaseController:
 
     @property
     def stuck(self) -> bool:
-        """Whether the last action ended because the base did not get on, and none has begun since."""
+        """Whether the base does not get on, for a while already or until it gave up, and nothing has begun since."""
         return self._loop.stuck
 
     @property
@@ -185,12 +186,12 @@ class BaseController:
         """Drive along a path in the map frame to its goal pose; ``costmap``: what the map has, without ``layer``.
 
         With one, the base gives way to people who walk, and followers that go around obstacles may leave the path.
-        ``follower``: for this path and those after it; else that of the path before.
+        ``follower``: for this path, in place of the controller's own.
         """
         with self._loop.lock:
-            if follower is not None and follower is not self._follower:
-                follower.configure(motion_limits(self.description))
-                self._follower = follower
+            self._follow_by(follower or self._own_follower)
+            if costmap is not None:
+                self.layer.use_costmap(costmap)
             self._follower.reset(path, costmap)
             driven = DrivenPath(path, SweptPath(path), costmap is not None)
             return self._started.begin(self._follower, path.goal, driven=driven)
@@ -209,8 +210,10 @@ class BaseController:
         pose = self._world.base.pose
         goal = pose @ Pose2D(distance, 0.0, 0.0)
         points = np.array([pose.xy, goal.xy])
-        self._follower.reset(Path2D(points, goal, np.array([distance < 0.0])))
-        return self._started.begin(self._follower, goal, speed=speed)
+        with self._loop.lock:
+            self._follow_by(self._own_follower)
+            self._follower.reset(Path2D(points, goal, np.array([distance < 0.0])))
+            return self._started.begin(self._follower, goal, speed=speed)
 
     def turn(self, angle: float) -> ControlHandle[BasePose]:
         """Turn on the spot by ``angle``, within ±pi, as the odometry counts it: also where the base is lost."""
@@ -228,6 +231,11 @@ class BaseController:
         with self._loop.lock:
             self._base.stop()
             self._loop.stop()
+
+    def _follow_by(self, follower: PathFollower) -> None:
+        if follower is not self._follower:
+            follower.configure(motion_limits(self.description))
+            self._follower = follower
 
     @property
     def _started(self) -> ActionLoop:

@@ -12,6 +12,8 @@ class ProgressWatch:
         self._distance, self._angle, self._time = distance, angle, time
         self._pose: Pose2D | None = None
         self._since = 0.0
+        self.without = 0.0
+        """Seconds without progress, as of the last pose."""
 
     def restart(self) -> None:
         """The time that has passed does not count: the base was not to move."""
@@ -22,4 +24,5 @@ class ProgressWatch:
         moved = self._pose is None or pose.distance_to(self._pose) > self._distance
         if self._pose is None or moved or abs(wrap_angle(pose.theta - self._pose.theta)) > self._angle:
             self._pose, self._since = pose, now
-        return now - self._since > self._time
+        self.without = now - self._since
+        return self.without > self._time
