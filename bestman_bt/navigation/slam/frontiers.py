@@ -1,7 +1,9 @@
 """Frontier exploration (B. Yamauchi 1997): where the known free floor ends, and from where to look beyond.
 
 A place to look from is worth what would be seen of the unknown from there, discounted by the way to it
-(H. González-Baños, J.-C. Latombe, "Navigation strategies for exploring indoor environments", 2002).
+(H. González-Baños, J.-C. Latombe, "Navigation strategies for exploring indoor environments", 2002). The places that
+together see what can be seen are visited on the shortest tour, so that no corner is left for the way back
+(M. Kulich, J. Faigl, L. Přeučil, "On distance utility in the exploration task", 2011).
 """
 
 from __future__ import annotations
@@ -11,15 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage, sparse
-from scipy.sparse.csgraph import dijkstra
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.global_planning import Costmap
+from bestman_bt.navigation.slam.free_floor import FreeFloor
+from bestman_bt.navigation.slam.shortest_tour import shortest_tour
 
 NEIGHBOURS = np.ones((3, 3), dtype=bool)
+BLOCK = 5
+"""Cells along each side of a block that counts as seen as a whole: far away, rays leave some between them."""
 
 
 @dataclass(frozen=True)
@@ -27,10 +32,12 @@ class FrontierExplorerParameters:
     """Lengths in metres.
 
     ``min_length`` of a frontier. Places to look from lie on a lattice of ``spacing``, within ``near`` of a frontier,
-    where the base can turn with ``clearance`` to spare. ``range``: how far is looked, by ``rays``. ``min_gain``: m² of
-    unknown floor that a view must promise, ``closest``: how far away it is at least, for what can be seen from here has
-    been seen. ``discount``: per metre of way, the share by which a view loses its worth. ``straight``: the end of the
-    way that tells the heading of a view.
+    where the base can turn with ``clearance`` to spare. ``range``: how far is looked, by ``rays``, and ``depth``: how
+    much of the unknown each of them is sure to see, for somewhere there will be a wall. ``min_gain``: m² of unknown
+    floor that a view must promise, ``closest``: how far away it is at least, for what can be seen from here has been
+    seen. ``discount``: per metre of way, the share by which a view loses its worth. ``stops``: views of a tour.
+    ``again``: views nearer than this to one that was of no use are none. ``straight``: the end of the way that tells
+    the heading of a view.
     """
 
     min_length: float = 0.30
@@ -38,10 +45,13 @@ class FrontierExplorerParameters:
     near: float = 1.8
     clearance: float = 0.03
     range: float = 5.0
-    rays: int = 90
-    min_gain: float = 0.25
+    rays: int = 120
+    depth: float = 2.0
+    min_gain: float = 0.4
     closest: float = 0.40
     discount: float = 0.25
+    stops: int = 8
+    again: float = 0.3
     straight: float = 0.5
 
 
@@ -55,7 +65,10 @@ class Frontier:
 
 @dataclass(frozen=True)
 class FrontierView:
-    """Where to look from. ``gain``: m² of unknown floor in view from there. ``distance``: metres of way to it."""
+    """Where to look from. ``distance``: metres of way to it.
+
+    ``gain``: m² of unknown floor in view from there, without what more useful views of the same tour see.
+    """
 
     pose: Pose2D
     gain: float
@@ -78,7 +91,7 @@ def find_frontiers(grid: OccupancyGrid, min_length: float) -> list[Frontier]:
 
 
 class FrontierExplorer:
-    """Ranks places to look from; deterministic."""
+    """Says where to look from next; deterministic."""
 
     def __init__(self, parameters: FrontierExplorerParameters | None = None) -> None:
         self._parameters = parameters or FrontierExplorerParameters()
@@ -88,10 +101,12 @@ class FrontierExplorer:
         """As given."""
         return self._parameters
 
-    def rank(self, grid: OccupancyGrid, costmap: Costmap, pose: Pose2D) -> list[FrontierView]:
-        """Places that the base can reach from ``pose``, the most useful first; none if all that can be seen is known.
+    def tour(
+        self, grid: OccupancyGrid, costmap: Costmap, pose: Pose2D, useless: NDArray[np.float64] | None = None
+    ) -> list[FrontierView]:
+        """Views that the base can get to from ``pose``, in the order of the tour; none if all there is to see is known.
 
-        ``costmap``: of the same grid, unknown cells as obstacles.
+        ``costmap``: of the same grid, unknown cells as obstacles. ``useless``: (N, 2) places that were tried in vain.
         """
         p = self._parameters
         frontiers = find_frontiers(grid, p.min_length)
@@ -99,23 +114,32 @@ class FrontierExplorer:
             return []
         places = self._places(costmap)
         away, _ = cKDTree(np.concatenate([frontier.points for frontier in frontiers])).query(places)
-        places = places[away < p.near]
-        distances, headings = self._ways(costmap, pose, places)
+        near = away < p.near
+        if useless is not None and len(useless):
+            near &= cKDTree(useless).query(places)[0] > p.again
+        places = places[near]
+        floor = FreeFloor(costmap)
+        distances, headings = floor.ways(pose.xy, places, p.straight)
         blocked = _blocked(grid)
-        views = []
+        candidates = []
         for (x, y), distance, heading in zip(places.tolist(), distances.tolist(), headings.tolist(), strict=True):
             if p.closest <= distance < math.inf:
-                gain = self._gain(grid, blocked, np.array([x, y]))
-                if gain >= p.min_gain:
-                    utility = gain * math.exp(-p.discount * distance)
-                    views.append(FrontierView(Pose2D(x, y, heading), gain, distance, utility))
-        return sorted(views, key=lambda view: (-view.utility, view.pose.x, view.pose.y))
+                seen, areas = self._seen(grid, blocked, np.array([x, y]))
+                if areas.sum() >= p.min_gain:
+                    candidates.append(_Candidate(Pose2D(x, y, heading), distance, seen, areas))
+        stops = self._stops(candidates, grid.data.size)
+        points = np.array([pose.xy, *(stop.pose.xy for stop in stops)])
+        between = np.array([floor.ways(point, points, p.straight)[0] for point in points])
+        return [stops[number - 1] for number in shortest_tour(between)]
 
     def gain(self, grid: OccupancyGrid, point: NDArray[np.float64]) -> float:
-        """Square metres of unknown floor in view from a point (2,): up to the first occupied cell of each ray."""
-        return self._gain(grid, _blocked(grid), point)
+        """Square metres of unknown floor that a point (2,) promises: up to the first occupied cell of each ray."""
+        return float(self._seen(grid, _blocked(grid), point)[1].sum())
 
-    def _gain(self, grid: OccupancyGrid, blocked: NDArray[np.bool_], point: NDArray[np.float64]) -> float:
+    def _seen(
+        self, grid: OccupancyGrid, blocked: NDArray[np.bool_], point: NDArray[np.float64]
+    ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """Numbers of the blocks of unknown floor that may be in view from a point, and m² of each that count."""
         p, step = self._parameters, grid.resolution
         angles = np.arange(p.rays) * (2.0 * math.pi / p.rays)
         along = np.arange(step, p.range, step)
@@ -125,7 +149,30 @@ class FrontierExplorer:
         rows, columns = np.where(inside[..., None], cells, 0).transpose(2, 0, 1)
         in_view = np.logical_and.accumulate(inside & ~blocked[rows, columns], axis=1)
         seen = in_view & (grid.data[rows, columns] == UNKNOWN)
-        return float((seen * along).sum() * step * 2.0 * math.pi / p.rays)
+        blocks = rows // BLOCK * grid.data.shape[1] + columns // BLOCK
+        numbers, of = np.unique(blocks[seen], return_inverse=True)
+        counted = np.cumsum(seen, axis=1) * step <= p.depth
+        areas = (along * counted)[seen] * step * 2.0 * math.pi / p.rays
+        return numbers, np.bincount(of, areas, minlength=len(numbers)).astype(float)
+
+    def _stops(self, candidates: list[_Candidate], cells: int) -> list[FrontierView]:
+        """The most useful view, then the most useful one of what that leaves unseen, and so on."""
+        p = self._parameters
+        unseen = np.ones(cells, dtype=bool)
+        stops: list[FrontierView] = []
+        while len(stops) < p.stops:
+            gains = [float((candidate.areas * unseen[candidate.seen]).sum()) for candidate in candidates]
+            utilities = [
+                gain * math.exp(-p.discount * candidate.distance) if gain >= p.min_gain else 0.0
+                for gain, candidate in zip(gains, candidates, strict=True)
+            ]
+            best = int(np.argmax(utilities)) if utilities else 0
+            if not utilities or utilities[best] == 0.0:
+                break
+            chosen = candidates[best]
+            unseen[chosen.seen] = False
+            stops.append(FrontierView(chosen.pose, gains[best], chosen.distance, utilities[best]))
+        return stops
 
     def _places(self, costmap: Costmap) -> NDArray[np.float64]:
         """(N, 2) lattice points where the base can turn."""
@@ -138,44 +185,15 @@ class FrontierExplorer:
         lattice: NDArray[np.float64] = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) * p.spacing
         return lattice[costmap.distance_at(lattice) > costmap.footprint.circumscribed_radius + p.clearance]
 
-    def _ways(
-        self, costmap: Costmap, pose: Pose2D, places: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(N,) metres of the shortest way to each place, infinite without one, and the heading at its end, radians."""
-        nowhere = np.full(len(places), np.inf), np.zeros(len(places))
-        free = costmap.distance > costmap.footprint.inscribed_radius
-        if len(places) == 0 or not free.any():
-            return nowhere
-        centres = costmap.grid_points(np.argwhere(free))
-        tree = cKDTree(centres)
-        away, start = tree.query(pose.xy)
-        if away > 2.0 * costmap.footprint.circumscribed_radius:  # close to something, a base stands beside free cells
-            return nowhere
-        away, cells = tree.query(places)
-        lengths, before = dijkstra(_neighbours(free, costmap.resolution), False, int(start), return_predecessors=True)
-        distances = np.where(away < 2.0 * costmap.resolution, lengths[cells], np.inf)
-        # A base that arrives along the way need not turn once more.
-        behind = cells
-        for _ in range(round(self._parameters.straight / costmap.resolution)):
-            behind = np.where(before[behind] >= 0, before[behind], behind)
-        along = centres[cells] - centres[behind]
-        return distances, np.arctan2(along[:, 1], along[:, 0])
 
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """``seen``: numbers of blocks of unknown floor that may be in view, ``areas``: m² of each that count."""
 
-def _neighbours(free: NDArray[np.bool_], resolution: float) -> sparse.csr_matrix:
-    """Distances between free cells that touch, in the order of the free cells; half of a symmetric matrix."""
-    number = np.full(free.shape, -1, dtype=np.intp)
-    number[free] = np.arange(int(free.sum()))
-    first, second, length = [], [], []
-    for rows, columns in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        here = number[: free.shape[0] - rows, max(0, -columns) : free.shape[1] - max(0, columns)]
-        there = number[rows:, max(0, columns) : free.shape[1] + min(0, columns)]
-        joined = (here >= 0) & (there >= 0)
-        first.append(here[joined])
-        second.append(there[joined])
-        length.append(np.full(int(joined.sum()), resolution * math.hypot(rows, columns)))
-    entries = (np.concatenate(length), (np.concatenate(first), np.concatenate(second)))
-    return sparse.coo_matrix(entries, shape=(int(free.sum()),) * 2).tocsr()
+    pose: Pose2D
+    distance: float
+    seen: NDArray[np.intp]
+    areas: NDArray[np.float64]
 
 
 def _blocked(grid: OccupancyGrid) -> NDArray[np.bool_]:

@@ -5,7 +5,7 @@ import pytest
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.slam import FrontierExplorer, Overhangs, find_frontiers
+from bestman_bt.navigation.slam import FrontierExplorer, FrontierExplorerParameters, Overhangs, find_frontiers
 
 
 def floor(known_to, rows=80, columns=200):
@@ -32,33 +32,57 @@ def test_short_frontiers_and_borders_behind_walls_are_none():
 def test_views_lie_before_the_frontier_where_the_base_can_turn(footprint):
     grid = floor(6.0)
     costmap = Costmap.from_grid(grid, footprint)
-    views = FrontierExplorer().rank(grid, costmap, Pose2D(1.0, 2.0, 0.0))
-    assert views
-    best = views[0]
+    (best,) = FrontierExplorer().tour(grid, costmap, Pose2D(1.0, 2.0, 0.0))
     assert 4.0 < best.pose.x < 5.6
     assert costmap.distance_at(best.pose.xy) > footprint.circumscribed_radius
     assert best.distance == pytest.approx(np.hypot(best.pose.x - 1.0, best.pose.y - 2.0), rel=0.1)
-    assert [view.utility for view in views] == sorted((view.utility for view in views), reverse=True)
 
 
 def test_a_frontier_nearby_comes_before_an_equal_one_far_away(footprint):
     data = floor(10.0).data.copy()
     data[:, :40] = data[:, 160:] = -1  # 2 m unknown at each end
     grid = OccupancyGrid(data, 0.05, np.zeros(2))
-    best = FrontierExplorer().rank(grid, Costmap.from_grid(grid, footprint), Pose2D(7.0, 2.0, 0.0))[0]
+    best = FrontierExplorer().tour(grid, Costmap.from_grid(grid, footprint), Pose2D(7.0, 2.0, 0.0))[0]
     assert best.pose.x > 5.0
+
+
+def test_the_tour_takes_what_lies_on_the_way_first(footprint):
+    data = floor(10.0).data.copy()
+    data[:, 170:] = -1  # the far end of the hall is unknown
+    data[:50, 60:64] = data[:50, 90:94] = 100  # and so is most of a niche on this side
+    data[4:20, 64:90] = -1
+    grid = OccupancyGrid(data, 0.05, np.zeros(2))
+    views = FrontierExplorer().tour(grid, Costmap.from_grid(grid, footprint), Pose2D(1.0, 3.0, 0.0))
+    assert views[0].gain < views[-1].gain
+    assert 3.0 < views[0].pose.x < 4.8
+    assert views[-1].pose.x > 5.0
+
+
+def test_what_was_tried_in_vain_is_not_tried_again(footprint):
+    grid = floor(6.0)
+    costmap = Costmap.from_grid(grid, footprint)
+    explorer, useless = FrontierExplorer(), np.zeros((0, 2))
+    tried = 0
+    while views := explorer.tour(grid, costmap, Pose2D(1.0, 2.0, 0.0), useless):
+        assert all(np.linalg.norm(views[0].pose.xy - place) > explorer.parameters.again for place in useless)
+        useless, tried = np.vstack([useless, views[0].pose.xy]), tried + 1
+    assert 3 < tried < 60
+
+
+def test_a_view_is_not_taken_to_see_far_into_the_unknown():
+    assert FrontierExplorer().gain(floor(6.0), np.array([5.0, 2.0])) < 9.0
 
 
 def test_what_cannot_be_reached_is_no_goal(footprint):
     data = floor(6.0).data.copy()
     data[:, 60] = 100  # a wall across the hall at 3 m
     grid = OccupancyGrid(data, 0.05, np.zeros(2))
-    assert FrontierExplorer().rank(grid, Costmap.from_grid(grid, footprint), Pose2D(1.0, 2.0, 0.0)) == []
+    assert FrontierExplorer().tour(grid, Costmap.from_grid(grid, footprint), Pose2D(1.0, 2.0, 0.0)) == []
 
 
 def test_gain_is_the_unknown_floor_in_view_up_to_walls():
     # From 1 m before the border: 16 m², without the corners that lie beyond 5 m.
-    explorer = FrontierExplorer()
+    explorer = FrontierExplorer(FrontierExplorerParameters(depth=5.0))
     assert explorer.gain(floor(6.0), np.array([5.0, 2.0])) == pytest.approx(15.45, rel=0.02)
     data = floor(6.0).data.copy()
     data[:, 110] = 100
@@ -68,7 +92,7 @@ def test_gain_is_the_unknown_floor_in_view_up_to_walls():
 
 def test_known_floor_leaves_nothing_to_explore(footprint):
     grid = floor(10.0)
-    assert FrontierExplorer().rank(grid, Costmap.from_grid(grid, footprint), Pose2D(1.0, 2.0, 0.0)) == []
+    assert FrontierExplorer().tour(grid, Costmap.from_grid(grid, footprint), Pose2D(1.0, 2.0, 0.0)) == []
 
 
 def test_table_tops_are_obstacles_for_planning_but_not_beside_walls():
