@@ -19,12 +19,16 @@ from typing import Any
 from bestman_bt.robot_model import RobotModel
 from hal.api import Motion, MotionError, MotionStatus, RobotError
 from hal.hardware.clock import RealTimeClock
+from hal.hardware.control_loop import take_real_time_priority
 from hal.hardware.robot import HardwareRobot
 
 ROBOT = ""
 """The name of the robot itself among its parts."""
 REMEMBERED_MOTIONS = 200
 REST_TIME = 0.6
+SERVING_PRIORITY = 2
+"""Of real time, below the control loops: they wait for the interpreter's lock while another thread here holds it, so
+that none may lose the processor to a busy machine meanwhile."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +119,7 @@ def main() -> None:
     """Serve both wires."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the program that plans; it ends the wires
     calls, stops = (Connection(int(descriptor)) for descriptor in sys.argv[1:3])
+    take_real_time_priority(SERVING_PRIORITY)  # and all threads from here on
     os.dup2(2, 1)  # what SDKs print is no output of the program
     server = RobotServer(calls.recv())
     threading.Thread(target=server.serve, args=(stops,), name="stops", daemon=True).start()

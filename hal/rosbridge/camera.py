@@ -5,14 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.robot_model import CameraModel
 from hal.api import Clock, NoDataError
 from hal.hardware import RemoteTime
-from hal.hardware.control_loop import take_real_time_priority
 from hal.rosbridge import decoding
 from hal.rosbridge.link import RosLink
 from hal.rosbridge.options import RosbridgeOptions
@@ -20,9 +18,6 @@ from hal.rosbridge.stream import Stream
 
 INTRINSICS_TOLERANCE = 0.05
 """Share by which the camera's own focal length may differ from the robot model's, which may come of a calibration."""
-
-UNPACKING_PRIORITY = 1
-"""Of real time, below all that controls: images age while they wait for a busy machine."""
 
 
 class RosCamera:
@@ -72,13 +67,9 @@ class RosCamera:
                 for end in ends:
                     end()
         try:
-            with ThreadPoolExecutor(1, "images", take_real_time_priority, (UNPACKING_PRIORITY,)) as unpacker:
-                return unpacker.submit(self._unpack, color, depth, at).result()
+            return RGBDImage(decoding.color_image(color), decoding.depth_image(depth), self._model.intrinsics, at)
         except (KeyError, TypeError, ValueError) as error:
             raise NoDataError(f"{self._name}: an image cannot be used: {error}") from error
-
-    def _unpack(self, color: Mapping[str, Any], depth: Mapping[str, Any], at: float) -> RGBDImage:
-        return RGBDImage(decoding.color_image(color), decoding.depth_image(depth), self._model.intrinsics, at)
 
     def _pair(self, asked: float, deadline: float) -> tuple[Mapping[str, Any], Mapping[str, Any], float]:
         after_color = after_depth = asked
