@@ -5,45 +5,152 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
+import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps, StepsTo
+from behaviours.waiting import Until
+from bestman_bt.control import ControlHandle
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
+from bestman_bt.world_model import BasePose
+
+CHECK_PERIOD = 0.2
+"""Seconds between two looks whether the path is still free."""
+DETOUR = 1.5
+"""Metres that another path may be longer to be taken at once; for a longer one, who stands in the way may go away."""
+NEAR = 2.0
+"""Metres before something on the path at which the base stops and waits where there is no other path."""
+WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 12.0
+"""Seconds that it waits for a path that is not much longer, and for any path at all."""
+LOOK_AGAIN = 0.5
+"""Seconds between two plans while it waits."""
+PASSING = ("blocked", "tolerance", "path_blocked", "disconnected")
+"""Failures that may pass: something or somebody is in the way, or a sensor is silent for a moment."""
+BACK_UP = 0.3
+"""Metres."""
+PAUSE = 2.0
+"""Seconds that what failed has to recover."""
 
 
 class NavigateTo(Skill):
-    """Drive to a pose in the map frame: plan a path, follow it, plan again where it is blocked."""
+    """Drive to a pose in the map frame, around what the map does not know.
+
+    Five times a second the path is held against what the lidar sees; where it is no longer free another one is driven.
+    Where there is none, the base waits. What failed is tried again after a recovery: forget what was seen, back up.
+    """
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "max_replans": PortInformation(int, required=False, default_value=2, description="new paths after a block"),
+        "max_replans": PortInformation(int, required=False, default_value=3, description="recoveries after a block"),
     }
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path that is driven")}
     DECLARATION = Declaration(effects=("at({goal})",))
 
     def execute(self) -> Steps:
-        """Plan and follow."""
-        skills = self.skills
-        goal: Pose2D = self.get_input("goal")
-        for attempt in range(self.get_input("max_replans") + 1):
-            costmap = skills.costmap()
-            path = yield self.compute("global_planning", self._plan, goal, costmap)
-            if isinstance(path, PlanningFailure):
-                raise SkillFailure(path.reason.value, path.text)
-            self.set_output("path", path)
-            self.feedback_message = f"driving {path.length:.1f} m"
+        """Drive there."""
+        yield from self.drive_to(self.get_input("goal"))
+
+    def drive_to(self, goal: Pose2D) -> Steps:
+        """Drive to ``goal``, with recoveries; SkillFailure where they do not help."""
+        most = self.get_input("max_replans")
+        for attempt in range(most + 1):
             try:
-                yield skills.base.follow(path, costmap)
+                yield from self._drive(goal)
             except SkillFailure as failure:
-                if failure.code not in ("blocked", "tolerance") or attempt == self.get_input("max_replans"):
+                if failure.code not in PASSING or attempt == most:
                     raise
+                self.feedback_message = f"{failure}; recovery {attempt + 1} of {most}"
             else:
                 return
+            yield from self._recover(attempt)
 
-    def _plan(self, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
+    def _drive(self, goal: Pose2D) -> Steps:
+        """One attempt: along a path, and along another one where that is no longer free."""
+        skills, base = self.skills, self.skills.base
+        path = yield from self._wait_for_path(goal, math.inf)
+        while True:
+            other: Path2D | None = None
+            self.set_output("path", path)
+            self.feedback_message = f"driving {path.length:.1f} m"
+            handle = base.follow(path, skills.costmap())
+            try:
+                other = yield from self._follow(handle, goal)
+            finally:
+                if other is None:  # halted while a plan is made: nothing may move on
+                    handle.cancel()
+            if other is None:
+                return
+            path = other
+
+    def _follow(self, handle: ControlHandle[BasePose], goal: Pose2D) -> StepsTo[Path2D | None]:
+        """Until the drive has ended or the path is no longer free: None or another path."""
+        skills, base = self.skills, self.skills.base
+        while True:
+            yield Until(handle, skills.clock.now, skills.clock.now() + CHECK_PERIOD)
+            if handle.done:
+                yield handle
+                return None
+            contact = base.blocked_at()
+            if contact is None:
+                continue
+            ahead, _ = contact
+            most = base.remaining + DETOUR
+            found = yield from self._plan(goal, skills.seen_costmap())
+            if isinstance(found, Path2D) and found.length <= most:
+                return found
+            if ahead < NEAR and not handle.done:
+                yield base.park()
+                return (yield from self._wait_for_path(goal, most))
+
+    def _wait_for_path(self, goal: Pose2D, most: float) -> StepsTo[Path2D]:
+        """The next path to drive; where only what the map lacks is in the way, it waits for one.
+
+        ``most``: metres; a longer one has to wait, too. SkillFailure where there is none.
+        """
+        skills, begin = self.skills, self.skills.clock.now()
+        failure: PlanningFailure | None = None
+        while True:
+            path = yield from self._plan(goal, skills.seen_costmap())
+            waited = skills.clock.now() - begin
+            if isinstance(path, Path2D) and (path.length <= most or waited > WAIT_FOR_SHORT):
+                return path
+            if isinstance(path, PlanningFailure):
+                if failure is None:
+                    known = yield from self._plan(goal, skills.costmap())
+                    if isinstance(known, PlanningFailure):
+                        raise SkillFailure(known.reason.value, known.text)
+                failure = path
+                if waited > WAIT_FOR_ANY:
+                    text = f"{failure.text}; something that the map does not have is in the way"
+                    raise SkillFailure("path_blocked", text)
+            self.feedback_message = "waiting for a free way"
+            yield skills.computation.submit(lambda: None, LOOK_AGAIN)
+
+    def _plan(self, goal: Pose2D, costmap: Costmap) -> StepsTo[Path2D | PlanningFailure]:
         skills = self.skills
-        return skills.algorithms.global_planning.plan(skills.world.base.pose, goal, costmap)
+        start, plan = skills.world.base.pose, skills.algorithms.global_planning.plan
+        path: Path2D | PlanningFailure = yield self.compute("global_planning", plan, start, goal, costmap)
+        return path
+
+    def _recover(self, attempt: int) -> Steps:
+        """Let time pass and forget what was seen; every second time back up, too, where there is room."""
+        skills, base = self.skills, self.skills.base
+        yield skills.computation.submit(lambda: None, PAUSE)
+        if attempt % 2 and self._room_behind():
+            try:
+                yield base.drive(-BACK_UP)
+            except SkillFailure as failure:
+                if failure.code not in PASSING:
+                    raise
+        base.layer.clear()
+        yield skills.computation.submit(lambda: None, CHECK_PERIOD)
+
+    def _room_behind(self) -> bool:
+        pose = self.skills.world.base.pose
+        behind = [pose @ Pose2D(-along, 0.0, 0.0) for along in np.linspace(0.1, BACK_UP, 5)]
+        poses = np.array([[p.x, p.y, p.theta] for p in behind])
+        return bool((self.skills.seen_costmap().footprint_clearance(poses) > 0.0).all())
 
 
 class At(SkillCondition):

@@ -104,7 +104,7 @@ class FindStandPose(Skill):
     ) -> tuple[StandPose, ...]:
         skills = self.skills
         corners = np.array(skills.base.description.footprint)
-        costmap = skills.costmap()
+        costmap = skills.seen_costmap()
         candidates = [
             stand
             for stand in stands_along(with_open_drawers(skills, furniture), target, float(corners[:, 0].max()))

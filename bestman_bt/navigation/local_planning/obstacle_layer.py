@@ -147,7 +147,7 @@ class ObstacleLayer:
 
     def _clear_by_rays(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """Believe a cell that a beam passes through a little less in what was in it."""
-        marked = np.flatnonzero(self._evidence)
+        marked = np.flatnonzero(self.marked)
         if not len(marked):
             return
         row, column = np.divmod(marked, self._cells)
@@ -180,7 +180,7 @@ class ObstacleLayer:
 
     def _collect(self) -> None:
         assert self.origin is not None or not self._evidence.any()
-        row, column = np.nonzero(self._evidence)
+        row, column = np.divmod(np.flatnonzero(self.marked), self._cells)
         resolution = self._parameters.resolution
         self.points = np.column_stack([column, row]) * resolution + np.array(self.origin or (0.0, 0.0)) + resolution / 2
 

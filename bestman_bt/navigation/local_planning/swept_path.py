@@ -49,7 +49,8 @@ class SweptPath:
 
         A point that it touches already where it is, ``here`` (3,), counts only where it gets nearer to it.
         """
-        near = np.linalg.norm(self.ahead[:, None, :2] - points[None], axis=-1) < motion.reach
+        x, y = self.ahead[:, :1] - points[:, 0], self.ahead[:, 1:2] - points[:, 1]
+        near = x * x + y * y < motion.reach**2
         poses, touching = np.flatnonzero(near.any(axis=1)), np.flatnonzero(near.any(axis=0))
         if not len(poses):
             return None

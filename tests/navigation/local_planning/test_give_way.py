@@ -1,0 +1,50 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.navigation.global_planning import Footprint
+from bestman_bt.navigation.local_planning import GiveWay, MovingObstacle
+
+BASE = Footprint(np.array([[-0.3, -0.25], [0.3, -0.25], [0.3, 0.25], [-0.3, 0.25]]))
+AHEAD = Twist2D(vx=0.5)
+
+
+def share(*walkers: tuple[float, float, float, float], pose: Pose2D = Pose2D(), twist: Twist2D = AHEAD) -> float:
+    return GiveWay(BASE).share(pose, twist, [MovingObstacle(*walker, 0.22) for walker in walkers])
+
+
+def test_nobody_around_and_it_drives_as_it_is_told():
+    assert share() == 1.0
+
+
+def test_it_slows_down_for_somebody_who_will_cross_its_way():
+    assert share((1.0, -0.9, 0.0, 0.6)) < 1.0
+
+
+def test_it_drives_on_where_somebody_will_have_crossed_before_it_comes():
+    assert share((1.5, 0.3, 0.0, 0.8)) == 1.0
+
+
+def test_it_stands_for_somebody_who_comes_towards_it():
+    assert share((1.5, 0.0, -0.6, 0.0)) < 0.5
+
+
+@pytest.mark.parametrize("walker", [(-1.2, 0.0, 0.7, 0.0), (-0.2, 1.2, 0.0, -0.6)])
+def test_it_drives_on_out_of_the_way_of_somebody_who_comes_from_behind_or_aside(walker):
+    assert share(walker) == 1.0
+
+
+def test_it_follows_somebody_who_walks_ahead_as_fast():
+    assert share((1.0, 0.0, 0.5, 0.0)) == 1.0
+
+
+def test_the_frame_of_people_is_that_of_the_pose():
+    pose = Pose2D(3.0, -2.0, 2.0)
+    (x, y), velocity = pose.apply([1.0, -0.9]), pose.apply([0.0, 0.6]) - pose.xy
+    assert share((x, y, *velocity), pose=pose) == share((1.0, -0.9, 0.0, 0.6))
+
+
+def test_a_base_that_rests_has_nothing_to_slow_down():
+    assert share((0.6, 0.0, -0.5, 0.0), twist=Twist2D()) == 1.0
