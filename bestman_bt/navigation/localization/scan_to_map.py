@@ -122,7 +122,7 @@ class ScanToMap(Localizer):
             growth = p.surprise if inliers >= p.sure_inlier_ratio else 1.0
             return self._refused(ScanMatch(False, inliers, residual, text), growth)
         gain = estimate.covariance @ np.linalg.inv(expected)
-        dx, dy, dtheta = gain @ innovation
+        dx, dy, dtheta = (gain @ innovation).tolist()
         pose = Pose2D(estimate.pose.x + dx, estimate.pose.y + dy, wrap_angle(estimate.pose.theta + dtheta))
         keep = np.eye(3) - gain
         covariance = keep @ estimate.covariance @ keep.T + gain @ measured @ gain.T
