@@ -61,7 +61,7 @@ class FollowPath(Skill):
         """Whether a path, or who is to follow it, is not what it was."""
         before = self._path
         if path is before:
-            return self.get_input("controller_id") != self._controller
+            return bool(self.get_input("controller_id") != self._controller)
         return path.goal != before.goal or not np.array_equal(path.points, before.points)
 
 

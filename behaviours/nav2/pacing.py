@@ -126,4 +126,4 @@ class PathLongerOnApproach(Decorator):
         if path is None or before is None or path is before or path.goal != before.goal:
             return False
         short = before.length < self.get_input("prox_len")
-        return short and path.length > self.get_input("length_factor") * before.length
+        return bool(short and path.length > self.get_input("length_factor") * before.length)

@@ -78,6 +78,7 @@ class ObstacleAwareFollower(PathFollower):
         self._progress: PathProgress | None = None
         self._to_go: CostToGo | None = None
         self._driving_exactly = self._all_exactly = self._handing_over = self._turning = False
+        self._fresh = False
         self._since_field = 0
 
     @abstractmethod
@@ -122,6 +123,7 @@ class ObstacleAwareFollower(PathFollower):
         self._backwards = int(np.argmin(np.append(path.reverse, False)))  # segments at the start
         self._handing_over = self._turning = False
         self._smooth.reset(Twist2D())
+        self._fresh = True
         self._restart()
         self._progress = PathProgress(path.points[self._backwards :])
         self._all_exactly = costmap is None or self._progress.remaining <= self._common.hand_over
@@ -140,6 +142,9 @@ class ObstacleAwareFollower(PathFollower):
         if self._progress is None:
             raise RuntimeError(f"{type(self).__name__}.compute was called before reset")
         self._obstacles.centre_on(pose)
+        if self._fresh:
+            self._fresh = False
+            self._smooth.reset(velocity)  # a base that drives goes on from there
         if self._driving_exactly:
             command = self._exact.compute(pose, velocity, dt)
             if not command.done:

@@ -17,8 +17,8 @@ class FrontEdgeParameters:
     """Lengths in metres.
 
     ``gate``: on each side of where the map has the front, hits count. ``ends``: of the front that are left out, where
-    beams meet its sides. ``first_scale``, ``last_scale``: residual beyond which a hit does not count, in the first and in
-    the last of ``iterations``, so that handles do not pull. ``min_hits``, ``min_length``: of what is seen of it.
+    beams meet its sides. ``first_scale``, ``last_scale``: residual beyond which a hit does not count, in the first
+    and in the last of ``iterations``, so that handles do not pull. ``min_hits``, ``min_length``: of what is seen of it.
     """
 
     gate: float = 0.08

@@ -12,13 +12,18 @@ from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParamet
 DT = 0.025
 
 
-def drive(path, start, follower=None, lag=0.05, limit=60.0):
-    """A unicycle whose wheels answer with a lag: all poses (N, 3) and commands (N, 2), to the end of the path."""
+def drive(path, start, follower=None, lag=0.05, limit=60.0, at=math.inf, then=None):
+    """A unicycle whose wheels answer with a lag: all poses (N, 3) and commands (N, 2), to the end of the path.
+
+    After ``at`` seconds it is given another path, that ``then`` makes of its pose.
+    """
     follower = follower or PurePursuit()
     follower.reset(path)
     pose, v, w = start, 0.0, 0.0
     poses, commands = [], []
-    for _ in range(int(limit / DT)):
+    for tick in range(int(limit / DT)):
+        if tick * DT == at:
+            follower.reset(then(pose))
         command = follower.compute(pose, Twist2D(v, 0.0, w), DT)
         if command.done:
             return np.array(poses), np.array(commands), pose
@@ -61,6 +66,29 @@ def test_a_gentle_bend_is_driven_without_stopping():
     poses, commands, _ = drive(path, Pose2D())
     around_bend = (poses[:, 0] > 0.6) & (poses[:, 0] < 1.4)
     assert commands[around_bend, 0].min() > 0.3
+
+
+@pytest.mark.parametrize("side", [0.0, 0.15, -0.15])
+def test_a_moving_base_goes_over_to_another_path_without_slowing_down(side):
+    path = Path2D([(0, 0), (4, 0)], Pose2D(4.0, 0.0, 0.0))
+
+    def another(pose):
+        return Path2D([pose.xy, (pose.x + 1.0, pose.y + side), (4, side)], Pose2D(4.0, side, 0.0))
+
+    _, commands, end = drive(path, Pose2D(), at=2.5, then=another)
+    before, after = commands[99, 0], commands[100:140, 0]
+    assert before > 0.55
+    assert after.min() > 0.9 * before
+    assert end.distance_to(Pose2D(4.0, side, 0.0)) < 0.02
+
+
+def test_a_moving_base_stops_for_a_path_that_leads_back():
+    path = Path2D([(0, 0), (4, 0)], Pose2D(4.0, 0.0, 0.0))
+    home = Pose2D(0.0, 0.0, math.pi)
+    poses, commands, end = drive(path, Pose2D(), at=2.5, then=lambda pose: Path2D([pose.xy, (0, 0)], home))
+    assert commands[101, 0] == 0.0
+    assert poses[:, 0].max() < poses[99, 0] + 0.1
+    assert end.distance_to(home) < 0.02
 
 
 def test_speeds_and_accelerations_stay_within_the_limits(costmap):
