@@ -5,16 +5,28 @@ from bestman_bt.navigation.global_planning.costmap import Costmap, CostmapParame
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.global_planning.grid_astar import GridAStar, GridAStarParameters
 from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, shortest_length
+from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar, HybridAStarParameters
+from bestman_bt.navigation.global_planning.prm import PRM, PRMParameters
+from bestman_bt.navigation.global_planning.rrt_star import RRTStar, RRTStarParameters
+from bestman_bt.navigation.global_planning.theta_star import ThetaStar, ThetaStarParameters
 
 __all__ = [
+    "PRM",
     "Costmap",
     "CostmapParameters",
     "Footprint",
     "GlobalPlanner",
     "GridAStar",
     "GridAStarParameters",
+    "HybridAStar",
+    "HybridAStarParameters",
+    "PRMParameters",
     "PlanningFailure",
     "PlanningFailureReason",
+    "RRTStar",
+    "RRTStarParameters",
+    "ThetaStar",
+    "ThetaStarParameters",
     "areas_of_disc",
     "shortest_length",
 ]

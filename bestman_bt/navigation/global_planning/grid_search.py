@@ -51,8 +51,7 @@ def search_in_corridor(
     slack: float,
 ) -> NDArray[np.float64] | None:
     """The way (N, 2), in metres, that ``search`` finds between two points, on large grids in a corridor if it can."""
-    # A border of lethal cells around the grid saves every bounds check.
-    padded = np.pad(costmap.cost(costmap.distance, lethal_distance, slack), 1, constant_values=np.inf)
+    padded = _padded(costmap, lethal_distance, slack)
     source, target = _nearest_free(start, padded, costmap), _nearest_free(goal, padded, costmap)
     if source is None or target is None:
         return None
@@ -67,6 +66,38 @@ def search_in_corridor(
 
 def cheapest_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDArray[np.intp] | None:
     """A ``Search`` for the cheapest way from cell to neighbouring cell."""
+    graph, free, number = _graph(cost)
+    first, last = (int(number[cell]) for cell in (source, target))
+    reached, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
+    if not np.isfinite(reached[last]):
+        return None
+    way = [last]
+    while way[-1] != first:
+        way.append(int(previous[way[-1]]))
+    cells = free[way[::-1]]
+    return np.column_stack([cells // cost.shape[1], cells % cost.shape[1]])
+
+
+def costs_to(goal: NDArray[np.float64], costmap: Costmap, lethal_distance: float) -> NDArray[np.float64]:
+    """What the cheapest way from each cell to ``goal`` (2,) costs, (rows, columns); infinite where there is none."""
+    padded = _padded(costmap, lethal_distance, 0.0)
+    costs = np.full(costmap.distance.shape, np.inf)
+    target = _nearest_free(goal, padded, costmap)
+    if target is not None:
+        graph, free, number = _graph(padded)
+        whole = np.full(padded.size, np.inf)
+        whole[free] = dijkstra(graph, directed=False, indices=int(number[target]))
+        costs = whole.reshape(padded.shape)[1:-1, 1:-1]
+    return costs
+
+
+def _padded(costmap: Costmap, lethal_distance: float, slack: float) -> NDArray[np.float64]:
+    """The cost of the cells with a border of lethal ones, which saves every bounds check."""
+    return np.pad(costmap.cost(costmap.distance, lethal_distance, slack), 1, constant_values=np.inf)
+
+
+def _graph(cost: NDArray[np.float64]) -> tuple[csr_matrix, NDArray[np.intp], NDArray[np.int32]]:
+    """Steps between free cells, the flat indices of these, and (rows, columns) the number of each, -1 where lethal."""
     width = cost.shape[1]
     flat = cost.ravel()
     free = np.flatnonzero(np.isfinite(flat))
@@ -78,19 +109,10 @@ def cheapest_cells(cost: NDArray[np.float64], source: Cell, target: Cell) -> NDA
     beside = free[:, None] + offsets
     neighbours = number[beside]
     exists = neighbours >= 0
-    # A factor of two is left out of all costs alike.
-    steps = (lengths * (flat[free][:, None] + flat[beside]))[exists]
+    steps = (lengths * 0.5 * (flat[free][:, None] + flat[beside]))[exists]
     ends = np.concatenate([[0], np.cumsum(exists.sum(axis=1))])
     graph = csr_matrix((steps, neighbours[exists], ends), shape=(len(free), len(free)))
-    first, last = (int(number[row * width + column]) for row, column in (source, target))
-    reached, previous = dijkstra(graph, directed=False, indices=first, return_predecessors=True)
-    if not np.isfinite(reached[last]):
-        return None
-    way = [last]
-    while way[-1] != first:
-        way.append(int(previous[way[-1]]))
-    cells = free[way[::-1]]
-    return np.column_stack([cells // width, cells % width])
+    return graph, free, number.reshape(cost.shape)
 
 
 def areas_of_disc(costmap: Costmap, radius: float) -> NDArray[np.intp]:

@@ -7,8 +7,10 @@ can turn freely are tried first, and narrower ones, which it passes straight, on
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -75,11 +77,15 @@ class PolylinePlanner(GlobalPlanner):
 
     def _polyline(self, points: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """The cheapest polyline through some of ``points`` (N, 2) that keeps the first and the last."""
+        limit = self._parameters.vertex_limit
+        if len(points) < limit:
+            length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+            points = _densified(points, max(2.0 * room.costmap.resolution, length / (limit - len(points))))
         if not room.turns_everywhere:
             turns = room.can_turn(points)
             turns[[0, -1]] = True
             points = points[turns]
-        count = min(len(points), self._parameters.vertex_limit)
+        count = min(len(points), limit)
         kept = np.unique(np.linspace(0, len(points) - 1, count).round().astype(int))
         vertices = points[kept]
         best = np.full(len(vertices), np.inf)
@@ -111,6 +117,15 @@ class PolylinePlanner(GlobalPlanner):
             pieces.append(points[kept[i] : kept[j]] if as_found[j] and i == j - 1 else points[kept[i]][None])
             j = i
         return np.vstack(pieces[::-1])
+
+
+def _densified(vertices: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:
+    """Points (N, 2) along a polyline, ``spacing`` metres apart or a little more, its vertices among them."""
+    pieces = [vertices[:1]]
+    for begin, end in pairwise(vertices):
+        count = max(1, math.floor(float(np.linalg.norm(end - begin)) / spacing))
+        pieces.append(begin + (end - begin) * (np.arange(1, count + 1) / count)[:, None])
+    return np.vstack(pieces)
 
 
 def _joined(

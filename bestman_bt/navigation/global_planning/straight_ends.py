@@ -32,12 +32,13 @@ class StraightEnds:
     """Leaves starts straight, and enters goals straight along their heading.
 
     ``turning_distance``: metres from obstacles where the straight piece may end, for bases that turn there; None: it
-    may end wherever the footprint is free.
+    may end wherever the footprint has ``clearance`` metres of room.
     """
 
     costmap: Costmap
     parameters: StraightEndsParameters
     turning_distance: float | None = None
+    clearance: float = 0.0
 
     def fault(self, start: Pose2D, goal: Pose2D) -> PlanningFailure | None:
         """Why there cannot be a path, as far as both poses tell by themselves."""
@@ -90,7 +91,7 @@ class StraightEnds:
         self, poses: NDArray[np.float64], clearance: NDArray[np.float64], passable: NDArray[np.bool_]
     ) -> int | None:
         """At which of the poses (N, 3) along a straight piece to end it; 0 if none is needed."""
-        suits = clearance > 0.0
+        suits = clearance > self.clearance
         if self.turning_distance is not None:
             suits = self.costmap.distance_at(poses[:, :2]) >= self.turning_distance
         suits &= np.logical_and.accumulate(passable)

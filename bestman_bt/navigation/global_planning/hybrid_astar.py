@@ -1,0 +1,205 @@
+"""Hybrid A* (Dolgov, Thrun, Montemerlo and Diebel, IJRR 2010), for bases that cannot turn where they stand.
+
+States are poses; the grid only says which of them are alike. Branches are arcs of the turning radius and straight
+pieces, ahead and back, checked by footprint. Two estimates of what is left lead the search: the cheapest way over the
+cells for a base of any heading, and the Reeds-Shepp curve without obstacles; now and then such a curve is tried as the
+rest of the way.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
+from bestman_bt.navigation.global_planning.costmap import Costmap
+from bestman_bt.navigation.global_planning.grid_search import costs_to
+from bestman_bt.navigation.global_planning.reeds_shepp import ReedsShepp
+from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightEndsParameters
+
+_SPACING = 0.025  # metres between poses that are checked and told
+
+
+@dataclass(frozen=True)
+class HybridAStarParameters(StraightEndsParameters):
+    """Beside those of the ends:
+
+    ``turning_radius``: of the tightest curve, metres. ``branch``: length of one, metres. ``headings``: into how many
+    the full turn is divided to tell states apart. ``reverse_cost``: of a metre back, in metres ahead; ``switch_cost``:
+    metres of detour worth one change of direction. ``clearance``: metres kept around the footprint between the ends.
+    ``max_expansions``: states after which the search gives up.
+    """
+
+    turning_radius: float = 0.4
+    branch: float = 0.2
+    headings: int = 72
+    reverse_cost: float = 2.0
+    switch_cost: float = 0.5
+    clearance: float = 0.01
+    max_expansions: int = 30_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Node:
+    """``poses``: (N, 3) from the parent's last one on; ``backwards``: how they are driven; ``cost``: so far."""
+
+    poses: NDArray[np.float64]
+    backwards: bool
+    cost: float
+    parent: _Node | None = None
+
+
+class HybridAStar(GlobalPlanner):
+    """Curves of a turning radius, ahead and back; deterministic."""
+
+    def __init__(self, parameters: HybridAStarParameters | None = None) -> None:
+        self.parameters = parameters or HybridAStarParameters()
+
+    def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
+        """See ``GlobalPlanner.plan``."""
+        ends = StraightEnds(costmap, self.parameters, clearance=self.parameters.clearance)
+        fault = ends.fault(start, goal)
+        if fault is not None:
+            return fault
+        leave = ends.leave(start)
+        if isinstance(leave, PlanningFailure):
+            return leave
+        approach = ends.approach(goal)
+        if isinstance(approach, PlanningFailure):
+            return approach
+        exit_point, backwards = leave
+        root = _Node(np.array([[*start.xy, start.theta], [*exit_point, start.theta]]), backwards, 0.0)
+        last = _Search(costmap, np.array([*approach, goal.theta]), self.parameters).run(root)
+        if last is None:
+            return PlanningFailure.no_path(start, goal)
+        return _path(
+            [*_branches(last), _Node(np.array([[*approach, goal.theta], [*goal.xy, goal.theta]]), False, 0.0)], goal
+        )
+
+
+@dataclass
+class _Search:
+    costmap: Costmap
+    goal: NDArray[np.float64]
+    parameters: HybridAStarParameters
+    curves: ReedsShepp = field(init=False)
+    left: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        p, costmap = self.parameters, self.costmap
+        self.curves = ReedsShepp(p.turning_radius)
+        self.left = costs_to(self.goal[:2], costmap, costmap.footprint.inscribed_radius)
+        angles = [k * p.branch / p.turning_radius for k in (-1.0, 0.0, 1.0)]
+        self._arcs = np.array([[_arc(angle, sense * p.branch) for angle in angles] for sense in (1.0, -1.0)])
+
+    def run(self, root: _Node) -> _Node | None:
+        """The last branch of a way to the goal; None without one."""
+        p = self.parameters
+        closed: set[tuple[int, int, int]] = set()
+        queue = [(self._estimate(root.poses[-1]), 0, root)]
+        pushed, until_curve = 0, 0
+        while queue and len(closed) < p.max_expansions:
+            total, _, node = heapq.heappop(queue)
+            state = self._state(node.poses[-1])
+            if not math.isfinite(total) or state in closed:
+                continue
+            closed.add(state)
+            if until_curve == 0:
+                end = self._curve(node)
+                if end is not None:
+                    return end
+                # The nearer the goal, the oftener a curve to it is tried.
+                until_curve = math.ceil((total - node.cost) / p.branch)
+            until_curve = max(0, until_curve - 1)
+            for branch in self._grown(node):
+                if self._state(branch.poses[-1]) not in closed:
+                    pushed += 1
+                    heapq.heappush(queue, (branch.cost + self._estimate(branch.poses[-1]), pushed, branch))
+        return None
+
+    def _grown(self, node: _Node) -> list[_Node]:
+        x, y, theta = node.poses[-1]
+        cos, sin = math.cos(theta), math.sin(theta)
+        along, aside, turned = np.moveaxis(self._arcs, -1, 0)
+        poses = np.stack([x + cos * along - sin * aside, y + sin * along + cos * aside, theta + turned], axis=-1)
+        costs = self._costs(poses)
+        return [
+            self._node(node, poses[back, turn], bool(back), costs[back, turn])
+            for back in range(2)
+            for turn in range(3)
+            if np.isfinite(costs[back, turn])
+        ]
+
+    def _node(self, parent: _Node, poses: NDArray[np.float64], backwards: bool, cost: float) -> _Node:
+        driven = cost * (self.parameters.reverse_cost if backwards else 1.0)
+        switched = self.parameters.switch_cost if backwards != parent.backwards and parent.parent is not None else 0.0
+        return _Node(poses, backwards, parent.cost + driven + switched, parent)
+
+    def _curve(self, node: _Node) -> _Node | None:
+        """The Reeds-Shepp curve to the goal as branches, one for each direction; None if it touches something."""
+        poses = self.curves.poses(node.poses[-1], self.goal, _SPACING)
+        if not np.isfinite(self._costs(poses)):
+            return None
+        moves = np.diff(poses[:, :2], axis=0)
+        back = (moves * np.column_stack([np.cos(poses[:-1, 2]), np.sin(poses[:-1, 2])])).sum(axis=1) < 0.0
+        turns = np.flatnonzero(np.diff(back)) + 1
+        for piece in np.split(np.arange(len(moves)), turns):
+            if len(piece):
+                part = poses[piece[0] : piece[-1] + 2]
+                node = self._node(node, part, bool(back[piece[0]]), float(self._costs(part)))
+        return node
+
+    def _costs(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cost (...) of driving along poses (..., N, 3); infinite where the footprint has too little room."""
+        footprint, room = self.costmap.footprint, self.parameters.clearance
+        distance = self.costmap.distance_at(poses[..., :2])
+        cost = self.costmap.cost(distance, footprint.inscribed_radius)
+        near = np.isfinite(cost) & (distance < footprint.circumscribed_radius + room)
+        if near.any():
+            cost[near] = np.where(self.costmap.footprint_clearance(poses[near]) < room, np.inf, cost[near])
+        lengths = np.linalg.norm(np.diff(poses[..., :2], axis=-2), axis=-1).sum(axis=-1)
+        total: NDArray[np.float64] = cost.mean(axis=-1) * lengths
+        return total
+
+    def _estimate(self, pose: NDArray[np.float64]) -> float:
+        return max(float(self.left[self.costmap.cells(pose[:2])]), self.curves.length(pose, self.goal))
+
+    def _state(self, pose: NDArray[np.float64]) -> tuple[int, int, int]:
+        row, column = self.costmap.cells(pose[:2])
+        headings = self.parameters.headings
+        return int(row) // 2, int(column) // 2, round(float(pose[2]) / (2.0 * math.pi) * headings) % headings
+
+
+def _arc(angle: float, length: float) -> NDArray[np.float64]:
+    """Poses (N, 3) along an arc from (0, 0, 0), itself included, that turns by ``angle`` over ``length`` metres."""
+    share = np.linspace(0.0, 1.0, math.ceil(abs(length) / _SPACING) + 1)
+    turned = share * math.copysign(angle, angle * length) if angle else np.zeros_like(share)
+    if not angle:
+        return np.column_stack([share * length, turned, turned])
+    radius = length / turned[-1]
+    return np.column_stack([radius * np.sin(turned), radius * (1.0 - np.cos(turned)), turned])
+
+
+def _branches(last: _Node) -> list[_Node]:
+    node: _Node | None = last
+    branches = []
+    while node is not None:
+        branches.append(node)
+        node = node.parent
+    return branches[::-1]
+
+
+def _path(branches: list[_Node], goal: Pose2D) -> Path2D:
+    """The branches' places without repeated ones."""
+    points, reverse = [branches[0].poses[0, :2]], []
+    for branch in branches:
+        for point in branch.poses[1:, :2]:
+            if np.linalg.norm(point - points[-1]) > 1e-6:
+                points.append(point)
+                reverse.append(branch.backwards)
+    return Path2D(np.array(points), goal, np.array(reverse, dtype=bool))
