@@ -29,6 +29,8 @@ LOOK_AHEAD = 1.5
 """Metres of the path ahead that must be free."""
 EVERY_POINT = 7
 """Of a depth image's points, one in so many is drawn."""
+PADDING = 0.04
+"""Metres by which the base's outline is grown: an arm may reach past it, and beams clear cells that posts half fill."""
 ARRIVED = 0.30
 """Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
 
@@ -151,7 +153,8 @@ class ExploreAndMap(Skill):
                 raise SkillFailure("no_image", f"what hangs over the floor cannot be seen: {error}") from error
             overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
         grid = skills.algorithms.slam.grid
-        footprint = Footprint(np.array(skills.base.description.footprint))
+        corners = np.array(skills.base.description.footprint)
+        footprint = Footprint(corners * (1.0 + PADDING / np.linalg.norm(corners, axis=1, keepdims=True)))
         return grid, Costmap.from_grid(overhangs.drawn_on(grid), footprint)
 
     @property

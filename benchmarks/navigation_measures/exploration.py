@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,8 @@ from hal.api import Lidar
 
 TIME_LIMIT = 900.0
 """Simulated seconds."""
+PROGRESS = 20.0
+"""Simulated seconds after which it is told how far it is."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,17 @@ def explore(setup: Setup, mean_slip: float) -> Exploration:
         skills.algorithms = replace(skills.algorithms, slam=slam, global_planning=planner)
         told = skills.world.base.pose
         tree = judged.session.load(ExploreAndMap(max_time=TIME_LIMIT))
-        execution = Executor(tree, robot.clock, period=0.05, time_limit=TIME_LIMIT + 60.0).run()
+        told_at = begin = robot.clock.now()
+
+        def after_tick() -> None:
+            nonlocal told_at
+            if robot.clock.now() >= told_at + PROGRESS:
+                told_at = robot.clock.now()
+                text = f"seed {seed}: {told_at - begin:.0f} s, {len(slam.trajectory.stamps)} keyframes"
+                print(text, file=sys.stderr, flush=True)
+
+        limit = TIME_LIMIT + 60.0
+        execution = Executor(tree, robot.clock, period=0.05, time_limit=limit, after_tick=after_tick).run()
         lidar = robot.part("lidar", Lidar)
         height = float(ForwardKinematics(setup.robot_model).pose(lidar.frame, {}).position[2])
         contacts = [str(contact) for contact in robot.honesty_record().contacts]

@@ -20,6 +20,7 @@ from bestman_bt.navigation.localization.pose_uncertainty import (
 class Noise:
     slip: float = 0.0
     turn_slip: float = 0.0
+    turn_shift: float = 0.0
     drift: float = 0.0
 
 
