@@ -25,7 +25,7 @@ from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner
+from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
@@ -42,7 +42,7 @@ from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
-from bestman_bt.world_model import WorldModel, open_leaves
+from bestman_bt.world_model import WorldModel
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,7 @@ class Algorithms:
     kinematics: InverseKinematics
     collision: CollisionModel
     motion_planning: TimedMotionPlanner
+    costmap: LayeredCostmap
     global_planning: GlobalPlanner
     slam: Slam
     exploration: FrontierExplorer
@@ -139,11 +140,12 @@ class SkillContext:
     def costmap(self) -> Costmap:
         """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open."""
         footprint = Footprint(np.array(self.base.description.footprint))
-        return Costmap.from_map(self.world.map, footprint, open_leaves(self.world))
+        return self.algorithms.costmap.of_world(self.world, footprint)
 
     def seen_costmap(self) -> Costmap:
         """``costmap`` and what the lidar sees that the map does not know."""
-        return self.base.layer.on(self.costmap())
+        costmap = self.costmap()
+        return self.base.layer.on(costmap) if self.algorithms.costmap.parameters.obstacle else costmap
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:
         """The collision world of the arm in ``scene``."""

@@ -155,7 +155,7 @@ class ExploreAndMap(Skill):
         grid = skills.algorithms.slam.grid
         corners = np.array(skills.base.description.footprint)
         footprint = Footprint(corners * (1.0 + PADDING / np.linalg.norm(corners, axis=1, keepdims=True)))
-        return grid, Costmap.from_grid(overhangs.drawn_on(grid), footprint)
+        return grid, skills.algorithms.costmap.of_grid(overhangs.drawn_on(grid), footprint)
 
     @property
     def _pose(self) -> Pose2D:

@@ -91,6 +91,7 @@ ALGORITHMS = Registry(
         "calibration/daniilidis": "bestman_bt.perception.calibration:Daniilidis",
         "calibration/park_martin": "bestman_bt.perception.calibration:ParkMartin",
         "collision/coal_world": "bestman_bt.manipulation.collision:CoalCollisionModel",
+        "costmap/layered": "bestman_bt.navigation.global_planning:LayeredCostmap",
         "detection/aruco": "bestman_bt.perception.detection:ByMarker",
         "detection/color_shape": "bestman_bt.perception.detection:ColorShape",
         "detection/model_registration": "bestman_bt.perception.detection:ModelRegistration",

@@ -11,7 +11,7 @@ from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
 from bestman_bt.manipulation.trajectory import TimeParametrization
-from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.navigation.global_planning import GlobalPlanner, LayeredCostmap
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
@@ -55,6 +55,7 @@ def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
         motion_planning=TimedMotionPlanner(
             make("motion_planning", MotionPlanner), make("trajectory", TimeParametrization)
         ),
+        costmap=make("costmap", LayeredCostmap),
         global_planning=make("global_planning", GlobalPlanner),
         slam=make("slam", Slam),
         exploration=make("exploration", FrontierExplorer, kind="slam"),
@@ -62,9 +63,11 @@ def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
     )
 
 
-def make_localizer(config: RunConfig, semantic_map: SemanticMap) -> Localizer:
+def make_localizer(config: RunConfig, model: RobotModel, semantic_map: SemanticMap) -> Localizer:
     """What tells the base controller where the base is; raises as ``make_algorithm``."""
     localizer: Localizer = make_algorithm(config, "localization", Localizer, semantic_map)
+    if any(base.drags_wheels for base in model.bases.values()):
+        localizer.expect_dragged_wheels()
     return localizer
 
 

@@ -16,12 +16,15 @@ def leaf_shapes(world_model: WorldModel, furniture: MapFurniture, leaf: MapLeaf)
 
 
 def open_leaves(world_model: WorldModel) -> tuple[Obstacle, ...]:
-    """What stands before the furniture: open doors and drawers with their handles, named ``furniture/leaf``."""
+    """Doors and drawers before the furniture that stand open, with their handles, named ``furniture/leaf``.
+
+    Of a door between rooms the leaf counts where it is believed to be: closed, it stands in the way, too.
+    """
     obstacles = []
     for piece in world_model.map.furniture.values():
         for leaf in piece.leaves:
             name = f"{piece.name}/{leaf.name}"
-            if world_model.articulations.get(name, 0.0) > 0.0:
+            if piece.is_passage or world_model.articulations.get(name, 0.0) > 0.0:
                 frame = piece.pose.to_pose()
                 boards = [PlacedShape(s.shape, frame @ s.pose) for s in leaf_shapes(world_model, piece, leaf)]
                 handles = [handle_shape(belief.handle) for belief in world_model.handles_of(piece, leaf)]

@@ -52,7 +52,8 @@ class MapFurniture:
     ``footprint``: (x, y) extents in metres. ``height``: metres. ``solid_at_lidar``: whether a lidar sees its footprint
     (a counter) or only legs (a table). ``shapes``: the boards that it is made of, in the furniture frame, and
     ``leaves``: its doors and drawers; empty where the map has the outline alone. ``position_error`` (metres, each way)
-    and ``heading_error`` (radians): how far off ``pose`` may be: less once measured.
+    and ``heading_error`` (radians): how far off ``pose`` may be: less once measured. ``is_passage``: whether one walks
+    through it: the frame and the leaf of a door between rooms.
     """
 
     name: str
@@ -65,6 +66,12 @@ class MapFurniture:
     leaves: tuple[MapLeaf, ...] = ()
     position_error: float = 0.03
     heading_error: float = math.radians(2.0)
+    is_passage: bool = False
+
+    def shapes_in_map(self) -> tuple[PlacedShape, ...]:
+        """``shapes`` in the map frame."""
+        frame = self.pose.to_pose()
+        return tuple(PlacedShape(placed.shape, frame @ placed.pose) for placed in self.shapes)
 
     def leaf(self, name: str) -> MapLeaf:
         """The door or drawer of this name; KeyError if there is none."""

@@ -6,6 +6,7 @@ from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.global_planning.grid_astar import GridAStar, GridAStarParameters
 from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, shortest_length
 from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar, HybridAStarParameters
+from bestman_bt.navigation.global_planning.layered_costmap import LayeredCostmap, LayeredCostmapParameters
 from bestman_bt.navigation.global_planning.prm import PRM, PRMParameters
 from bestman_bt.navigation.global_planning.rrt_star import RRTStar, RRTStarParameters
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar, ThetaStarParameters
@@ -20,6 +21,8 @@ __all__ = [
     "GridAStarParameters",
     "HybridAStar",
     "HybridAStarParameters",
+    "LayeredCostmap",
+    "LayeredCostmapParameters",
     "PRMParameters",
     "PlanningFailure",
     "PlanningFailureReason",

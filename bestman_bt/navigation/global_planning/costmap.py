@@ -8,19 +8,27 @@ so that a footprint is checked to millimetres on a coarse grid.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
-from scipy.spatial import ConvexHull
 
-from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose2D, Sphere
+from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.messages.frozen_array import frozen_array
-from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
+from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
 from bestman_bt.navigation.global_planning.footprint import Footprint
-from bestman_bt.world_model import MapFurniture, Obstacle, SemanticMap
+from bestman_bt.navigation.global_planning.layers import (
+    CellLayer,
+    CostmapLayer,
+    FurnitureLayer,
+    ShapeLayer,
+    StaticLayer,
+)
+from bestman_bt.world_model import Obstacle, SemanticMap
+
+_FAR = 1e3
+"""Metres to the next obstacle where there is none at all."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,9 @@ class CostmapParameters:
     cost_decay: float = 0.15
     floor_height: float = 0.02
     robot_height: float = 1.8
+    static: bool = True
+    furniture: bool = True
+    doors: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,31 +81,41 @@ class Costmap:
         obstacles: Iterable[Obstacle] = (),
         parameters: CostmapParameters | None = None,
     ) -> Costmap:
-        """Rasterise walls, furniture (with margins for its errors) and ``obstacles`` that were seen."""
-        parameters = parameters or CostmapParameters()
-        x_min, y_min, x_max, y_max = semantic_map.bounds(margin=2 * parameters.resolution)
-        columns = math.ceil((x_max - x_min) / parameters.resolution)
-        rows = math.ceil((y_max - y_min) / parameters.resolution)
-        origin = np.array([x_min, y_min], dtype=float)
-        x = origin[0] + (np.arange(columns) + 0.5) * parameters.resolution
-        y = origin[1] + (np.arange(rows) + 0.5) * parameters.resolution
+        """Walls, furniture (with margins for its errors), frames of doors, and ``obstacles``: seen ones, open leaves."""
+        p = parameters or CostmapParameters()
+        x_min, y_min, x_max, y_max = semantic_map.bounds(margin=2 * p.resolution)
+        shape = math.ceil((y_max - y_min) / p.resolution), math.ceil((x_max - x_min) / p.resolution)
+        pieces = semantic_map.furniture.values()
+        furniture = [piece for piece in pieces if not piece.is_passage]
+        frames = [shape for piece in pieces if piece.is_passage for shape in piece.shapes_in_map()]
+        seen = [shape for obstacle in obstacles for shape in obstacle.shapes]
+        layers: list[CostmapLayer] = []
+        if p.static:
+            layers.append(StaticLayer(semantic_map.walls))
+        if p.furniture:
+            layers.append(FurnitureLayer(furniture, p.furniture_position_error, p.furniture_heading_error))
+        if p.doors:
+            layers.append(ShapeLayer(frames, p.floor_height, p.robot_height))
+        layers.append(ShapeLayer(seen, p.floor_height, p.robot_height))
+        return cls.of_layers(layers, shape, np.array([x_min, y_min], dtype=float), footprint, p)
+
+    @classmethod
+    def of_layers(
+        cls,
+        layers: Sequence[CostmapLayer],
+        shape: tuple[int, int],
+        origin: NDArray[np.float64],
+        footprint: Footprint,
+        parameters: CostmapParameters | None = None,
+    ) -> Costmap:
+        """The nearest of what all ``layers`` have, at ``shape`` (rows, columns) cells from ``origin`` (2,) on."""
+        p = parameters or CostmapParameters()
+        x, y = (origin[axis] + (np.arange(shape[1 - axis]) + 0.5) * p.resolution for axis in (0, 1))
         centres = np.stack(np.meshgrid(x, y)).reshape(2, -1)
-        squared = np.full(rows * columns, np.inf)
-        for segment in semantic_map.walls:
-            np.minimum(squared, _squared_distance_to_segment(centres, segment[:2], segment[2:]), out=squared)
-        distance = np.sqrt(squared)
-        for furniture in semantic_map.furniture.values():
-            heading_error = min(parameters.furniture_heading_error, furniture.heading_error)
-            position_error = min(parameters.furniture_position_error, furniture.position_error)
-            for outline in _possible_outlines(furniture, heading_error):
-                outside = _distance_to_polygon(centres, outline) - position_error
-                np.minimum(distance, outside, out=distance)
-        for obstacle in obstacles:
-            for placed in obstacle.shapes:
-                outline_on_floor = _outline_on_floor(placed, parameters.floor_height, parameters.robot_height)
-                if outline_on_floor is not None:
-                    np.minimum(distance, _distance_to_polygon(centres, outline_on_floor), out=distance)
-        return cls((distance - parameters.clearance).reshape(rows, columns), origin, footprint, parameters)
+        distance = np.full(centres.shape[1], _FAR)
+        for layer in layers:
+            np.minimum(distance, layer.distance(centres), out=distance)
+        return cls((distance - p.clearance).reshape(shape), origin, footprint, p)
 
     @classmethod
     def from_grid(
@@ -109,15 +130,12 @@ class Costmap:
         A cell is an obstacle from ``OCCUPIED`` / 2 on; unknown ones where ``unknown_is_obstacle``. An obstacle fills
         its cell, so distances are from the cell's border.
         """
-        parameters = replace(parameters or CostmapParameters(), resolution=grid.resolution)
-        blocked = grid.data >= OCCUPIED / 2
+        p = replace(parameters or CostmapParameters(), resolution=grid.resolution)
+        layers = [CellLayer.occupied(grid)]
         if unknown_is_obstacle:
-            blocked |= grid.data == UNKNOWN
-        outside = ndimage.distance_transform_edt(~blocked) if blocked.any() else np.full(blocked.shape, np.inf)
-        inside = ndimage.distance_transform_edt(blocked) if not blocked.all() else np.full(blocked.shape, np.inf)
-        cells = np.where(blocked, 0.5 - inside, outside - 0.5)
-        distance = cells * grid.resolution - parameters.clearance
-        return cls(np.clip(distance, -1e3, 1e3), grid.origin, footprint, parameters)
+            layers.append(CellLayer.unknown(grid))
+        rows, columns = grid.data.shape
+        return cls.of_layers(layers, (rows, columns), grid.origin, footprint, p)
 
     @property
     def resolution(self) -> float:
@@ -198,53 +216,3 @@ class Costmap:
     def clearance_at(self, pose: Pose2D) -> float:
         """Metres between the footprint at ``pose`` and the next obstacle, as ``footprint_clearance``."""
         return float(self.footprint_clearance(np.array([[pose.x, pose.y, pose.theta]]))[0])
-
-
-def _squared_distance_to_segment(
-    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """For ``points`` (2, N), a row each for x and y: faster than (N, 2)."""
-    (dx, dy), (along_x, along_y) = points - start[:, None], end - start
-    share = np.clip((dx * along_x + dy * along_y) / max(float(along_x**2 + along_y**2), 1e-12), 0.0, 1.0)
-    squared: NDArray[np.float64] = (dx - share * along_x) ** 2 + (dy - share * along_y) ** 2
-    return squared
-
-
-def _distance_to_polygon(points: NDArray[np.float64], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distance of ``points`` (2, N) to a convex, counter-clockwise polygon (M, 2); negative inside."""
-    squared = np.full(points.shape[1], np.inf)
-    depth = np.full(points.shape[1], -np.inf)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        normal = np.array([end[1] - start[1], start[0] - end[0]]) / np.linalg.norm(end - start)
-        np.maximum(depth, normal @ points - normal @ start, out=depth)
-        np.minimum(squared, _squared_distance_to_segment(points, start, end), out=squared)
-    return np.where(depth < 0.0, depth, np.sqrt(squared))
-
-
-def _possible_outlines(furniture: MapFurniture, heading_error: float) -> list[NDArray[np.float64]]:
-    centre = furniture.pose.xy
-    corners = furniture.corners() - centre
-    turns = (-heading_error, 0.0, heading_error) if heading_error else (0.0,)
-    return [Pose2D(centre[0], centre[1], turn).apply(corners) for turn in turns]
-
-
-def _outline_on_floor(placed: PlacedShape, floor: float, ceiling: float) -> NDArray[np.float64] | None:
-    """The convex outline of a shape seen from above, (N, 2) counter-clockwise; None if a robot never meets it."""
-    shape = placed.shape
-    if isinstance(shape, Box):
-        half = np.array(shape.size) / 2
-        points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
-    elif isinstance(shape, Cylinder):
-        turn = np.arange(16) * (2 * math.pi / 16)
-        # The corners lie outside the circle, so that the sides touch it.
-        ring = shape.radius / math.cos(math.pi / 16) * np.column_stack([np.cos(turn), np.sin(turn)])
-        points = np.vstack([np.column_stack([ring, np.full(16, z)]) for z in (-shape.length / 2, shape.length / 2)])
-    elif isinstance(shape, Sphere):
-        points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * shape.radius
-    elif isinstance(shape, Mesh):
-        points = shape.vertices
-    points = placed.pose.apply(points)
-    if points[:, 2].max() < floor or points[:, 2].min() > ceiling:
-        return None
-    hull: NDArray[np.float64] = points[ConvexHull(points[:, :2]).vertices, :2]
-    return hull
