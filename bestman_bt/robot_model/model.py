@@ -173,6 +173,11 @@ class BaseModel:
     max_angular_jerk: float = 10.0
 
     @property
+    def drags_wheels(self) -> bool:
+        """Whether it turns by dragging wheels over the floor, so that their odometry of turns is worth little."""
+        return self.turning_slip != 1.0
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """All driven joints: wheels, then steering, or those of the legs."""
         return self.wheel_joints + self.steering_joints + tuple(joint for leg in self.legs for joint in leg.joint_names)

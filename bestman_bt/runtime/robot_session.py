@@ -188,7 +188,7 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         mobile_base,
         clock,
         LidarSensor(_first(robot, Lidar), forward),
-        make_localizer(config, world.map),
+        make_localizer(config, model, world.map),
         make_local_planner(config),
         world,
         odometry=_odometry(setup, robot, forward),

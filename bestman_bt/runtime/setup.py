@@ -96,7 +96,7 @@ def prepare(config: RunConfig) -> Setup:
     )
     faults.problems += task_problems(config, world, world_model, robot_model, scene.absent)
     with faults.step():
-        make_localizer(config, world_model.map)
+        make_localizer(config, robot_model, world_model.map)
     with faults.step():
         make_local_planner(config)
     with faults.step():

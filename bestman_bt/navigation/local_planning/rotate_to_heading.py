@@ -16,8 +16,8 @@ class RotateToHeadingParameters:
 
     ``min_speed``: rad/s, below which friction may hold the wheels. ``tolerance``: radians. ``still``: rad/s below
     which the base counts as standing.
-    ``slack``: metres that the base may creep along itself meanwhile before it is driven back, ``place_gain`` 1/s of what
-    is beyond, ``max_place_speed`` m/s: wheels that are dragged over the floor push a loaded base forward or backward.
+    ``slack``: metres that the base may creep along itself meanwhile before it is driven back, ``place_gain`` 1/s of
+    what is beyond, ``max_place_speed`` m/s: wheels that are dragged over the floor push a loaded base away.
     """
 
     max_speed: float = 1.2

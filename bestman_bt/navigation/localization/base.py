@@ -75,6 +75,9 @@ class Localizer(ABC):
     def estimate(self) -> LocalizationEstimate:
         """The present estimate; RuntimeError before the first ``reset``."""
 
+    def expect_dragged_wheels(self) -> None:  # noqa: B027 - not every localizer relies on the odometry of turns
+        """Trust the odometry of turns little: the base drags its wheels over the floor in them (skid steering)."""
+
 
 @dataclass(frozen=True, eq=False)
 class OdometryScan:

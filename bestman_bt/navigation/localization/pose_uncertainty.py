@@ -26,6 +26,10 @@ class OdometryNoise(Protocol):
         """Of the heading, per radian turned, rad²/rad."""
 
     @property
+    def turn_shift(self) -> float:
+        """Of the position, per radian turned, m²/rad."""
+
+    @property
     def drift(self) -> float:
         """Of the heading, per metre driven, rad²/m."""
 
@@ -38,7 +42,8 @@ def driven_on(
     after = pose @ moved
     jacobian = np.eye(3)
     jacobian[:2, 2] = pose.y - after.y, after.x - pose.x
-    gained = [noise.slip * distance] * 2 + [noise.turn_slip * abs(moved.theta) + noise.drift * distance]
+    turn = abs(moved.theta)
+    gained = [noise.slip * distance + noise.turn_shift * turn] * 2 + [noise.turn_slip * turn + noise.drift * distance]
     return after, jacobian @ covariance @ jacobian.T + np.diag(gained)
 
 

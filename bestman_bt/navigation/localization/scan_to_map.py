@@ -8,7 +8,7 @@ with that error, not as many independent ones.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,8 @@ class ScanToMapParameters:
     are left out of iteration k. Which line a hit belongs to is asked again after a step of more than
     ``associate_again`` (metres, radians). ``robust_scale``: residual at which a hit counts half. ``range_std``: noise
     of a beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``,
-    ``turn_slip``, ``drift``: see ``OdometryNoise``. A match is refused with less than ``min_inlier_ratio`` of the hits
+    ``turn_slip``, ``turn_shift``, ``drift``: see ``OdometryNoise``; ``dragged_turn_slip``, ``dragged_turn_shift``: of a
+    base that drags its wheels in turns. A match is refused with less than ``min_inlier_ratio`` of the hits
     explained, or when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
     ``sure_inlier_ratio`` of the hits all the same, the wheels have slipped, and the variances grow by ``surprise``
     until it is believed. Nothing is matched where the pose is less certain than ``unknown_std``: a place that fits is
@@ -52,7 +53,10 @@ class ScanToMapParameters:
     furniture_std: float = 0.025
     slip: float = 4e-5
     turn_slip: float = 9e-5
+    turn_shift: float = 0.0
     drift: float = 4e-5
+    dragged_turn_slip: float = 0.02
+    dragged_turn_shift: float = 0.005
     min_inlier_ratio: float = 0.35
     max_deviation: float = 4.5
     sure_inlier_ratio: float = 0.6
@@ -77,6 +81,11 @@ class ScanToMap(Localizer):
         if self._estimate is None:
             raise RuntimeError("ScanToMap was used before reset")
         return self._estimate
+
+    def expect_dragged_wheels(self) -> None:
+        """See ``Localizer.expect_dragged_wheels``."""
+        p = self._parameters
+        self._parameters = replace(p, turn_slip=p.dragged_turn_slip, turn_shift=p.dragged_turn_shift)
 
     def reset(self, pose: Pose2D, odometry: Pose2D, position_std: float, heading_std: float) -> LocalizationEstimate:
         """See ``Localizer.reset``."""

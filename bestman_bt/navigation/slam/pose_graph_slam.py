@@ -40,7 +40,7 @@ class PoseGraphSlamParameters:
     ``loop_closure``: False leaves only scan matching, as a control. A scan becomes a keyframe after
     ``keyframe_distance`` or ``keyframe_angle``; a submap has ``submap_keyframes``, and its second half is the first
     half of the next. ``cell``: points of a submap that are nearer are one. ``min_hits``: on lines, that a scan needs.
-    ``slip``, ``turn_slip``, ``drift``: see ``OdometryNoise``, here of wheels that slip by a tenth between two scans;
+    ``slip`` to ``drift``: see ``OdometryNoise``, here of wheels that slip by a tenth between two scans;
     ``rest_std``, ``rest_heading_std``: what is left at rest. Where a match explains less than ``min_inlier_ratio`` of
     the hits, ``recovery_distance`` and ``recovery_angle`` around are searched; what is found there has to explain
     ``sure_inlier_ratio`` and be known to ``sure_std`` in each direction. Else the match counts if it explains
@@ -57,6 +57,7 @@ class PoseGraphSlamParameters:
     min_hits: int = 20
     slip: float = 6e-4
     turn_slip: float = 1e-3
+    turn_shift: float = 0.0
     drift: float = 4e-4
     rest_std: float = 0.002
     rest_heading_std: float = 0.002
