@@ -202,9 +202,9 @@ def test_the_back_of_a_shelf_is_not_taken_for_the_wall_behind_it():
 
 
 def turned_by_dragged_wheels(semantic_map, dragged):
-    """How far the estimate is off at worst, in metres, in a turn on the spot, 10 scans a second, that carries the base off its place.
+    """How far the estimate is off at worst, metres, in a turn on the spot that carries the base off its place.
 
-    Its odometry counts a pure turn, a quarter too short: figures of a loaded Husky at 0.8 rad/s.
+    Ten scans a second. Its odometry counts a pure turn, a quarter too short: figures of a loaded Husky at 0.8 rad/s.
     """
     rng = np.random.default_rng(4)
     localizer = localizer_at(semantic_map, Pose2D(0.0, 0.0, 0.0), 0.005, 0.003)
