@@ -124,8 +124,8 @@ def open_session(
 
 @contextmanager
 def session(
-    robot: str | Path = "diff_panda",
-    scene: str | Path = "kitchen",
+    robot: str | Path | None = None,
+    scene: str | Path | None = None,
     seed: int = 0,
     task: str | Path | None = None,
     settings: Iterable[str] = (),
@@ -135,7 +135,8 @@ def session(
 ) -> Iterator[Session]:
     """A session in one line: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
 
-    Without a task, that of ``fetch_cup`` gives goal and limits. Raises as ``prepare``.
+    The task, without one ``fetch_cup``, gives goal and limits, and robot and scene where none are named. Raises as
+    ``prepare``.
     """
     config = load_run(
         task or "fetch_cup", scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver

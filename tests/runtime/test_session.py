@@ -28,6 +28,15 @@ def test_a_session_gives_trees_their_goal_and_runs_them_to_their_end() -> None:
         assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
 
 
+def test_a_task_brings_its_own_scene_and_robot() -> None:
+    with session(task="navigate_kitchen", seed=3) as opened:
+        task = opened.setup.config.task
+        assert (task.scene, task.robot) == ("kitchen", "diff_panda")
+    with session(task="pick_place_table", robot="husky_panda", seed=3) as opened:
+        task = opened.setup.config.task
+        assert (task.scene, task.robot) == ("pick_place_table", "husky_panda")
+
+
 def test_after_a_session_the_robot_is_stopped_and_disconnected_whatever_happened() -> None:
     with pytest.raises(ZeroDivisionError), session(seed=3) as opened:
         raise ZeroDivisionError
