@@ -115,11 +115,12 @@ def explore(setup: Setup, mean_slip: float) -> Exploration:
         execution = Executor(tree, robot.clock, period=0.05, time_limit=limit, after_tick=after_tick).run()
         lidar = robot.part("lidar", Lidar)
         height = float(ForwardKinematics(setup.robot_model).pose(lidar.frame, {}).position[2])
+        told_by_skills = [f"{failure.error_code}: {failure.why}" for failure in skills.failures]
         contacts = [str(contact) for contact in robot.honesty_record().contacts]
     return Exploration(
         seed=seed,
         succeeded=execution.succeeded,
-        why="; ".join(f"{failure.error_code}: {failure.why}" for failure in skills.failures),
+        why="" if execution.succeeded else f"{execution.ending}: {execution.why}; {'; '.join(told_by_skills)}",
         sim_s=judged.simulated,
         wall_s=judged.wall,
         contacts=contacts,
