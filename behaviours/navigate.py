@@ -21,14 +21,12 @@ DETOUR = 1.5
 """Metres that another path may be longer to be taken at once; for a longer one, who stands in the way may go away."""
 NEAR = 2.0
 """Metres before something on the path at which the base stops and waits where there is no other path."""
-WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 12.0
+WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 8.0
 """Seconds that it waits for a path that is not much longer, and for any path at all."""
-LOOK_AGAIN = 0.5
-"""Seconds between two plans while it waits."""
 PASSING = ("blocked", "tolerance", "path_blocked", "disconnected")
 """Failures that may pass: something or somebody is in the way, or a sensor is silent for a moment."""
-BACK_UP = 0.3
-"""Metres."""
+BACK_UP = 0.8
+"""Metres, at most: who waits for the robot goes on when it has gone."""
 PAUSE = 2.0
 """Seconds that what failed has to recover."""
 
@@ -37,12 +35,12 @@ class NavigateTo(Skill):
     """Drive to a pose in the map frame, around what the map does not know.
 
     Five times a second the path is held against what the lidar sees; where it is no longer free another one is driven.
-    Where there is none, the base waits. What failed is tried again after a recovery: forget what was seen, back up.
+    Where there is none, the base waits. What failed is tried again after a recovery: back up, forget what was seen.
     """
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "max_replans": PortInformation(int, required=False, default_value=3, description="recoveries after a block"),
+        "max_replans": PortInformation(int, required=False, default_value=5, description="recoveries after a block"),
     }
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path that is driven")}
     DECLARATION = Declaration(effects=("at({goal})",))
@@ -67,15 +65,15 @@ class NavigateTo(Skill):
 
     def _drive(self, goal: Pose2D) -> Steps:
         """One attempt: along a path, and along another one where that is no longer free."""
-        skills, base = self.skills, self.skills.base
-        path = yield from self._wait_for_path(goal, math.inf)
+        base, known = self.skills.base, self.skills.costmap()
+        path = yield from self._wait_for_path(goal, known, math.inf)
         while True:
             other: Path2D | None = None
             self.set_output("path", path)
             self.feedback_message = f"driving {path.length:.1f} m"
-            handle = base.follow(path, skills.costmap())
+            handle = base.follow(path, known)
             try:
-                other = yield from self._follow(handle, goal)
+                other = yield from self._follow(handle, goal, known)
             finally:
                 if other is None:  # halted while a plan is made: nothing may move on
                     handle.cancel()
@@ -83,7 +81,7 @@ class NavigateTo(Skill):
                 return
             path = other
 
-    def _follow(self, handle: ControlHandle[BasePose], goal: Pose2D) -> StepsTo[Path2D | None]:
+    def _follow(self, handle: ControlHandle[BasePose], goal: Pose2D, known: Costmap) -> StepsTo[Path2D | None]:
         """Until the drive has ended or the path is no longer free: None or another path."""
         skills, base = self.skills, self.skills.base
         while True:
@@ -96,36 +94,36 @@ class NavigateTo(Skill):
                 continue
             ahead, _ = contact
             most = base.remaining + DETOUR
-            found = yield from self._plan(goal, skills.seen_costmap())
+            found = yield from self._plan(goal, base.layer.on(known))
             if isinstance(found, Path2D) and found.length <= most:
                 return found
             if ahead < NEAR and not handle.done:
                 yield base.park()
-                return (yield from self._wait_for_path(goal, most))
+                return (yield from self._wait_for_path(goal, known, most))
 
-    def _wait_for_path(self, goal: Pose2D, most: float) -> StepsTo[Path2D]:
-        """The next path to drive; where only what the map lacks is in the way, it waits for one.
+    def _wait_for_path(self, goal: Pose2D, known: Costmap, most: float) -> StepsTo[Path2D]:
+        """The next path to drive; where only what the map lacks is in the way, it stands and looks until there is one.
 
-        ``most``: metres; a longer one has to wait, too. SkillFailure where there is none.
+        ``known``: what the map has. ``most``: metres; a longer one has to wait, too. SkillFailure where there is none.
         """
-        skills, begin = self.skills, self.skills.clock.now()
-        failure: PlanningFailure | None = None
+        base, clock = self.skills.base, self.skills.clock
+        begin, failure = clock.now(), None
         while True:
-            path = yield from self._plan(goal, skills.seen_costmap())
-            waited = skills.clock.now() - begin
+            path = yield from self._plan(goal, base.layer.on(known))
+            waited = clock.now() - begin
             if isinstance(path, Path2D) and (path.length <= most or waited > WAIT_FOR_SHORT):
                 return path
             if isinstance(path, PlanningFailure):
                 if failure is None:
-                    known = yield from self._plan(goal, skills.costmap())
-                    if isinstance(known, PlanningFailure):
-                        raise SkillFailure(known.reason.value, known.text)
+                    without = yield from self._plan(goal, known)
+                    if isinstance(without, PlanningFailure):
+                        raise SkillFailure(without.reason.value, without.text)
                 failure = path
                 if waited > WAIT_FOR_ANY:
                     text = f"{failure.text}; something that the map does not have is in the way"
                     raise SkillFailure("path_blocked", text)
             self.feedback_message = "waiting for a free way"
-            yield skills.computation.submit(lambda: None, LOOK_AGAIN)
+            yield base.park()
 
     def _plan(self, goal: Pose2D, costmap: Costmap) -> StepsTo[Path2D | PlanningFailure]:
         skills = self.skills
@@ -134,23 +132,26 @@ class NavigateTo(Skill):
         return path
 
     def _recover(self, attempt: int) -> Steps:
-        """Let time pass and forget what was seen; every second time back up, too, where there is room."""
+        """Let time pass and forget what was seen; the first and every second time back up, too, where there is room."""
         skills, base = self.skills, self.skills.base
         yield skills.computation.submit(lambda: None, PAUSE)
-        if attempt % 2 and self._room_behind():
-            try:
-                yield base.drive(-BACK_UP)
-            except SkillFailure as failure:
-                if failure.code not in PASSING:
-                    raise
-        base.layer.clear()
-        yield skills.computation.submit(lambda: None, CHECK_PERIOD)
+        room = 0.0 if attempt % 2 else self._room_behind()
+        try:
+            if room > 0.0:
+                yield base.drive(-room)
+            base.layer.clear()
+            yield base.park()
+        except SkillFailure as failure:
+            if failure.code not in PASSING:
+                raise
 
-    def _room_behind(self) -> bool:
-        pose = self.skills.world.base.pose
-        behind = [pose @ Pose2D(-along, 0.0, 0.0) for along in np.linspace(0.1, BACK_UP, 5)]
-        poses = np.array([[p.x, p.y, p.theta] for p in behind])
-        return bool((self.skills.seen_costmap().footprint_clearance(poses) > 0.0).all())
+    def _room_behind(self) -> float:
+        """Metres that the base can back up, up to ``BACK_UP``."""
+        pose, along = self.skills.world.base.pose, np.arange(0.05, BACK_UP + 0.01, 0.05)
+        x, y = pose.x - along * math.cos(pose.theta), pose.y - along * math.sin(pose.theta)
+        poses = np.column_stack([x, y, np.full_like(along, pose.theta)])
+        free = np.logical_and.accumulate(self.skills.seen_costmap().footprint_clearance(poses) > 0.0)
+        return float(along[free][-1]) if free.any() else 0.0
 
 
 class At(SkillCondition):
