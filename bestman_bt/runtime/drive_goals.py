@@ -83,7 +83,7 @@ def _anywhere(costmap: Costmap, rng: np.random.Generator) -> Pose2D:
 
 def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D:
     """Facing the front of a piece, somewhere along it."""
-    pieces = list(known.furniture.values())
+    pieces = [piece for piece in known.furniture.values() if not piece.is_passage]
     piece = pieces[int(rng.integers(len(pieces)))]
     reach = max(0.0, piece.footprint[1] / 2 - 0.1)
     away = piece.footprint[0] / 2 + _BEFORE_FURNITURE + float(footprint.corners[:, 0].max())

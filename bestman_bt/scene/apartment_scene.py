@@ -41,7 +41,20 @@ def with_apartment(scene: SceneConfig, seed: int) -> SceneConfig:
                 moved=_MOVED if piece.model.name == "chair" and rng.random() < options.moved_chairs else 0.0,
             )
             for piece in apartment.furniture
+        }
+        | {
+            # built into walls, which are exact
+            door.name: FurniturePlacement(
+                door.model.name,
+                (door.at.x, door.at.y, door.at.theta),
+                offset=0.0,
+                turn=0.0,
+                open=now.open,
+                mapped_open=door.open,
+            )
+            for door, now in zip(apartment.doors, apartment.doors_now, strict=True)
         },
         robot_start=scene.file.robot_start or whole,
     )
-    return replace(scene, file=file, furniture={piece.name: piece.model for piece in apartment.furniture})
+    pieces = (*apartment.furniture, *apartment.doors)
+    return replace(scene, file=file, furniture={piece.name: piece.model for piece in pieces})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,11 @@ def boards(model: FurnitureModel, elevation: float) -> tuple[PlacedShape, ...]:
     return _raised(_boxes(model.parts), elevation) if model.articulations else ()
 
 
-def leaves(model: FurnitureModel, elevation: float) -> tuple[MapLeaf, ...]:
-    """Doors and drawers as slabs, those of drawers with the boards behind them; grooves and handles are left out."""
+def leaves(model: FurnitureModel, elevation: float, opened: Mapping[str, float]) -> tuple[MapLeaf, ...]:
+    """Doors and drawers as slabs, those of drawers with the boards behind them; grooves and handles are left out.
+
+    ``opened``: how far the map has them open, by their names.
+    """
     return tuple(
         MapLeaf(
             name=leaf.name,
@@ -30,6 +33,7 @@ def leaves(model: FurnitureModel, elevation: float) -> tuple[MapLeaf, ...]:
             axis=leaf.axis,
             upper=leaf.upper,
             shapes=_raised(_plain_boards(leaf), elevation),
+            position=opened.get(leaf.name, 0.0),
         )
         for leaf in model.articulations
     )

@@ -13,6 +13,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.plane_geometry import Points, polygons_overlap, rectangle
 from bestman_bt.scene.scene import FurnitureModel, PlacedFurniture
+from bestman_bt.scene.standing_outlines import body_outlines
 
 if TYPE_CHECKING:
     from bestman_bt.scene.load import SceneConfig
@@ -49,7 +50,7 @@ def draw_changes(
     for index, piece in enumerate(furniture):
         far = scene.file.furniture[piece.name].moved if piece.mapped else 0.0
         if far > 0.0:
-            rest = [*standing, *(_outline(other) for other in pieces if other is not piece)]
+            rest = [*standing, *(line for other in pieces if other is not piece for line in body_outlines(other))]
             spans = [(c - far, c + far) for c in piece.nominal.xy]
             moved = _place(piece.model, (*spans, (-math.pi, math.pi)), rest, robot, scene, generator(piece.name))
             if moved is None:
@@ -60,7 +61,7 @@ def draw_changes(
         assert region is not None
         if asked.at is not None or float(rng.random()) >= asked.presence:
             continue
-        rest = [*standing, *(_outline(other) for other in pieces)]
+        rest = [*standing, *(line for other in pieces for line in body_outlines(other))]
         place = _place(scene.unmapped[name], _limits(region), rest, robot, scene, rng)
         if place is None:
             return None
@@ -97,10 +98,6 @@ def _place(
         if not lost.any():
             return pose
     return None
-
-
-def _outline(piece: PlacedFurniture) -> Points:
-    return rectangle(piece.actual, piece.model.footprint)
 
 
 def _limits(region: RegionConfig) -> tuple[tuple[float, float], ...]:

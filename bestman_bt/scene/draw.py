@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import partial
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
-from bestman_bt.messages import Box, ObjectModel, Pose, Pose2D
+from bestman_bt.messages import ObjectModel, Pose, Pose2D
 from bestman_bt.scene.apartment_generator import ApartmentError
 from bestman_bt.scene.apartment_scene import with_apartment
 from bestman_bt.scene.changes import draw_changes, exactly_placed
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.furniture_standing import standing_furniture, surface_of
 from bestman_bt.scene.load import SceneConfig
+from bestman_bt.scene.moving_door import MovingDoor
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
 from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
 from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement, RegionConfig
+from bestman_bt.scene.standing_outlines import leaf_outlines, standing_outlines
 from bestman_bt.scene.walker import Walker
 from bestman_bt.scene.walker_routes import draw_walkers
 
@@ -69,6 +69,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
             finger_friction=scene.file.finger_friction,
             goal_heights={name: float(model.size[2]) for name, model in scene.goal_models.items()},
             walkers=walkers,
+            moving_doors=_moving_doors(scene, standing),
         )
     raise SceneError(f"scene {scene.name!r}, seed {seed}: no world in {_ATTEMPTS} draws; {complaint}")
 
@@ -160,7 +161,7 @@ def _start(
     generator = _generator(seed, attempt, "robot_start")
     region = scene.file.robot_start
     assert region is not None
-    obstacles = _outlines(walls, furniture)
+    obstacles = standing_outlines(walls, furniture)
     floor = FloorGrid.of(obstacles) if scene.file.generator is not None else None
     reachable = floor.largest_area(scene.file.passage) if floor is not None else None
     for _ in range(_TRIES):
@@ -181,40 +182,33 @@ def _changed(
     start: Pose2D,
 ) -> tuple[tuple[PlacedFurniture, ...], tuple[Walker, ...]]:
     """The furniture as it stands after what has changed since the map was made, and who walks between it."""
-    fixed = [wall_rectangle(wall) for wall in walls] + [line for piece in furniture for line in _open_leaves(piece)]
+    fixed = [wall_rectangle(wall) for wall in walls] + [line for piece in furniture for line in leaf_outlines(piece)]
     standing = draw_changes(scene, furniture, fixed, start, partial(_generator, seed, attempt, "changes"))
     if standing is None:
         raise _NoRoomError("no room for furniture that was moved or that the map does not have")
     asked = scene.file.walkers
     if asked is None:
         return standing, ()
-    walkers = draw_walkers(asked, _outlines(walls, standing), start, partial(_generator, seed, attempt, "walkers"))
+    outlines = standing_outlines(walls, standing)
+    walkers = draw_walkers(asked, outlines, start, partial(_generator, seed, attempt, "walkers"))
     if walkers is None:
         raise _NoRoomError(f"no room for {asked.count} walkers")
     return standing, walkers
 
 
-def _outlines(walls: Iterable[Wall], furniture: Iterable[PlacedFurniture]) -> list[NDArray[np.float64]]:
-    """What stands on the floor seen from above: convex polygons, counter-clockwise."""
-    pieces = list(furniture)
-    outlines = [wall_rectangle(wall) for wall in walls]
-    outlines += [rectangle(piece.actual, piece.model.footprint) for piece in pieces]
-    return [*outlines, *(outline for piece in pieces for outline in _open_leaves(piece))]
-
-
-def _open_leaves(piece: PlacedFurniture) -> Iterator[NDArray[np.float64]]:
-    """What the boards of open doors and drawers cover, seen from above: convex polygons, counter-clockwise."""
-    for leaf in piece.model.articulations:
-        moved = piece.pose @ leaf.moved(piece.open.get(leaf.name, 0.0))
-        for part in leaf.parts if piece.open.get(leaf.name, 0.0) > 0.0 else ():
-            if isinstance(part.shape, Box):
-                corners = (moved @ part.pose).apply(np.array(list(product((-0.5, 0.5), repeat=3))) * part.shape.size)
-                yield corners[ConvexHull(corners[:, :2]).vertices, :2]
-
-
 def _on_surface(piece: PlacedFurniture, surface: Surface, on_surface: Pose2D, model: ObjectModel) -> Pose:
     lower = float(model.bounds()[0, 2])
     return piece.surface_pose(surface) @ on_surface.to_pose(-lower)
+
+
+def _moving_doors(scene: SceneConfig, furniture: Iterable[PlacedFurniture]) -> tuple[MovingDoor, ...]:
+    """Those whose furniture came: an unmapped piece may be absent."""
+    there = {f"{piece.name}/{leaf.name}": leaf for piece in furniture for leaf in piece.model.articulations}
+    return tuple(
+        MovingDoor(name, min(asked.to, there[name].upper), asked.within, asked.speed, asked.torque)
+        for name, asked in scene.file.moving_doors.items()
+        if name in there
+    )
 
 
 def planar_radius(model: ObjectModel) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bestman_bt.messages import Pose2D
@@ -34,7 +35,8 @@ def standing_furniture(
             in_furniture = surface.pose.to_pose2d()
             nominal, actual = below.nominal @ in_furniture @ nominal, below.actual @ in_furniture @ actual
             elevation, on = below.elevation + float(surface.pose.position[2]), below.name
-        pieces.append(PlacedFurniture(name, scene.furniture[name], nominal, actual, elevation, on, placement.open))
+        piece = PlacedFurniture(name, scene.furniture[name], nominal, actual, elevation, on, placement.open)
+        pieces.append(replace(piece, mapped_open=placement.mapped_open))
     return tuple(pieces)
 
 

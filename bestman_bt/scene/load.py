@@ -178,6 +178,11 @@ def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]
     for kind, piece, opened, models in placed:
         for name, why in _misopened(piece, opened, models[piece]):
             problems.append(document.problem((kind, piece, "open", name), why))
+    every = {**scene.furniture, **scene.unmapped}
+    doors = [f"{piece}/{leaf.name}" for piece, model in every.items() for leaf in model.articulations]
+    for name in scene.file.moving_doors if scene.file.generator is None else ():
+        if name not in doors:
+            problems.append(document.problem(("moving_doors", name), f"is no door here; {suggestion(name, doors)}"))
     surfaces = [("objects", key, "surface", item.surface) for key, item in scene.file.objects.items()]
     surfaces += [("goals", key, "surface", item.surface) for key, item in scene.file.goals.items()]
     surfaces += [("furniture", key, "on", item.on) for key, item in scene.file.furniture.items() if item.on]

@@ -30,7 +30,11 @@ def semantic_map(world: World) -> SemanticMap:
             ),
             solid_at_lidar=piece.elevation == 0.0 and _fills_scan_band(piece.model),
             shapes=boards(piece.model, piece.elevation),
-            leaves=leaves(piece.model, piece.elevation),
+            leaves=leaves(piece.model, piece.elevation, piece.mapped_open),
+            is_passage=piece.model.is_passage,
+            # doors stand in walls, which are exact
+            position_error=0.0 if piece.model.is_passage else MapFurniture.position_error,
+            heading_error=0.0 if piece.model.is_passage else MapFurniture.heading_error,
         )
         for piece in world.furniture
         if piece.mapped

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from bestman_bt.messages import Box, Handle, JointKind, ObjectModel, PlacedShape, Pose, Pose2D, joint_motion
+from bestman_bt.scene.moving_door import MovingDoor
 from bestman_bt.scene.walker import Walker
 
 LATCH_TRAVEL = {"revolute": math.radians(1.5), "prismatic": 0.008}
@@ -67,6 +68,7 @@ class FurnitureModel:
     """A piece of furniture; its frame lies on the floor at the centre of the footprint, the front faces -x.
 
     ``footprint``: (x, y) extents in metres. ``parts``: solid shapes that never move, rgba colours beside them.
+    ``is_passage``: whether one walks through it: a door between rooms.
     """
 
     name: str
@@ -76,6 +78,7 @@ class FurnitureModel:
     surfaces: tuple[Surface, ...]
     friction: float = 0.8
     articulations: tuple[Articulation, ...] = ()
+    is_passage: bool = False
 
     @property
     def all_surfaces(self) -> tuple[Surface, ...]:
@@ -93,7 +96,7 @@ class PlacedFurniture:
 
     ``elevation``: metres above the floor, of a piece that stands on another. ``on``: the name of that other. ``open``:
     how far its doors and drawers are open at the start, radians or metres by their names; the others are closed.
-    ``mapped``: whether the semantic map has it.
+    ``mapped``: whether the semantic map has it. ``mapped_open``: how far the map has its doors open, as ``open``.
     """
 
     name: str
@@ -104,6 +107,7 @@ class PlacedFurniture:
     on: str | None = None
     open: Mapping[str, float] = field(default_factory=dict)
     mapped: bool = True
+    mapped_open: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def pose(self) -> Pose:
@@ -145,6 +149,7 @@ class World:
     finger_friction: float | None = None
     goal_heights: Mapping[str, float] = field(default_factory=dict)
     walkers: tuple[Walker, ...] = ()
+    moving_doors: tuple[MovingDoor, ...] = ()
 
 
 def wall_box(wall: Wall) -> tuple[Box, Pose]:

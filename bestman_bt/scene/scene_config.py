@@ -11,6 +11,7 @@ from pydantic import Field
 
 from bestman_bt.configuration.quantity import (
     Angle,
+    AngularSpeed,
     Distance,
     Friction,
     JointPosition,
@@ -20,6 +21,7 @@ from bestman_bt.configuration.quantity import (
     PositiveWholeNumber,
     Share,
     Speed,
+    Torque,
 )
 from bestman_bt.scene.apartment_generator.options import ApartmentOptions
 
@@ -52,8 +54,8 @@ class FurniturePlacement:
 
     The furniture really stands within ``offset`` metres (each axis) and ``turn`` radians of that. ``on``: a surface of
     furniture that is named above it (``counter/top``); None: the floor. ``open``: how far doors and drawers are open at
-    the start, by their names. ``moved``: metres each way within which it was put elsewhere, turned anyhow, after the
-    map was made; 0: it stands where it stood.
+    the start, by their names; ``mapped_open``: how far the map has them open. ``moved``: metres each way within which
+    it was put elsewhere, turned anyhow, after the map was made; 0: it stands where it stood.
     """
 
     model: str
@@ -62,6 +64,7 @@ class FurniturePlacement:
     offset: Distance = 0.03
     turn: Angle = _TWO_DEGREES
     open: Mapping[str, JointPosition] = field(default_factory=dict)
+    mapped_open: Mapping[str, JointPosition] = field(default_factory=dict)
     moved: Distance = 0.0
 
 
@@ -128,6 +131,19 @@ class WalkersConfig:
 
 
 @dataclass(frozen=True)
+class MovingDoorConfig:
+    """A door that somebody moves ``to`` so far open once the robot is ``within`` metres of the middle of its frame.
+
+    ``speed``: rad/s. ``torque``: N m that it is pushed with at most, beyond the friction of its hinge.
+    """
+
+    to: Angle
+    within: PositiveLength
+    speed: AngularSpeed = 0.6
+    torque: Torque = 4.0
+
+
+@dataclass(frozen=True)
 class GeneratorConfig:
     """What makes walls and furniture, from the seed."""
 
@@ -140,6 +156,7 @@ class SceneFile:
 
     ``generator``: makes ``walls``, ``furniture`` and, where it is not given, the region of the ``robot_start``; all
     other scenes give these and ``objects``. ``unmapped``: furniture that came after the map was made.
+    ``moving_doors``: by ``furniture/door``.
     ``clearance``: metres between objects, so that a hand fits. ``start_clearance``: metres from the robot's frame to
     walls and furniture. ``passage``: radius in metres of what shall get everywhere in an apartment: a base that
     turns on the spot. ``finger_friction``: replaces the gripper's own, for control experiments.
@@ -152,6 +169,7 @@ class SceneFile:
     generator: GeneratorConfig | None = None
     unmapped: Mapping[str, UnmappedPlacement] = field(default_factory=dict)
     walkers: WalkersConfig | None = None
+    moving_doors: Mapping[str, MovingDoorConfig] = field(default_factory=dict)
     goals: Mapping[str, GoalPlacement] = field(default_factory=dict)
     clearance: Distance = 0.08
     start_clearance: Distance = 0.45

@@ -30,7 +30,8 @@ class MapLeaf:
     """A door or drawer as the map has it, closed, in the furniture frame: no more than a plan of the piece tells.
 
     ``origin``: (3,) metres, a point on the ``axis``, (3,) unit, about or along which it opens. ``shapes``: its boards,
-    without its handle. ``upper``: how far it opens, radians or metres.
+    without its handle. ``upper``: how far it opens, radians or metres; ``position``: how far it was open when the map
+    was made.
     """
 
     name: str
@@ -39,6 +40,7 @@ class MapLeaf:
     axis: tuple[float, float, float]
     upper: float
     shapes: tuple[PlacedShape, ...]
+    position: float = 0.0
 
     def moved(self, position: float) -> Pose:
         """furniture_from_closed: where the points of the closed leaf are when it is open by ``position``."""

@@ -109,8 +109,8 @@ class WorldModel:
 
     ``models``: objects that it knows by name. ``base``: its pose on the map. ``changes``: what was noticed of objects,
     oldest first. ``articulations``: how far doors and drawers, ``furniture/leaf``, are open, radians or metres; those
-    that are not named are closed. ``occupancy``: what was seen to be free and filled, in the map frame; None before
-    any scan.
+    that are not named are closed; at first those of the map. ``occupancy``: what was seen to be free and filled, in the
+    map frame; None before any scan.
     """
 
     map: SemanticMap
@@ -123,6 +123,12 @@ class WorldModel:
     held: HeldObject | None = None
     articulations: dict[str, float] = field(default_factory=dict)
     occupancy: VoxelGrid | None = None
+
+    def __post_init__(self) -> None:
+        for piece in self.map.furniture.values():
+            for leaf in piece.leaves:
+                if leaf.position > 0.0:
+                    self.articulations.setdefault(f"{piece.name}/{leaf.name}", leaf.position)
 
     def as_at_the_start(self) -> WorldModel:
         """What is known before anything has been seen: the map, the models, and roughly where the base stands."""

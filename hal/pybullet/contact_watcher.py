@@ -32,7 +32,7 @@ class ContactWatcher:
                 *(built.links[leg.foot_link] for leg in base.legs),
             )
         )
-        self._walkers = frozenset(body for body, _ in built.walkers.values())
+        self._walkers = frozenset(body for body, _ in built.walkers.values()) | simulation.moving_doors.bodies
         self._approach = ApproachWatcher(built.robot)
         self._period = simulation.parameters.monitor_every * simulation.parameters.time_step
         self._running: dict[tuple[str, str], ContactIncident] = {}

@@ -15,8 +15,9 @@ class ContactIncident:
     ``first``: the robot's link, or the object that it held. ``second``: the other body. ``roles``: the same two by the
     names that tasks use: ``fingers`` for a finger link, ``robot`` for any other link. Times in simulated seconds,
     ``peak_force`` in newtons.
-    ``by_walker``: a walker came into the robot, whose body did not move towards it faster than 2 cm/s just before they
-    touched, nor by more than 1 cm as long as they did; every other contact is the robot's doing.
+    ``by_walker``: a walker, or a door that a script moves, came into the robot, whose body did not move towards it
+    faster than 2 cm/s just before they touched, nor by more than 1 cm as long as they did; every other contact is the
+    robot's doing.
     """
 
     first: str

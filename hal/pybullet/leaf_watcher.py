@@ -62,10 +62,13 @@ class LeafWatcher:
         hands = simulation.model.grippers.values()
         self._cups = {built.links[link] for hand in hands if hand.kind == "suction" for link in hand.finger_links}
         self._pieces: list[tuple[int, list[int], list[_Leaf]]] = []
+        scripted = {door.leaf for door in world.moving_doors}
         for piece in world.furniture:
             leaves = []
             for articulation in piece.model.articulations:
                 name = f"{piece.name}/{articulation.name}"
+                if name in scripted:  # what moves it is told as a disturbance
+                    continue
                 body, joint = built.articulations[name]
                 leaf = _Leaf(
                     name=name,

@@ -55,7 +55,9 @@ class HonestyMonitor:
             open_hand=tuple(self._open_hand.findings),
             contacts=self._contacts.incidents(),
             penetrations=self._contacts.penetrations(),
-            disturbances=tuple(simulation.walkers.log),
+            disturbances=tuple(
+                sorted((*simulation.walkers.log, *simulation.moving_doors.log), key=lambda finding: finding.stamp)
+            ),
             missed_looks=max(0, simulation.steps // simulation.parameters.monitor_every - self._looks)
             + max(0, simulation.steps - self._steps),
         )

@@ -14,6 +14,7 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.pybullet.client import PhysicsClient, Reader, SimulationError
 from hal.pybullet.latches import Latches
+from hal.pybullet.moving_doors import MovingDoors
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.walkers import Walkers
 from hal.pybullet.world_builder import BuiltWorld, build_world
@@ -44,6 +45,9 @@ class Simulation:
         self.walkers = Walkers(client, world, self.built.walkers, self.built.robot)
         if self.walkers:
             self.controls.append(lambda: self.walkers.update(self.steps * parameters.time_step))
+        self.moving_doors = MovingDoors(client, world, self.built.articulations, self.built.robot)
+        if self.moving_doors:
+            self.controls.append(lambda: self.moving_doors.update(self.steps * parameters.time_step))
         movable = [
             joint
             for group in (model.bases, model.arms, model.grippers, model.joint_groups)

@@ -81,7 +81,7 @@ class Costmap:
         obstacles: Iterable[Obstacle] = (),
         parameters: CostmapParameters | None = None,
     ) -> Costmap:
-        """Walls, furniture (with margins for its errors), frames of doors, and ``obstacles``: seen ones, open leaves."""
+        """Walls, furniture (with margins for its errors), frames of doors, and ``obstacles``."""
         p = parameters or CostmapParameters()
         x_min, y_min, x_max, y_max = semantic_map.bounds(margin=2 * p.resolution)
         shape = math.ceil((y_max - y_min) / p.resolution), math.ceil((x_max - x_min) / p.resolution)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,13 +43,25 @@ class Room:
 class Doorway:
     """An opening of ``width`` metres about ``at`` in the wall between two ``rooms``, which are told by their indices.
 
-    ``along``: 0 where the wall runs along x, 1 where it runs along y.
+    ``along``: 0 where the wall runs along x, 1 where it runs along y. ``frame``: metres that a door's frame takes on
+    each side, beyond the width; 0 where there is no door.
     """
 
     at: tuple[float, float]
     along: int
     width: float
     rooms: tuple[int, int]
+    frame: float = 0.0
+
+    @property
+    def has_door(self) -> bool:
+        """Whether a door hangs in it."""
+        return self.frame > 0.0
+
+    @property
+    def opening(self) -> float:
+        """Metres between the walls."""
+        return self.width + 2.0 * self.frame
 
 
 @dataclass(frozen=True)
@@ -61,8 +73,13 @@ class FloorPlan:
     walls: tuple[Line, ...]
 
 
-def floor_plan(options: ApartmentOptions, rng: np.random.Generator) -> FloorPlan | None:
-    """Draw one about the origin; None where the draw came to nothing."""
+def floor_plan(
+    options: ApartmentOptions, rng: np.random.Generator, door_rng: np.random.Generator, frame: float
+) -> FloorPlan | None:
+    """Draw one about the origin; None where the draw came to nothing.
+
+    ``door_rng``: decides which doorways get a door, whose ``frame`` is as wide on each side.
+    """
     count = int(rng.integers(options.rooms[0], options.rooms[1] + 1))
     area = float(np.clip(count * rng.uniform(*_ROOM_AREA), *options.area))
     aspect = float(rng.uniform(1.0, _LARGEST_ASPECT))
@@ -80,6 +97,7 @@ def floor_plan(options: ApartmentOptions, rng: np.random.Generator) -> FloorPlan
     doorways = _doorways(rooms, options, rng)
     if doorways is None:
         return None
+    doorways = [replace(d, frame=frame) if door_rng.random() < options.doors else d for d in doorways]
     outside = rooms_around(rooms)
     walls = [*outside, *(piece for line in partitions for piece in _opened(line, doorways, options.wall_thickness))]
     return FloorPlan(tuple(rooms), tuple(doorways), tuple(walls))
@@ -142,7 +160,7 @@ def _opened(line: Line, doorways: Sequence[Doorway], thickness: float) -> Iterat
     along = 0 if start[1] == end[1] else 1
     across, here, last = start[1 - along], start[along], end[along]
     openings = sorted(
-        (door.at[along] - door.width / 2 - thickness / 2, door.at[along] + door.width / 2 + thickness / 2)
+        (door.at[along] - door.opening / 2 - thickness / 2, door.at[along] + door.opening / 2 + thickness / 2)
         for door in doorways
         if door.along == along and door.at[1 - along] == across and here < door.at[along] < last
     )

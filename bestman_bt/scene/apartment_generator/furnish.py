@@ -10,9 +10,9 @@ import numpy as np
 
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, Room
+from bestman_bt.scene.apartment_generator.placed import Placed
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.furniture_generator import FURNITURE_KINDS, generate_furniture
-from bestman_bt.scene.plane_geometry import Points, rectangle
 from bestman_bt.scene.scene import FurnitureModel
 
 OFFSET, TURN = 0.03, math.radians(2.0)
@@ -23,6 +23,7 @@ NEEDED = ("table", "counter")
 _TRIES = 60
 _BEFORE_DOORWAY = 0.85  # metres that are kept free on both sides
 _BESIDE_DOORWAY = 0.10
+_BEFORE_DOOR, _BESIDE_DOOR = 1.10, 0.30  # where a leaf swings
 _APART = 0.08
 _CHAIR_GAP = 0.06
 _Extent = tuple[float, float, float, float]  # x and y of the lower corner, x and y of the upper one
@@ -48,20 +49,6 @@ _OTHERS = (
     _Furnishing(("sofa", "shelf", "desk")),
 )
 _SHIPPED = {"desk": "table"}
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A piece where it shall stand."""
-
-    name: str
-    model: FurnitureModel
-    at: Pose2D
-
-    @property
-    def outline(self) -> Points:
-        """Corners of the footprint, (4, 2)."""
-        return rectangle(self.at, self.model.footprint)
 
 
 @dataclass
@@ -146,7 +133,8 @@ def _furnishings(count: int, rng: np.random.Generator) -> list[_Furnishing]:
 
 def _before_doorways(doorways: Iterable[Doorway], wall_thickness: float) -> Iterator[_Extent]:
     for doorway in doorways:
-        deep, wide = wall_thickness + 2 * _BEFORE_DOORWAY, doorway.width + 2 * _BESIDE_DOORWAY
+        before, beside = (_BEFORE_DOOR, _BESIDE_DOOR) if doorway.has_door else (_BEFORE_DOORWAY, _BESIDE_DOORWAY)
+        deep, wide = wall_thickness + 2 * before, doorway.width + 2 * beside
         yield _extent(Pose2D(*doorway.at, 0.0), (wide, deep) if doorway.along == 0 else (deep, wide))
 
 

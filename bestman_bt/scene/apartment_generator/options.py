@@ -14,6 +14,8 @@ class ApartmentOptions:
     ``rooms``: how many. ``area``: square metres within the outer walls; a room gets 14 to 24 of it. ``doorway``: clear
     width of the openings between rooms. ``loops``: the chance of a doorway that is not needed to get everywhere.
     ``moved_chairs``: the chance of a chair to have been moved by up to 60 cm each way since the map was made.
+    ``doors``: the chance of a doorway to have a door; its leaf stands open, or half open (66° to 80°) with the chance
+    ``half_open``. ``moved_doors``: the chance of a door to have been opened otherwise since the map was made.
     ``seed``: always this apartment; None: the seed of the world draws one.
     """
 
@@ -22,6 +24,9 @@ class ApartmentOptions:
     doorway: tuple[PositiveLength, PositiveLength] = (0.8, 0.9)
     loops: Share = 0.3
     moved_chairs: Share = 0.0
+    doors: Share = 0.0
+    half_open: Share = 0.3
+    moved_doors: Share = 0.0
     wall_height: PositiveLength = 2.0
     wall_thickness: PositiveLength = 0.1
     seed: WholeNumber | None = None

@@ -75,4 +75,4 @@ def room_door(name: str, options: RoomDoorOptions, rng: np.random.Generator) -> 
         latch=options.latch,
     )
     top = surface("top", (front, rear), (-half + _POST, half - _POST), height)
-    return model(name, (depth, width), solids, [top], [leaf])
+    return replace(model(name, (depth, width), solids, [top], [leaf]), is_passage=True)

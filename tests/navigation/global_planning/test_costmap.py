@@ -5,8 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, CostmapParameters, Footprint
+from bestman_bt.messages import Box, Cylinder, OccupancyGrid, PlacedShape, Pose, Pose2D
+from bestman_bt.navigation.global_planning import (
+    Costmap,
+    CostmapParameters,
+    Footprint,
+    LayeredCostmap,
+    LayeredCostmapParameters,
+)
 from bestman_bt.world_model import Obstacle
 
 EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
@@ -87,3 +93,25 @@ def test_radii_of_a_rectangular_footprint():
 def test_a_clockwise_footprint_is_refused():
     with pytest.raises(ValueError, match="counter-clockwise"):
         Footprint(np.array([[-0.3, -0.2], [-0.3, 0.2], [0.3, 0.2], [0.3, -0.2]]))
+
+
+@pytest.mark.parametrize(("layer", "inside"), [("static", (0.0, -2.4)), ("furniture", (3.4, -0.9))])
+def test_a_layer_that_is_switched_off_is_not_there(kitchen, footprint, layer, inside):
+    assert Costmap.from_map(kitchen, footprint).distance_at(inside) < 0.03
+    without = Costmap.from_map(kitchen, footprint, parameters=CostmapParameters(**{layer: False}))
+    assert without.distance_at(inside) > 0.3
+
+
+def test_cells_that_nobody_has_seen_are_obstacles_as_long_as_their_layer_is_on(footprint):
+    data = np.zeros((40, 40), dtype=np.int8)
+    data[:, 30:] = -1
+    data[10, 10] = 100
+    grid = OccupancyGrid(data, 0.05, np.zeros(2))
+    careful, bold = (
+        LayeredCostmap(LayeredCostmapParameters(unknown=unknown)).of_grid(grid, footprint) for unknown in (True, False)
+    )
+    assert careful.distance_at([1.475, 1.5]) == pytest.approx(0.02, abs=1e-6)
+    assert careful.distance_at([1.7, 1.5]) < 0.0
+    assert bold.distance_at([1.7, 1.5]) > 0.5
+    assert careful.distance_at([0.525, 0.525]) < 0.0
+    assert bold.distance_at([0.525, 0.525]) < 0.0
