@@ -90,7 +90,7 @@ def dock(seed: int, by_furniture: bool, measured: Docks) -> None:
         judged.robot.clock.sleep(REST)
         away, turn = _errors(judged.true_pose, goal, setup.world if by_furniture else None)
         audited = audit(judged.robot.honesty_record())
-        told = "; ".join(failure.why for failure in judged.session.skills.failures[-1:])
+        told = "; ".join([*(failure.why for failure in judged.session.skills.failures[-1:]), execution.why])
     measured.docked.append(execution.succeeded and away <= POSITION and turn <= YAW)
     measured.contacts += len(audited.collisions)
     measured.honest = measured.honest and audited.honest

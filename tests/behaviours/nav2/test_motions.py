@@ -17,7 +17,8 @@ def test_a_spin_turns_by_its_angle_on_the_spot(driver, angle) -> None:
     before = driver.skills.world.base.pose
     assert succeeds(driver, f'<Spin spin_dist="{angle}" time_allowance="30"/>')
     after = driver.skills.world.base.pose
-    assert wrap_angle(after.theta - before.theta - angle) == pytest.approx(0.0, abs=0.03)
+    by_odometry = 0.02 + 0.02 * abs(angle)
+    assert wrap_angle(after.theta - before.theta - angle) == pytest.approx(0.0, abs=by_odometry)
     assert after.distance_to(before) < 0.03
     assert succeeds(driver, f'<Spin spin_dist="{-angle}" time_allowance="30"/>')
 
