@@ -95,7 +95,8 @@ class ActionLoop:
             handle: ControlHandle[BasePose] = ControlHandle(self._base.stop)
             watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
             self._replace(BaseAction(handle, follower, goal, tolerance, watch, by_odometry, speed, driven))
-            self._where.look_again(forgive=True)
+            # One that is lost gets another chance; else one that is sent on again and again would never find out.
+            self._where.look_again(forgive=self._where.lost)
             self._gave_up = False
             return handle
 

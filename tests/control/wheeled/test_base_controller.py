@@ -174,9 +174,21 @@ def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
     assert handle.error.code is ControlErrorCode.LOST
 
 
+def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simulate):
+    world = draw_world(load_scene("kitchen"), 1)
+    elsewhere = SemanticMap(semantic_map(world).walls @ np.diag([0.7, 1.6, 0.7, 1.6]), {})
+    simulated = simulate(1, world, elsewhere)
+    for _ in range(20):
+        handle = simulated.base.drive(0.3)
+        simulated.robot.clock.sleep(0.2)
+        if handle.done:
+            break
+    assert handle.error.code is ControlErrorCode.LOST
+
+
 def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     simulated = simulate(1)
-    localizer, base = simulated.base._localizer, simulated.robot.part("base", MobileBase)
+    localizer, base = simulated.base._where.localizer, simulated.robot.part("base", MobileBase)
     # As if it had been carried off: what it believes is another place.
     known = simulated.base.estimate.pose
     localizer.reset(Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2), base.odometry(), 0.002, 0.002)
