@@ -1,0 +1,169 @@
+"""Driving where something is not as the map has it: around it, later, or not at all, and then it says why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+import pybullet
+import pytest
+
+from bestman_bt.configuration import load_run
+from bestman_bt.engine import RUNNING, SUCCESS
+from bestman_bt.messages import Pose2D
+from bestman_bt.runtime import Session
+from hal.pybullet import GroundTruth
+from hal.pybullet.reading_line import SensorFault
+from hal.pybullet.wheel_motors import WheelMotors
+from tests.behaviours.at_the_table import fastest, tick, tree_of
+from tests.behaviours.truth import THINGS, audited, known_world, succeeds, why_not
+
+START = "robot_start: {x: [-1.3, -1.3], y: [0.0, 0.0], yaw: [0.0, 0.0]}"
+BEHIND_THE_DOORWAY = "1.2;0.0;0.0"
+CHAIR = "unmapped: {chair: {model: chair, at: [0.5, 0.1, 20 deg]}}"
+DOOR = "unmapped: {door: {model: wide_door, at: [0, 0, 0], open: {door: 85 deg}}}"
+STANDING = "walkers: {count: 1, way_points: [[0.1, 0.0], [0.13, 0.0]], radius: [25 cm, 25 cm]}"
+CROSSING = "walkers: {count: 1, way_points: [[0.7, -1.5], [0.7, 1.5]], speed: [0.6 m/s, 0.6 m/s]}"
+
+
+@pytest.fixture
+def kitchen_with(tmp_path: Path) -> Iterator[Callable[..., tuple[Session, GroundTruth]]]:
+    """Opens sessions in a kitchen without things, with what is added to its scene file."""
+    with ExitStack() as stack:
+
+        def opened(*added: str) -> tuple[Session, GroundTruth]:
+            scene = tmp_path / "changed.yaml"
+            scene.write_text("\n".join([THINGS.strip(), START, *added, "goals: {}\n"]))
+            return stack.enter_context(known_world(load_run(tree="navigate", scene=scene, robot="diff_panda", seed=1)))
+
+        yield opened
+
+
+def to(goal: str, replans: int = 3) -> str:
+    return f'<NavigateTo goal="{goal}" max_replans="{replans}"/>'
+
+
+def at(truth: GroundTruth, goal: str) -> bool:
+    return truth.base_pose().to_pose2d().distance_to(Pose2D(*map(float, goal.split(";")))) < 0.02
+
+
+def close(session: Session, speed: float) -> None:
+    """Push the door, for good; below 0 it closes."""
+    body, joint = session.robot.simulation.built.articulations["door/door"]
+    session.robot.simulation.client.setJointMotorControl2(
+        body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=speed, force=60.0
+    )
+
+
+def test_a_chair_that_the_map_does_not_have_is_driven_around(kitchen_with) -> None:
+    session, truth = kitchen_with(CHAIR)
+    assert succeeds(session, to(BEHIND_THE_DOORWAY, replans=0))
+    assert at(truth, BEHIND_THE_DOORWAY)
+    assert audited(session).collisions == ()
+
+
+def test_somebody_who_crosses_the_way_is_not_touched(kitchen_with) -> None:
+    session, truth = kitchen_with(CROSSING)
+    assert succeeds(session, to(BEHIND_THE_DOORWAY))
+    assert at(truth, BEHIND_THE_DOORWAY)
+    assert audited(session).collisions == ()
+
+
+def test_before_a_door_that_closes_it_waits_and_drives_on_when_it_opens_again(kitchen_with) -> None:
+    session, truth = kitchen_with(DOOR)
+    tree = session.load(tree_of(to(BEHIND_THE_DOORWAY)))
+    assert tick(tree, 20) == RUNNING
+    close(session, -1.5)
+    assert tick(tree, 200) == RUNNING
+    assert fastest(session) < 0.05
+    assert truth.base_pose().to_pose2d().x < -0.3
+    close(session, 1.5)
+    assert tick(tree, 1200) == SUCCESS, session.skills.failures
+    assert at(truth, BEHIND_THE_DOORWAY)
+
+
+def test_a_door_that_stays_shut_is_told_after_the_recoveries(kitchen_with) -> None:
+    session, truth = kitchen_with(DOOR.replace("85", "0"))
+    code, why = why_not(session, to(BEHIND_THE_DOORWAY, replans=1))
+    assert code == "path_blocked"
+    assert "something that the map does not have is in the way" in why
+    assert truth.base_pose().to_pose2d().x < -0.3
+    assert fastest(session) < 0.01
+    assert audited(session).collisions == ()
+
+
+def test_a_halt_while_it_plans_around_something_leaves_nothing_moving(kitchen_with, monkeypatch) -> None:
+    session, _ = kitchen_with(CHAIR)
+    monkeypatch.setitem(session.skills.costs, "global_planning", 1.0)
+    tree = session.load(tree_of(to(BEHIND_THE_DOORWAY)))
+    while session.skills.base.blocked_at() is None:
+        assert tick(tree) == RUNNING
+    assert tick(tree, 6) == RUNNING  # the next look has begun to plan, and the base drives on
+    tree.halt()
+    session.robot.clock.sleep(0.6)
+    assert fastest(session) < 0.01
+
+
+def test_a_lidar_that_is_silent_for_a_moment_costs_time_and_no_more(kitchen_with) -> None:
+    session, truth = kitchen_with()
+    tree, line = session.load(tree_of(to("-0.5;0.0;0.0"))), session.robot.parts["lidar"].line
+    assert tick(tree, 30) == RUNNING
+    line.fault = SensorFault.SILENT
+    assert tick(tree, 20) == RUNNING
+    assert fastest(session) < 0.01
+    line.fault = None
+    assert tick(tree, 400) == SUCCESS, session.skills.failures
+    assert at(truth, "-0.5;0.0;0.0")
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "words"),
+    [
+        (SensorFault.SILENT, "disconnected", "lidar"),
+        (SensorFault.FROZEN, "blocked", "the lidar tells the same scan again and again"),
+    ],
+)
+def test_a_lidar_that_fails_for_good_stops_the_base_and_is_named(kitchen_with, fault, code, words) -> None:
+    session, truth = kitchen_with()
+    tree, line = session.load(tree_of(to("-0.3;0.0;0.0", replans=1))), session.robot.parts["lidar"].line
+    assert tick(tree, 30) == RUNNING
+    line.fault = fault
+    before = truth.base_pose().to_pose2d()
+    tick(tree, 600)
+    failure = session.skills.failures[-1]
+    assert failure.error_code == code
+    assert words in failure.why
+    assert truth.base_pose().to_pose2d().distance_to(before) < 0.4
+    assert fastest(session) < 0.01
+
+
+def test_wheels_that_do_not_turn_are_told_and_not_taken_for_an_obstacle(kitchen_with, monkeypatch) -> None:
+    session, truth = kitchen_with()
+    before = truth.base_pose().to_pose2d()
+    monkeypatch.setattr(WheelMotors, "drive", lambda motors, speeds: motors.park())
+    code, why = why_not(session, to("-0.3;0.0;0.0", replans=1))
+    assert code == "blocked"
+    assert "its wheels do not turn as they should" in why
+    assert truth.base_pose().to_pose2d().distance_to(before) < 0.01
+
+
+@pytest.mark.parametrize(("goal", "code"), [("0.0;-1.5;0.0", "goal_blocked"), ("40.0;0.0;0.0", "goal_outside")])
+def test_a_goal_in_a_wall_or_off_the_map_is_refused_at_once(kitchen_with, goal, code) -> None:
+    session, truth = kitchen_with()
+    before, begin = truth.base_pose().to_pose2d(), session.robot.clock.now()
+    refused, why = why_not(session, to(goal))
+    assert refused == code
+    assert f"{float(goal.split(';')[0]):.2f}" in why
+    assert session.robot.clock.now() - begin < 1.0
+    assert truth.base_pose().to_pose2d().distance_to(before) < 0.001
+
+
+def test_a_goal_that_somebody_stands_on_is_waited_for_and_then_told(kitchen_with) -> None:
+    session, truth = kitchen_with(STANDING)
+    code, why = why_not(session, to("0.1;0.0;0.0", replans=0))
+    assert code == "path_blocked"
+    assert "something that the map does not have is in the way" in why
+    assert np.hypot(*(truth.base_pose().position[:2] - [0.1, 0.0])) > 0.5
+    assert audited(session).collisions == ()
