@@ -21,7 +21,7 @@ def fences(page: str, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
 
 
-@pytest.mark.parametrize("page", ["docs/writing_a_tree.md", "docs/look.md", "README.md"])
+@pytest.mark.parametrize("page", ["docs/writing_a_tree.md", "docs/look.md", "docs/nav2.md", "README.md"])
 def test_the_trees_in_xml_load(page: str) -> None:
     trees = fences(page, "xml")
     assert trees

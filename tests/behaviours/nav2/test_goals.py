@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.engine import FAILURE, SUCCESS
+from bestman_bt.engine import FAILURE, SUCCESS, TreeLoadError
 from bestman_bt.messages import Goals, Pose2D
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import succeeds, why_not
@@ -101,3 +101,18 @@ def test_codes_may_be_named(driver) -> None:
     assert (
         why_not(driver, '<AreErrorCodesPresent error_code="lost" error_codes_to_check="blocked"/>')[0] == "other_code"
     )
+
+
+def test_ports_of_nav2_that_mean_nothing_here_are_taken(driver) -> None:
+    driver.load(
+        tree_of(
+            '<Sequence><Spin spin_dist="1.57" is_recovery="true" server_name="spin" server_timeout="20"/>'
+            '<ClearEntireCostmap service_name="local_costmap/clear_entirely_local_costmap"/>'
+            '<FollowPath path="{path}" goal_checker_id="general_goal_checker" progress_checker_id="progress_checker"/>'
+            '<IsPathValid path="{path}" max_cost="254" layer_name="" server_timeout="10"/>'
+            '<DistanceController distance="1.0" global_frame="map" robot_base_frame="base_link">'
+            '<ComputePathToPose goal="{goal}" path="{path}" planner_id=""/></DistanceController></Sequence>'
+        )
+    )
+    with pytest.raises(TreeLoadError, match="error_code_id"):
+        driver.load(tree_of('<Wait wait_duration="5.0" error_code_id="{code}"/>'))
