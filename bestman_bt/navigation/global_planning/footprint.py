@@ -12,9 +12,13 @@ from bestman_bt.messages.frozen_array import frozen_array
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """A convex outline around the origin: ``corners`` (N, 2) metres in the base frame, counter-clockwise."""
+    """A convex outline around the origin: ``corners`` (N, 2) metres in the base frame, counter-clockwise.
+
+    ``turning_drift``: metres that the origin may wander while the base turns on the spot.
+    """
 
     corners: NDArray[np.float64]
+    turning_drift: float = 0.0
 
     def __post_init__(self) -> None:
         corners = frozen_array(self.corners, (None, 2), "Footprint corners")
@@ -36,6 +40,11 @@ class Footprint:
     def circumscribed_radius(self) -> float:
         """Radius of the smallest circle about the origin around the outline, metres."""
         return float(np.linalg.norm(self.corners, axis=1).max())
+
+    @property
+    def turning_radius(self) -> float:
+        """Radius of the circle about the origin that is swept in a turn on the spot, metres."""
+        return self.circumscribed_radius + self.turning_drift
 
     def outline(self, spacing: float) -> NDArray[np.float64]:
         """Points (N, 2) along the outline, at most ``spacing`` metres apart, corners included."""

@@ -27,7 +27,7 @@ from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, St
 class PolylineParameters(StraightEndsParameters):
     """Beside those of the ends:
 
-    ``turning_clearance``: metres kept beyond the circumscribed radius where the base turns. ``slack``: metres less of
+    ``turning_clearance``: metres kept beyond the turning radius where the base turns. ``slack``: metres less of
     it, at the highest cost, where there is no more room, as in narrow doorways: cells rarely have their centres in the
     middle of one. ``turn_cost``: metres of detour worth one corner. ``vertex_limit``: how many points of the way that
     was found the smoothing considers.
@@ -54,7 +54,7 @@ class PolylinePlanner(GlobalPlanner):
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """See ``GlobalPlanner.plan``."""
-        turning_distance = costmap.footprint.circumscribed_radius + self._parameters.turning_clearance
+        turning_distance = costmap.footprint.turning_radius + self._parameters.turning_clearance
         ends = StraightEnds(costmap, self._parameters, turning_distance)
         fault = ends.fault(start, goal)
         if fault is not None:
@@ -96,7 +96,7 @@ class PolylinePlanner(GlobalPlanner):
         for i in range(len(vertices) - 1):
             so_far = best[i] + self._parameters.turn_cost
             # A metre costs 1 or more, so that many segments cannot be worth it.
-            hopeful = so_far + np.linalg.norm(vertices[i + 1 :] - vertices[i], axis=1) < best[i + 1 :]
+            hopeful = so_far + np.hypot(*(vertices[i + 1 :] - vertices[i]).T) < best[i + 1 :]
             if not hopeful.any():
                 continue
             cost = np.full(len(hopeful), np.inf)

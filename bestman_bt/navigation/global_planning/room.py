@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.navigation.global_planning.costmap import Costmap
 
-_SPARSE = 8  # of so many samples of a segment, one is looked at first
+_MANY = 1500  # samples from which on it is worth while to look at a few of them first:
+_SPARSE = 8  # one of so many
 
 
 @dataclass(frozen=True)
@@ -45,13 +46,14 @@ class Room:
         """Cost (N,) of driving straight from ``starts`` (2,) or (N, 2) to ``ends`` (N, 2); infinite where blocked."""
         starts = np.broadcast_to(starts, ends.shape)
         spacing = self.costmap.resolution / 2
-        # Most segments are blocked, and a few of their samples tell.
-        points, segments, _ = _samples(starts, ends, _SPARSE * spacing)
-        blocked = self.costmap.distance_at(points) < self.lethal_distance - self.lethal_slack
         costs = np.full(len(ends), np.inf)
-        passable = np.ones(len(ends), dtype=bool)
-        passable[segments[blocked]] = False
-        candidates = np.flatnonzero(passable)
+        candidates = np.arange(len(ends))
+        if np.abs(ends - starts).sum() / spacing > _MANY:
+            # Most segments are blocked, and a few of their samples tell.
+            points, segments, _ = _samples(starts, ends, _SPARSE * spacing)
+            passable = np.ones(len(ends), dtype=bool)
+            passable[segments[self.costmap.distance_at(points) < self.lethal_distance - self.lethal_slack]] = False
+            candidates = np.flatnonzero(passable)
         if len(candidates):
             starts, ends = starts[candidates], ends[candidates]
             points, segments, counts = _samples(starts, ends, spacing)
@@ -60,7 +62,7 @@ class Room:
             if not self.turns_everywhere:
                 headings = np.arctan2(ends[:, 1] - starts[:, 1], ends[:, 0] - starts[:, 0])
                 cost[self._touches(points, headings[segments], distance)] = np.inf
-            lengths = np.linalg.norm(ends - starts, axis=1)
+            lengths = np.hypot(*(ends - starts).T)
             costs[candidates] = np.add.reduceat(cost, np.cumsum(counts) - counts) / counts * lengths
         return costs
 
@@ -78,7 +80,7 @@ def _samples(
     starts: NDArray[np.float64], ends: NDArray[np.float64], spacing: float
 ) -> tuple[NDArray[np.float64], NDArray[np.intp], NDArray[np.intp]]:
     """Points (M, 2) along segments, at most ``spacing`` apart, both ends included; of which segment; how many of it."""
-    lengths = np.linalg.norm(ends - starts, axis=1)
+    lengths = np.hypot(*(ends - starts).T)
     counts = np.maximum(2, np.ceil(lengths / spacing)).astype(np.intp) + 1
     segments = np.repeat(np.arange(len(ends)), counts)
     number = np.arange(len(segments)) - (np.cumsum(counts) - counts)[segments]
