@@ -14,7 +14,7 @@ from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.control.wheeled import BaseController
+from bestman_bt.control.wheeled import BaseController, footprint_of
 from bestman_bt.manipulation.collision import (
     CollisionModel,
     CollisionWorld,
@@ -25,7 +25,7 @@ from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
+from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, LayeredCostmap
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
@@ -79,7 +79,7 @@ class SkillContext:
     ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
     oldest first. ``policies``: from the name or file of a learned policy to it. ``planners``, ``followers``: from the
-    name of a global and of a local planner to it; they raise UnknownNameError.
+    name of a global and of a local planner to it; they raise LookupError.
     """
 
     clock: TimeSource
@@ -139,7 +139,7 @@ class SkillContext:
 
     def costmap(self) -> Costmap:
         """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open."""
-        footprint = Footprint(np.array(self.base.description.footprint))
+        footprint = footprint_of(self.base.description)
         return self.algorithms.costmap.of_world(self.world, footprint)
 
     def seen_costmap(self) -> Costmap:

@@ -8,7 +8,6 @@ from typing import Any, TypeVar
 from py_trees.ports import PortInformation
 
 from behaviours.skill import SkillFailure
-from bestman_bt.registry import UnknownNameError
 
 Algorithm = TypeVar("Algorithm")
 
@@ -30,5 +29,5 @@ def named(by_name: Callable[[str], Algorithm], name: str) -> Algorithm:
     """The algorithm that a port names; SkillFailure (``bad_input``) where there is none of that name."""
     try:
         return by_name(name)
-    except UnknownNameError as error:
+    except LookupError as error:
         raise SkillFailure("bad_input", str(error)) from error
