@@ -232,6 +232,7 @@ def _base(
         footprint=_footprint(urdf, base_frame, part, placed),
         wheel_places=tuple((round(float(x), 6), round(float(y), 6)) for x, y, _ in wheels),
         turning_slip=base.turning_slip,
+        turning_drift=base.turning_drift,
         wheel_friction=base.wheel_friction,
         steering_joints=base.steering_joints,
         steering_torque=base.steering_torque,
@@ -256,6 +257,7 @@ def _gripper(gripper: GripperPart, part: PlacedPart) -> GripperModel:
         friction=gripper.friction,
         opening=part.opening,
         followers=tuple(mimic for mimic in part.mimics if mimic.joint not in gripper.joints),
+        linkage=tuple(link for link in part.links if link not in (part.root, gripper.tool, *gripper.finger_links)),
     )
 
 

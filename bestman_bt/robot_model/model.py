@@ -48,9 +48,9 @@ class GripperModel:
     ``joint_names``: the joints that drive its fingers, all alike: sliding ones share the width equally, others are
     related to it by ``opening``, pairs (position, width) from the widest to the closed hand. ``followers``: joints
     that a mechanism couples to these. ``finger_links``: the links that may touch a grasped object. ``hand_link``:
-    their parent. ``finger_depth``: metres from the tool frame back to the palm, ``pad_size``: (width across, height
-    along z) metres. A suction cup has no joints and one finger link, the cup; ``max_force`` is what its vacuum holds
-    with, and its widths are nominal: 0 sucks, ``max_width`` lets go.
+    their parent; ``linkage``: knuckles and what else moves between. ``finger_depth``: metres from the tool frame back to
+    the palm, ``pad_size``: (width across, height along z) metres. A suction cup has no joints and one finger link, the
+    cup; ``max_force`` is what its vacuum holds with, and its widths are nominal: 0 sucks, ``max_width`` lets go.
     """
 
     joint_names: tuple[str, ...]
@@ -67,6 +67,7 @@ class GripperModel:
     followers: tuple[MimicJoint, ...] = ()
     kind: str = "parallel"
     seal_gap: float = 0.0
+    linkage: tuple[str, ...] = ()
 
     def joint_positions(self, width: float) -> dict[str, float]:
         """Positions of all joints of the hand, followers included, when it is open by ``width``."""
@@ -171,6 +172,7 @@ class BaseModel:
     encoders: EncoderModel = field(default_factory=EncoderModel)
     max_jerk: float = 2.0
     max_angular_jerk: float = 10.0
+    turning_drift: float = 0.0
 
     @property
     def drags_wheels(self) -> bool:

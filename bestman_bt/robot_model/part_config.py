@@ -42,7 +42,9 @@ class BasePart(PartConfig):
 
     ``drive``: ``differential`` and ``skid`` have wheels that cannot be steered, left and right in turns; a skid drive
     drags some of them over the floor when it turns: ``turning_slip`` is how much wider its track then seems (Mandow
-    2007). ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
+    2007). ``turning_centre``: metres ahead of the URDF's root, about which it turns on the spot with its load; the root
+    is moved there, and so is the base frame. ``turning_drift``: metres that it may wander in such a turn.
+    ``steered``: each wheel has a joint of ``steering_joints`` above it, and the base moves any way at once.
     ``rotor_inertia``: of the drives, as it is felt at the wheels behind the reduction. ``deck``: where a column for an
     arm stands on it. ``payload``: what it may carry by its maker's word. ``max_jerk``, ``max_angular_jerk``: m/s³ and
     rad/s³ that local planners keep to.
@@ -54,6 +56,8 @@ class BasePart(PartConfig):
     wheel_radius: PositiveLength
     track: PositiveLength
     turning_slip: Factor = 1.0
+    turning_centre: Length = 0.0
+    turning_drift: Length = 0.0
     wheel_torque: Torque
     wheel_friction: Friction | None = None
     rotor_inertia: Inertia = 0.0

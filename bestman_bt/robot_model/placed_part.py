@@ -27,7 +27,7 @@ from bestman_bt.robot_model.part_config import (
     LeggedBasePart,
 )
 from bestman_bt.robot_model.part_fields import ContactConfig, PadConfig
-from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, shape
+from bestman_bt.robot_model.urdf_elements import child_of, fixed_joint, link, move_origin, shape
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, locate_urdf, read_subtree
 
 WIDTH_TOLERANCE = 1e-3
@@ -96,6 +96,8 @@ def read_part(name: str, description: str, changes: Document, asked_by: Problem,
         below = (0.0, 0.0, config.stand_height)
         elements = [link(FOOTPRINT), fixed_joint(f"{FOOTPRINT}_joint", FOOTPRINT, root, below), *elements]
         root = FOOTPRINT
+    if isinstance(config, BasePart):
+        move_origin(elements, root, (config.turning_centre, 0.0, 0.0))
     elements += _added_frames(config)
     names = {element.get("name", "") for element in elements}
     _check_names(config, document, names)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from bestman_bt.messages import Box, Cylinder, Shape, Sphere
 
@@ -115,6 +115,20 @@ def sliding_joint(name: str, parent: str, child: str, axis: Vector, xyz: Vector 
     element = turning_joint(name, parent, child, axis, xyz)
     element.set("type", "prismatic")
     return element
+
+
+def move_origin(elements: Iterable[ET.Element], link_name: str, to: Vector) -> None:
+    """Move the frame of a link to a place ``to`` in it: whatever hangs on it stays where it is."""
+    held = [e for e in elements if e.tag == "joint" and parent_of(e) == link_name]
+    for element in elements:
+        if element.tag == "link" and element.get("name") == link_name:
+            held += [part for part in element if part.tag in ("visual", "collision", "inertial")]
+    for element in held:
+        place = element.find("origin")
+        if place is None:
+            place = ET.SubElement(element, "origin")
+        before = [float(value) for value in place.get("xyz", "0 0 0").split()]
+        place.set("xyz", numbers([value - moved for value, moved in zip(before, to, strict=True)]))
 
 
 def parent_of(joint: ET.Element) -> str:

@@ -29,7 +29,8 @@ _EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furnitur
 
 def base_footprint(robot: RobotModel) -> Footprint:
     """The outline of the robot's first base."""
-    return Footprint(np.array(next(iter(robot.bases.values())).footprint))
+    base = next(iter(robot.bases.values()))
+    return Footprint(np.array(base.footprint), base.turning_drift)
 
 
 def true_costmap(world: World, robot: RobotModel) -> Costmap:

@@ -18,7 +18,8 @@ class BaseDescription:
     ``max_jerk``, ``max_angular_jerk``: m/s³ and rad/s³ that whoever plans motions should keep; drivers do not check it.
 
     ``command_timeout``: seconds after which ``set_velocity`` lapses (dead-man). ``footprint``: corners (x, y) in
-    metres in the base frame, counter-clockwise.
+    metres in the base frame, counter-clockwise. ``turning_drift``: metres that the base frame may wander while it turns
+    on the spot; more than nothing where wheels are dragged over the floor.
     """
 
     max_vx: float
@@ -30,6 +31,7 @@ class BaseDescription:
     footprint: tuple[tuple[float, float], ...]
     max_jerk: float = 2.0
     max_angular_jerk: float = 10.0
+    turning_drift: float = 0.0
 
 
 class MobileBase(Part):

@@ -28,6 +28,7 @@ class BaseCommandChecks:
             footprint=model.footprint,
             max_jerk=model.max_jerk,
             max_angular_jerk=model.max_angular_jerk,
+            turning_drift=model.turning_drift,
         )
 
     def velocity(self, vx: float, vy: float, wz: float) -> Twist2D:

@@ -7,6 +7,7 @@ from bestman_bt.control.wheeled.collision_monitor import (
     MonitorAction,
     MonitoredCommand,
 )
+from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.control.wheeled.turning_slip import TurningSlip, TurningSlipParameters, measure_turning_slip
 
 __all__ = [
@@ -18,5 +19,6 @@ __all__ = [
     "MonitoredCommand",
     "TurningSlip",
     "TurningSlipParameters",
+    "footprint_of",
     "measure_turning_slip",
 ]

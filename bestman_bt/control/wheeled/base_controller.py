@@ -17,10 +17,10 @@ from bestman_bt.control.wheeled.localisation_cycle import (
     LocalisationCycleParameters,
     PlacedScan,
 )
-from bestman_bt.control.wheeled.motion_limits import motion_limits
+from bestman_bt.control.wheeled.motion_limits import footprint_of, motion_limits
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint
+from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.navigation.local_planning import (
     ObstacleLayer,
     PathFollower,
@@ -154,7 +154,7 @@ class BaseController:
         """Begin to localise, from the believed ``world.base``; idempotent."""
         if self._timer is None:
             self._where.begin()
-            self.layer.use_costmap(Costmap.from_map(self._world.map, Footprint(np.array(self.description.footprint))))
+            self.layer.use_costmap(Costmap.from_map(self._world.map, footprint_of(self.description)))
             self._timer = self._clock.every(self._period, self._loop.tick)
 
     def close(self) -> None:

@@ -15,9 +15,9 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.control.wheeled.near_points import NearPoints
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, braking_time, safe_share
 from hal.api import BaseDescription, Bumper
 
@@ -80,7 +80,7 @@ class CollisionMonitor:
     ) -> None:
         self._parameters = p = parameters or CollisionMonitorParameters()
         self._description, self._bumpers = description, bumpers
-        footprint = Footprint(np.array(description.footprint))
+        footprint = footprint_of(description)
         self._motion = FootprintMotion(footprint, p.margin)
         self._wide = FootprintMotion(footprint, p.slowdown_margin)
         self._points = NearPoints(p.same_surface)

@@ -19,5 +19,10 @@ def motion_limits(base: BaseDescription) -> MotionLimits:
         angular_acceleration=base.max_angular_acceleration,
         jerk=base.max_jerk,
         angular_jerk=base.max_angular_jerk,
-        footprint=Footprint(np.array(base.footprint)),
+        footprint=footprint_of(base),
     )
+
+
+def footprint_of(base: BaseDescription) -> Footprint:
+    """What planners must know of the outline of a base."""
+    return Footprint(np.array(base.footprint), base.turning_drift)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitoredCommand
+from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, GiveWay, MovingObstacle
 from hal.api import MobileBase
 
@@ -29,7 +27,7 @@ class VelocityGate:
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
         self._base, self._monitor = base, monitor
-        footprint = Footprint(np.array(base.description.footprint))
+        footprint = footprint_of(base.description)
         self.outline = FootprintMotion(footprint, 0.0)
         self._give_way = GiveWay(footprint)
         self._share = 1.0

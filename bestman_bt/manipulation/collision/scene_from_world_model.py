@@ -123,11 +123,11 @@ def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") ->
 
 
 def hand_links(robot: RobotModel, arm: str = "arm") -> tuple[str, ...]:
-    """The hand link and finger links of the grippers that ``arm`` carries."""
+    """The links of the grippers that ``arm`` carries: hand, linkage, fingers."""
     links: list[str] = []
     for name, gripper in robot.grippers.items():
         if robot.hand_of.get(name) == arm:
-            links += [gripper.hand_link, *gripper.finger_links]
+            links += [gripper.hand_link, *gripper.linkage, *gripper.finger_links]
     return tuple(links)
 
 

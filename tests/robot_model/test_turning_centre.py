@@ -1,0 +1,39 @@
+"""A base that turns about a point ahead of its URDF's root has its frame there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.manipulation.collision import hand_links
+from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.navigation.global_planning import Footprint
+from bestman_bt.robot_model import RobotModel, compose_robot, load_robot_model
+
+
+def husky(turning_centre: str) -> RobotModel:
+    change = Document({"parts": {"base": {"set": {"turning_centre": turning_centre}}}})
+    return compose_robot("husky", read_document(find_data("robot", "husky_panda")).merged(change))
+
+
+def test_the_base_frame_moves_and_all_that_is_on_the_base_stays() -> None:
+    before, after = husky("0 cm"), husky("10 cm")
+    moved = np.array(before.bases["base"].footprint) - np.array(after.bases["base"].footprint)
+    assert moved == pytest.approx(np.tile([0.1, 0.0], (len(moved), 1)), abs=1e-3)
+    home = before.postures["home"]
+    for frame in ("panda_grasptarget", "rear_left_wheel_link", "lidar_link"):
+        was, now = (ForwardKinematics(model).pose(frame, home).position for model in (before, after))
+        assert was - now == pytest.approx([0.1, 0.0, 0.0], abs=1e-6)
+
+
+def test_who_wanders_in_turns_needs_more_room_for_them() -> None:
+    model = husky("0 cm").bases["base"]
+    assert model.turning_drift == pytest.approx(0.12)
+    footprint = Footprint(np.array(model.footprint), model.turning_drift)
+    assert footprint.turning_radius == pytest.approx(footprint.circumscribed_radius + 0.12)
+
+
+def test_the_knuckles_of_a_linkage_belong_to_the_hand() -> None:
+    links = hand_links(load_robot_model("diff_xarm6"))
+    assert {"left_inner_knuckle", "right_inner_knuckle", "left_finger", "xarm_gripper_base_link"} <= set(links)
