@@ -48,8 +48,8 @@ class GripperModel:
     ``joint_names``: the joints that drive its fingers, all alike: sliding ones share the width equally, others are
     related to it by ``opening``, pairs (position, width) from the widest to the closed hand. ``followers``: joints
     that a mechanism couples to these. ``finger_links``: the links that may touch a grasped object. ``hand_link``:
-    their parent; ``linkage``: knuckles and what else moves between. ``finger_depth``: metres from the tool frame back to
-    the palm, ``pad_size``: (width across, height along z) metres. A suction cup has no joints and one finger link, the
+    their parent; ``linkage``: knuckles and what else moves between. ``finger_depth``: metres from the tool back to the
+    palm, ``pad_size``: (width across, height along z) metres. A suction cup has no joints and one finger link, the
     cup; ``max_force`` is what its vacuum holds with, and its widths are nominal: 0 sucks, ``max_width`` lets go.
     """
 
