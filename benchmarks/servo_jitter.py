@@ -1,17 +1,23 @@
 """How late the set-points of a robot's controllers are sent, while its arm swings between two postures.
 
-Usage: python -m benchmarks.servo_jitter --robot ROBOT.yaml --seconds 60. The robot's own controllers stand behind
-twins; for the figure of an idle machine, run it on one, or with real-time priority (chrt -f 10 …).
+Usage: ``python benchmarks/servo_jitter.py --robot ROBOT.yaml --seconds 60 --json``. The robot's own controllers stand
+behind twins on the same machine; the client has the priority that ``IsolatedRobot`` gives it.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
+from dataclasses import asdict
+from typing import Any
 
+from bestman_bt.evaluation.versions import versions
 from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm
 from hal.hardware import HardwareRobot
+from hal.hardware.control_loop import ControlLoop, take_real_time_priority
+from hal.hardware.robot_process import SERVING_PRIORITY
 from hal.twins import TwinProcess
 
 
@@ -20,19 +26,38 @@ def main() -> None:
     parser.add_argument("--robot", required=True)
     parser.add_argument("--scene", default="pick_place_table")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     arguments = parser.parse_args()
     with TwinProcess(arguments.robot, arguments.scene) as twin:
-        model = load_robot_model(arguments.robot, twin.settings)
-        with HardwareRobot(model) as robot:
-            for connection in robot.connections.values():
-                for loop in connection.loops:
-                    loop.forget_lateness()
-            errors = swing(robot, arguments.seconds)
-            print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores; motions that failed: {errors}")
-            for connection in robot.connections.values():
-                for loop in connection.loops:
-                    print(f"{loop.name} at {loop.rate:g} Hz: {loop.lateness()}")
-            print(f"the twins' world gave up {twin.judge('time')['given_up']:.3f} s")
+        take_real_time_priority(SERVING_PRIORITY)
+        with HardwareRobot(load_robot_model(arguments.robot, twin.settings)) as robot:
+            loops = [loop for connection in robot.connections.values() for loop in connection.loops]
+            for loop in loops:
+                loop.forget_lateness()
+            failed = swing(robot, arguments.seconds)
+            report = {
+                "robot": arguments.robot,
+                "seconds": arguments.seconds,
+                "motions_failed": failed,
+                "loops": [lateness(loop) for loop in loops],
+                "world_gave_up_s": twin.judge("time")["given_up"],
+                "load": os.getloadavg()[0],
+                "cores": os.cpu_count(),
+                "versions": versions(),
+            }
+    if arguments.json:
+        print(json.dumps(report, indent=2))
+        return
+    print(f"load {report['load']:.1f} on {report['cores']} cores; motions that failed: {failed}")
+    for loop in loops:
+        print(f"{loop.name} at {loop.rate:g} Hz: {loop.lateness()}")
+
+
+def lateness(loop: ControlLoop) -> dict[str, Any]:
+    """Of one loop, milliseconds."""
+    told = asdict(loop.lateness())
+    late = {f"{name}_ms": round(1e3 * told[name], 3) for name in ("median", "p99", "worst")}
+    return {"loop": loop.name, "hertz": loop.rate, "cycles": told["cycles"], "missed": told["missed"], **late}
 
 
 def swing(robot: HardwareRobot, seconds: float) -> int:
