@@ -23,8 +23,8 @@ from tests.behaviours.truth import THINGS, audited, known_world, succeeds, why_n
 START = "robot_start: {x: [-1.3, -1.3], y: [0.0, 0.0], yaw: [0.0, 0.0]}"
 BEHIND_THE_DOORWAY = "1.2;0.0;0.0"
 CHAIR = "unmapped: {chair: {model: chair, at: [0.5, 0.1, 20 deg]}}"
-DOOR = "unmapped: {door: {model: wide_door, at: [0, 0, 0], open: {door: 85 deg}}}"
-STANDING = "walkers: {count: 1, way_points: [[0.1, 0.0], [0.13, 0.0]], radius: [25 cm, 25 cm]}"
+DOOR = "unmapped: {new_door: {model: wide_door, at: [0, 0, 0], open: {door: 85 deg}}}"
+STANDING = "walkers: {count: 1, way_points: [[0.1, 0.0], [0.1, 0.3]], speed: [5 cm/s, 5 cm/s]}"
 CROSSING = "walkers: {count: 1, way_points: [[0.7, -1.5], [0.7, 1.5]], speed: [0.6 m/s, 0.6 m/s]}"
 
 
@@ -51,7 +51,7 @@ def at(truth: GroundTruth, goal: str) -> bool:
 
 def close(session: Session, speed: float) -> None:
     """Push the door, for good; below 0 it closes."""
-    body, joint = session.robot.simulation.built.articulations["door/door"]
+    body, joint = session.robot.simulation.built.articulations["new_door/door"]
     session.robot.simulation.client.setJointMotorControl2(
         body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=speed, force=60.0
     )
