@@ -55,7 +55,7 @@ def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
         motion_planning=TimedMotionPlanner(
             make("motion_planning", MotionPlanner), make("trajectory", TimeParametrization)
         ),
-        costmap=make("costmap", LayeredCostmap),
+        costmap=make("costmap", LayeredCostmap, kind="global_planning"),
         global_planning=make("global_planning", GlobalPlanner),
         slam=make("slam", Slam),
         exploration=make("exploration", FrontierExplorer, kind="slam"),

@@ -27,8 +27,8 @@ class PRMParameters(PolylineParameters):
     ``longest`` metres at most: narrow places are passed from afar. ``seed``: of the samples.
     """
 
-    samples: int = 700
-    near_obstacles: float = 0.5
+    samples: int = 1000
+    near_obstacles: float = 0.7
     neighbours: int = 10
     longest: float = 2.5
     seed: int = 0
