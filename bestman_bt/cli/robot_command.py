@@ -121,6 +121,7 @@ def import_urdf(
     as_json: Json = False,
 ) -> None:
     """Make a part of any URDF: its kind, joints, limits, tool frame and postures are found out as far as it goes."""
+    from bestman_bt.robot_model.robot_config import name_fault
     from bestman_bt.robot_model.srdf import read_srdf
     from bestman_bt.robot_model.urdf_source import UrdfError
     from bestman_bt.runtime.part_import import PartRequest, import_part
@@ -129,7 +130,10 @@ def import_urdf(
     with json_output(as_json) as write:
         if group is not None and srdf is None:
             raise _wrong("--group", "is one of an SRDF: give --srdf, too")
-        wanted = name or urdf.stem
+        wanted = urdf.stem if name is None else name
+        strange = name_fault(wanted)
+        if strange is not None:
+            raise _wrong("--name", strange)
         file = (into or own_parts()) / f"{wanted}.yaml"
         if file.exists() and not force:
             raise _wrong("--name", f"there is a part {wanted!r} already ({file}); --force replaces it")
@@ -137,7 +141,7 @@ def import_urdf(
         try:
             part = import_part(urdf, request, None if srdf is None else read_srdf(srdf))
         except UrdfError as error:
-            raise _wrong(str(urdf), str(error)) from error
+            raise ConfigurationError(Problem(str(urdf), None, "", fault) for fault in error.faults) from error
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(part.description, encoding="utf-8")
         facts = {"part": part.name, "kind": part.kind, "file": str(file), "notes": list(part.notes)}

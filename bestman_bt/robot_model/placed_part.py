@@ -180,7 +180,7 @@ def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> S
                 locate_urdf(config.urdf, folder), config.root, config.cut, [folder / name for name in config.packages]
             )
         except UrdfError as error:
-            raise ConfigurationError([document.problem(("urdf",), str(error))]) from error
+            raise ConfigurationError(document.problem(("urdf",), fault) for fault in error.faults) from error
     generated = config.generated or ""
     if generated not in GENERATORS:
         message = f"unknown generator {generated!r}; {suggestion(generated, list(GENERATORS))}"

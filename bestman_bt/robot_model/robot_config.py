@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from bestman_bt.configuration.quantity import Angles3, JointPosition, Lengths3
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
+
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]*")
+
+
+def name_fault(name: str) -> str | None:
+    """Why a part cannot have this name, in words; None where it can: links, files and --set keys are called by it."""
+    if _NAME.fullmatch(name):
+        return None
+    return f"{name!r} cannot be a part's name: letters, digits, '_' and '-' can"
 
 
 @dataclass(frozen=True)

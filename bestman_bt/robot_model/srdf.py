@@ -26,12 +26,16 @@ class SrdfGroup:
 
 @dataclass(frozen=True)
 class Srdf:
-    """``states``: group → state → joint → position. ``end_effectors``: group → the link that carries it."""
+    """``states``: group → state → joint → position. ``end_effectors``: group → the link that carries it.
+
+    ``faults``: positions that are no numbers, in words; their states lack them.
+    """
 
     groups: Mapping[str, SrdfGroup]
     states: Mapping[str, Mapping[str, Mapping[str, float]]]
     end_effectors: Mapping[str, str]
     disabled_pairs: tuple[tuple[str, str], ...]
+    faults: tuple[str, ...] = ()
 
     def group(self, name: str) -> SrdfGroup:
         """A group by name; UrdfError names those there are."""
@@ -41,7 +45,7 @@ class Srdf:
 
 
 def read_srdf(path: Path) -> Srdf:
-    """Read an SRDF; UrdfError tells what is wrong with it."""
+    """Read an SRDF; UrdfError says why it is none. What is wrong inside it is among its ``faults``."""
     try:
         robot = ET.parse(path).getroot()
     except (OSError, ET.ParseError) as error:
@@ -49,14 +53,15 @@ def read_srdf(path: Path) -> Srdf:
     if robot.tag != "robot":
         raise UrdfError(f"{path} is no SRDF: its root element is <{robot.tag}>, it should be <robot>")
     states: dict[str, dict[str, dict[str, float]]] = {}
+    faults = []
     for state in robot.findall("group_state"):
         positions = {}
         for joint in state.findall("joint"):
             try:
                 positions[joint.get("name", "")] = float(joint.get("value", ""))
-            except ValueError as error:
+            except ValueError:
                 text = f"the state {state.get('name')!r} gives {joint.get('name')!r} the value {joint.get('value')!r}"
-                raise UrdfError(f"{path.name}: {text}: it should be one number") from error
+                faults.append(f"{path.name}: {text}: it should be one number")
         states.setdefault(state.get("group", ""), {})[state.get("name", "")] = positions
     return Srdf(
         groups={group.get("name", ""): _group(group) for group in robot.findall("group")},
@@ -65,6 +70,7 @@ def read_srdf(path: Path) -> Srdf:
         disabled_pairs=tuple(
             (pair.get("link1", ""), pair.get("link2", "")) for pair in robot.findall("disable_collisions")
         ),
+        faults=tuple(faults),
     )
 
 

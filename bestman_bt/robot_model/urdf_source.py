@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -15,12 +15,17 @@ from pathlib import Path
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_faults import structure_faults, value_faults
 
 EXAMPLE_ROBOTS = "example_robot_data"
 
 
 class UrdfError(ValueError):
-    """A URDF file, link or mesh that a part names and that is not there."""
+    """A URDF or SRDF cannot be used; ``faults`` are all that was found, one line each."""
+
+    def __init__(self, *faults: str) -> None:
+        self.faults = faults
+        super().__init__("\n".join(faults))
 
 
 def locate_urdf(source: str, folder: Path) -> Path:
@@ -70,12 +75,16 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: S
     """Links and joints below ``root`` (default: the file's root link) without the subtrees ``cut``.
 
     ``packages``: folders in which ``package://`` names are looked for first.
-    ``<mimic>``, ``<contact>`` and inertials without mass are left out, mesh paths become absolute.
+    ``<mimic>``, ``<contact>`` and inertials without mass are left out, mesh paths become absolute. UrdfError tells all
+    that is wrong with what remains.
     """
     try:
         tree = ET.parse(path).getroot()
     except ET.ParseError as error:
         raise UrdfError(f"{path} is not XML: {error}") from error
+    faults = structure_faults(tree)
+    if faults:
+        raise UrdfError(*(f"{path.name}: {fault}" for fault in faults))
     distinguish_joints(tree)
     links = {link.get("name", ""): link for link in tree.findall("link")}
     below: dict[str, list[ET.Element]] = {}
@@ -91,19 +100,36 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: S
     materials = {
         material.get("name", ""): material for material in tree.iter("material") if material.find("color") is not None
     }
-    elements: list[ET.Element] = []
-    mimics: list[MimicJoint] = []
+    kept: list[ET.Element] = []
     waiting = [root]
     while waiting:
         name = waiting.pop()
-        elements.append(_clean_link(links[name], path, materials, packages))
+        kept.append(links[name])
         for joint in below.get(name, ()):
             child = child_of(joint)
             if child not in cut:
-                elements.append(_clean_joint(joint))
-                mimics += _mimics(joint)
+                kept.append(joint)
                 waiting.append(child)
-    return Subtree(elements, root, tuple(mimics))
+    faults = [*(f"{path.name}: {fault}" for fault in value_faults(kept)), *mesh_faults(kept, path, packages)]
+    if faults:
+        raise UrdfError(*faults)
+    elements = [
+        _clean_link(element, path, materials, packages) if element.tag == "link" else _clean_joint(element)
+        for element in kept
+    ]
+    return Subtree(elements, root, tuple(mimic for element in kept for mimic in _mimics(element)))
+
+
+def mesh_faults(elements: Iterable[ET.Element], urdf: Path, packages: Sequence[Path] = ()) -> list[str]:
+    """Which meshes of links are not where the URDF says, each once."""
+    names = dict.fromkeys(mesh.get("filename", "") for element in elements for mesh in element.iter("mesh"))
+    faults = []
+    for name in names:
+        try:
+            locate_mesh(name, urdf, packages)
+        except UrdfError as error:
+            faults += error.faults
+    return faults
 
 
 def distinguish_joints(robot: ET.Element) -> None:
@@ -132,12 +158,6 @@ def _mimics(joint: ET.Element) -> list[MimicJoint]:
 
 def _clean_joint(joint: ET.Element) -> ET.Element:
     joint = copy.deepcopy(joint)
-    origin = joint.find("origin")
-    for key in ("xyz", "rpy"):
-        text = "0 0 0" if origin is None else origin.get(key, "0 0 0")
-        if not _is_vector(text):
-            what = f"joint {joint.get('name')!r} gives its {key} as {text!r}"
-            raise UrdfError(f"{what}: that should be three numbers; cut the link behind it, or mend the file")
     for mimic in joint.findall("mimic"):
         joint.remove(mimic)
     return joint
@@ -162,13 +182,6 @@ def _clean_link(link: ET.Element, path: Path, materials: dict[str, ET.Element], 
         for material in collision.findall("material"):
             collision.remove(material)
     return link
-
-
-def _is_vector(text: str) -> bool:
-    try:
-        return len([float(number) for number in text.split()]) == 3
-    except ValueError:
-        return False
 
 
 def locate_mesh(filename: str, urdf: Path, packages: Sequence[Path] = ()) -> Path:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections import Counter
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model.srdf import Srdf
+from bestman_bt.robot_model.srdf import Srdf, SrdfGroup
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
+from bestman_bt.robot_model.urdf_faults import structure_faults, value_faults
 from bestman_bt.robot_model.urdf_source import Subtree, UrdfError, distinguish_joints, read_subtree
 
 
 class UrdfTree:
-    """Joints are those of the file, in its order, without the subtrees ``cut``; UrdfError for what is no tree."""
+    """Joints are those of the file, in its order, without the subtrees ``cut``; UrdfError tells all that is wrong."""
 
     def __init__(self, path: Path, cut: Sequence[str] = (), packages: Sequence[Path] = ()) -> None:
         self.path = path
@@ -33,18 +33,18 @@ class UrdfTree:
         self.links = {link.get("name", ""): link for link in robot.findall("link")}
         self.joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
         self.above = {child_of(joint): joint for joint in self.joints.values()}
-        self._check()
-        for link in cut:
-            for joint in (self.above[self.known(link)], *self.below(link)):
-                del self.joints[joint.get("name", "")], self.links[child_of(joint)], self.above[child_of(joint)]
+        faults = structure_faults(robot)
+        if not faults:
+            self._cut_off(cut)
+        kept = [*self.links.values(), *self.joints.values()]
+        faults += value_faults(kept)
+        if faults:
+            raise UrdfError(*(f"{path.name}: {fault}" for fault in faults))
 
     @cached_property
     def root(self) -> str:
         """The one link that nothing carries."""
-        roots = [name for name in self.links if name not in self.above]
-        if len(roots) != 1:
-            raise UrdfError(f"{self.path.name} should have one root link, it has {', '.join(roots) or 'none'}")
-        return roots[0]
+        return next(name for name in self.links if name not in self.above)
 
     def moves(self, joint: ET.Element) -> bool:
         """Whether it is no fixed joint."""
@@ -87,25 +87,30 @@ class UrdfTree:
         return link
 
     def group_joints(self, srdf: Srdf, name: str) -> list[str]:
-        """The driven joints of an SRDF group, in the file's order."""
+        """The driven joints of an SRDF group, in the file's order; UrdfError tells all that the URDF lacks."""
         group = srdf.group(name)
+        faults = self._lacking(f"the SRDF's group {name!r}", group)
+        if faults:
+            raise UrdfError(*faults)
         names = set(group.joints)
         names |= {self.above[link].get("name", "") for link in group.links if link in self.above}
         for base, tip in group.chains:
-            names |= {joint.get("name", "") for joint in self.path_to(tip, self.known(base))}
+            names |= {joint.get("name", "") for joint in self.path_to(tip, base)}
         for inner in group.groups:
             names |= set(self.group_joints(srdf, inner))
-        unknown = names - set(self.joints)
-        if unknown:
-            raise UrdfError(f"the SRDF's group {name!r} names joints that the URDF lacks: {', '.join(sorted(unknown))}")
         return [joint for joint in self.joints if joint in names and self.driven(self.joints[joint])]
 
-    def _check(self) -> None:
-        for joint in self.joints.values():
-            for what, link in (("parent", parent_of(joint)), ("child", child_of(joint))):
-                if link not in self.links:
-                    name = joint.get("name")
-                    raise UrdfError(f"{self.path.name}: the {what} of joint {name!r} is {link!r}, which is no link")
-        twice = [name for name, count in Counter(map(child_of, self.joints.values())).items() if count > 1]
-        if twice:
-            raise UrdfError(f"{self.path.name} is no tree: {', '.join(twice)} hangs on two joints")
+    def _lacking(self, who: str, group: SrdfGroup) -> list[str]:
+        ends = [link for chain in group.chains for link in chain]
+        lost = [f"link {name!r}; {suggestion(name, list(self.links))}" for name in ends if name not in self.links]
+        lost += [
+            f"joint {name!r}; {suggestion(name, list(self.joints))}" for name in group.joints if name not in self.joints
+        ]
+        return [f"{who} names what {self.path.name} lacks: {name}" for name in lost]
+
+    def _cut_off(self, cut: Sequence[str]) -> None:
+        for link in cut:
+            if self.known(link) == self.root:
+                raise UrdfError(f"{self.path.name}: {link!r} is its root: nothing would be left with that cut off")
+            for joint in (self.above[link], *self.below(link)):
+                del self.joints[joint.get("name", "")], self.links[child_of(joint)], self.above[child_of(joint)]

@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 FEWEST_ARM_JOINTS = 4
 TIME_TO_SPEED = 0.25  # seconds in which a joint whose acceleration nobody tells reaches its top speed
 FRICTION = 0.8
+GUESSED_SLIP = 2.0
 SAMPLES = 200
 ALWAYS = 0.95
 
@@ -126,12 +127,17 @@ def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
         )
     track = float(places[rows[0]][1] - places[rows[1]][1])
     notes = ["speeds, accelerations and the torque of the wheels are guesses: a URDF does not tell them"]
+    if len(wheels) == 4:
+        notes.append(
+            f"'turning_slip: {GUESSED_SLIP:g}' and 'rotor_inertia' are guesses: "
+            "control.wheeled.measure_turning_slip measures how much wider the track seems in turns"
+        )
     fields: dict[str, Any] = {
         "drive": "differential" if len(wheels) == 2 else "skid",
         "wheel_joints": rows,
         "wheel_radius": round(radius, 5),
         "track": round(track, 5),
-        **({} if len(wheels) == 2 else {"turning_slip": 2.0, "rotor_inertia": 0.3}),
+        **({} if len(wheels) == 2 else {"turning_slip": GUESSED_SLIP, "rotor_inertia": 0.3}),
         "wheel_torque": 30.0,
         "max_vx": 0.5,
         "max_wz": 1.0,
@@ -155,7 +161,7 @@ def overlapping_pairs(robot: RobotModel) -> list[tuple[str, str]]:
 
 def _limits(chain: Sequence[ET.Element]) -> tuple[dict[str, list[float]], list[str]]:
     limits: dict[str, list[float]] = {key: [] for key in ("lower", "upper", "velocity", "acceleration", "effort")}
-    missing = []
+    missing, faults = [], []
     for joint in chain:
         limit = joint.find("limit")
         given = {} if limit is None else {key: float(value) for key, value in limit.attrib.items()}
@@ -163,7 +169,7 @@ def _limits(chain: Sequence[ET.Element]) -> tuple[dict[str, list[float]], list[s
         lower, upper = (-2 * math.pi, 2 * math.pi) if endless else (given.get("lower", 0.0), given.get("upper", 0.0))
         name = joint.get("name")
         if lower >= upper:
-            raise UrdfError(f"joint {name!r} has no range: lower {lower:g}, upper {upper:g}")
+            faults.append(f"joint {name!r} has no range: lower {lower:g}, upper {upper:g}")
         for key in ("velocity", "effort"):
             if given.get(key, 0.0) <= 0.0:
                 missing.append(f"{name} ({key})")
@@ -171,6 +177,8 @@ def _limits(chain: Sequence[ET.Element]) -> tuple[dict[str, list[float]], list[s
         row = (lower, upper, speed, speed / TIME_TO_SPEED, given.get("effort", 0.0) or 50.0)
         for key, value in zip(limits, row, strict=True):
             limits[key].append(round(value, 6))
+    if faults:
+        raise UrdfError(*faults)
     notes = [f"accelerations are not in a URDF: full speed within {TIME_TO_SPEED:g} s"]
     if missing:
         notes.append(f"guessed, because the URDF says nothing: {', '.join(missing)}")

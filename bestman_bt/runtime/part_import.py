@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from bestman_bt.configuration import Document
+from bestman_bt.configuration import ConfigurationError, Document
 from bestman_bt.robot_model import RobotModel, compose_robot
 from bestman_bt.robot_model.srdf import Srdf
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
@@ -57,13 +58,13 @@ def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> I
     A kind that is not asked for follows from the joints: wheels that turn without end about a level axis make a base,
     a chain of at least four joints an arm, up to three that move fingers a gripper.
     """
-    tree = UrdfTree(urdf.resolve(), request.cut, request.packages)
-    joints = tree.group_joints(srdf, request.group) if srdf and request.group else None
+    tree, joints = _read(urdf, request, srdf)
     kind = request.kind or _kind(tree, joints)
     facts = {"arm": arm_facts, "gripper": gripper_facts, "base": base_facts}
     if kind not in facts:
         raise UrdfError(f"a part of the kind {kind!r} cannot be imported, only {', '.join(facts)}")
     fields, notes = facts[kind](tree, joints)
+    notes += _left_out(tree, fields)
     fields["cut"] = sorted({*fields.get("cut", ()), *request.cut})
     data: dict[str, Any] = {
         "kind": kind,
@@ -74,10 +75,10 @@ def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> I
     }
     if srdf is not None and kind == "arm":
         states, more = _states(data["joints"], data["limits"], srdf)
-        notes += more
+        notes += [*more, *_strangers(tree, srdf)]
         if states:
             data["states"] = states
-    robot = _alone(request.name, data)
+    robot = _alone(urdf, request.name, data)
     links = set(_links_of(robot))
     if srdf is not None:
         pairs = [sorted(pair) for pair in srdf.disabled_pairs if set(pair) <= links]
@@ -87,7 +88,7 @@ def import_part(urdf: Path, request: PartRequest, srdf: Srdf | None = None) -> I
             notes.append(f"{len(pairs)} pairs of links overlap wherever the joints stand: they need no check")
     if pairs:
         data["may_touch"] = sorted(map(list, {tuple(pair) for pair in pairs}))
-        robot = _alone(request.name, data)
+        robot = _alone(urdf, request.name, data)
     return ImportedPart(request.name, kind, _text(data, notes), robot, tuple(notes))
 
 
@@ -116,7 +117,10 @@ def _states(
     notes = []
     for of_group in srdf.states.values():
         for name, positions in of_group.items():
-            if not set(joints) <= set(positions):
+            unsaid = [joint for joint in joints if joint not in positions]
+            if unsaid:
+                if len(unsaid) < len(joints):
+                    notes.append(f"the state {name!r} of the SRDF was left out: it says nothing of {', '.join(unsaid)}")
                 continue
             values = [positions[joint] for joint in joints]
             within = all(
@@ -129,12 +133,53 @@ def _states(
     return states, notes
 
 
-def _alone(name: str, data: Mapping[str, Any]) -> RobotModel:
-    """The part as a robot of its own: whatever is wrong with it shows now."""
+def _strangers(tree: UrdfTree, srdf: Srdf) -> list[str]:
+    """A note of what states and pairs of an SRDF name and the URDF lacks: an SRDF may be of a larger robot."""
+    named = {joint for of_group in srdf.states.values() for state in of_group.values() for joint in state}
+    paired = {link for pair in srdf.disabled_pairs for link in pair}
+    lost = sorted({*(named - set(tree.joints)), *(paired - set(tree.links))})
+    return [f"passed over, for the URDF lacks what the SRDF names there: {', '.join(lost)}"] if lost else []
+
+
+def _left_out(tree: UrdfTree, fields: Mapping[str, Any]) -> list[str]:
+    """Notes of what the file holds beside the part: what is cut off, and joints that others have to move."""
+    cut = fields.get("cut", ())
+    notes = [f"cut off, with all that hangs on it: {', '.join(cut)}"] if cut else []
+    moved = {*fields.get("joints", ()), *fields.get("wheel_joints", ())}
+    others = [name for name, joint in tree.joints.items() if tree.driven(joint) and name not in moved]
+    if others:
+        notes.append(
+            f"the file moves more than this part does: {', '.join(others)}; import them as parts of their own, "
+            "with --kind or a --group of an SRDF"
+        )
+    return notes
+
+
+def _alone(urdf: Path, name: str, data: Mapping[str, Any]) -> RobotModel:
+    """The part as a robot of its own: whatever is wrong with it shows now, as a fault of the user's file."""
     with TemporaryDirectory() as folder:
         file = Path(folder) / f"{name}.yaml"
         file.write_text(_text(data, ()), encoding="utf-8")
-        return compose_robot(name, Document({"parts": {name: {"part": str(file)}}}))
+        try:
+            return compose_robot(name, Document({"parts": {name: {"part": str(file)}}}))
+        except ConfigurationError as error:
+            problems = [dataclasses.replace(fault, source=str(urdf), line=None) for fault in error.problems]
+            raise ConfigurationError(problems) from error
+
+
+def _read(urdf: Path, request: PartRequest, srdf: Srdf | None) -> tuple[UrdfTree, list[str] | None]:
+    """The URDF and the joints of the group that is asked for; UrdfError tells the faults of both files."""
+    faults = list(srdf.faults) if srdf is not None else []
+    joints: list[str] | None = None
+    try:
+        tree = UrdfTree(urdf.resolve(), request.cut, request.packages)
+        if srdf is not None and request.group is not None:
+            joints = tree.group_joints(srdf, request.group)
+    except UrdfError as error:
+        raise UrdfError(*faults, *error.faults) from error
+    if faults:
+        raise UrdfError(*faults)
+    return tree, joints
 
 
 def _links_of(robot: RobotModel) -> list[str]:

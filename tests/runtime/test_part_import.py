@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from bestman_bt.configuration import ConfigurationError
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.robot_model.srdf import read_srdf
 from bestman_bt.robot_model.urdf_source import UrdfError, locate_urdf
@@ -91,3 +92,51 @@ def test_what_cannot_be_imported_is_told_with_the_way_out(source: str, words: st
 def test_a_joint_without_a_range_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UrdfError, match="joint 'j1' has no range"):
         imported(written(tmp_path, arm_urdf().replace('lower="-2.5"', 'lower="2.5"', 1)))
+
+
+def test_what_a_part_leaves_out_of_its_file_is_noted(tmp_path: Path) -> None:
+    wheels = "".join(
+        f'<link name="{side}_wheel"/><joint name="{side}_wheel_joint" type="continuous"><parent link="foot"/>'
+        f'<child link="{side}_wheel"/></joint>'
+        for side in ("left", "right")
+    )
+    part, _ = imported(written(tmp_path, arm_urdf(extra=wheels)))
+    assert "cut off, with all that hangs on it: palm" in part.notes
+    assert any("left_joint, left_wheel_joint, right_wheel_joint; import them as parts" in note for note in part.notes)
+
+
+def test_a_state_that_says_only_some_joints_is_noted(tmp_path: Path) -> None:
+    srdf = SRDF.replace('<joint name="j4" value="1.0"/>', "")
+    part, fields = imported(written(tmp_path, arm_urdf()), written(tmp_path, srdf, "small.srdf"), group="arm")
+    assert "states" not in fields
+    assert any("'ready' of the SRDF was left out: it says nothing of j4" in note for note in part.notes)
+
+
+def test_names_of_states_and_pairs_that_the_urdf_lacks_are_noted(tmp_path: Path) -> None:
+    srdf = SRDF.replace('link2="palm"', 'link2="plam"').replace(
+        '<joint name="j1" value="0"/>', '<joint name="j0" value="0"/>'
+    )
+    part, _ = imported(written(tmp_path, arm_urdf()), written(tmp_path, srdf, "small.srdf"), group="arm")
+    assert any("passed over, for the URDF lacks what the SRDF names there: j0, plam" in note for note in part.notes)
+
+
+def test_faults_of_a_urdf_and_its_srdf_come_at_once(tmp_path: Path) -> None:
+    srdf = SRDF.replace('tip_link="l5"', 'tip_link="l9"').replace('name="j2" value="0.5"', 'name="j2" value="half"')
+    srdf = srdf.replace('name="j4" value="1.0"', 'name="j4" value=""')
+    with pytest.raises(UrdfError) as error:
+        imported(written(tmp_path, arm_urdf()), written(tmp_path, srdf, "small.srdf"), group="arm")
+    assert ["'half'" in f or "''" in f or "lacks: link 'l9'" in f for f in error.value.faults] == [True] * 3
+
+
+def test_all_lost_meshes_are_told_with_the_users_file(tmp_path: Path) -> None:
+    text = arm_urdf(hand=False).replace('<box size="0.05 0.05 0.16"/>', '<mesh filename="one.stl"/>', 1)
+    urdf = written(tmp_path, text.replace('<box size="0.1 0.1 0.1"/>', '<mesh filename="two.stl"/>'))
+    with pytest.raises(ConfigurationError) as error:
+        imported(urdf)
+    assert {problem.source for problem in error.value.problems} == {str(urdf)}
+    assert len(error.value.problems) == 2
+
+
+def test_the_guessed_slip_of_four_wheels_is_noted() -> None:
+    part, fields = imported(shipped("pybullet_data:husky/husky.urdf"), cut=("imu_link",))
+    assert any(f"turning_slip: {fields['turning_slip']:g}" in note for note in part.notes)
