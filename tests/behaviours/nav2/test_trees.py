@@ -83,7 +83,6 @@ def test_it_drives_through_poses_in_their_order(kitchen) -> None:
     assert nearest == sorted(nearest)
     assert all(poses[i].distance_to(goal) < 0.15 for i, goal in zip(nearest, goals, strict=True))
     assert poses[-1].distance_to(BESIDE_THE_TABLE) < 0.02
-    assert tree.blackboard.get("goals") == (BESIDE_THE_TABLE,)
 
 
 def test_a_goal_in_a_wall_fails_and_is_told(kitchen) -> None:
