@@ -14,7 +14,7 @@ class ClearStop(Skill):
     """Clear the robot's stop, so that the tree can try again what the stop has ended; nothing moves by itself.
 
     It is meant for stops that a controller makes of its own accord: a protective stop, a lost connection. Who asks for
-    a stop ends the run, and no tree goes on then; a button that was pressed has to be released at the robot.
+    a stop ends the run: it cannot be cleared from here. A button that was pressed has to be released at the robot.
     """
 
     INPUT_PORTS: ClassVar = {

@@ -330,6 +330,10 @@ class Node(PyTreesFace):
     def bind_children(self, log: list[Any] | None) -> None:
         """Collect what this node calls its children by."""
 
+    def refuse(self, instead: Tick) -> None:
+        """Call ``instead`` wherever this node or a child of it would be ticked, at once, until the next ``bind``."""
+        self.run = instead
+
     def bound(self, core: Tick) -> Tick:
         """Return ``core`` with whatever the node's kind needs around it."""
         return core

@@ -53,6 +53,10 @@ class StateChanges(Sequence["tuple[int, int]"]):
 Listener = Callable[[StateChanges], None]
 
 
+def _refused() -> int:
+    raise EngineError("no node is ticked any more: the execution was cancelled")
+
+
 class Tree:
     """A tree that can be ticked. ``nodes`` are in construction order: the node with uid N is ``nodes[N - 1]``."""
 
@@ -86,6 +90,7 @@ class Tree:
         self._visitors: list[VisitorBase] = []
         self._bound = False
         self._plain = False  # bound, and without visitors
+        self._refusing = False
 
     # ---- what the loader does
 
@@ -124,6 +129,12 @@ class Tree:
             node.bind(self._log, self._visited)
         self._bound = True
         self._plain = self._visited is None and not self._visitors
+        if self._refusing:
+            self._refuse()
+
+    def _refuse(self) -> None:
+        for node in self.nodes:
+            node.refuse(_refused)
 
     # ---- looking around
 
@@ -175,6 +186,21 @@ class Tree:
             if status != RUNNING or (max_ticks is not None and ticks >= max_ticks):
                 return status
             self.sleep(period)
+
+    def refuse_ticks(self) -> None:
+        """From now on no node begins a tick, not even within the tick under way: EngineError ends that.
+
+        May be called from any thread and from a signal handler. Ticks ask for nothing, so it costs them nothing.
+        """
+        self._refusing = True
+        if self._bound:
+            self._refuse()
+
+    def allow_ticks(self) -> None:
+        """Take back ``refuse_ticks``."""
+        if self._refusing:
+            self._refusing = False
+            self.rebind()
 
     def sleep(self, duration: float) -> None:
         """Let ``duration`` seconds of the clock pass, less where a wake-up comes."""

@@ -100,7 +100,7 @@ def run_episode(
         tree = session.load()
         after_tick = _after_tick(stack, session, tree, observers, folder, watch)
         executor = session.executor(tree, after_tick)
-        stack.enter_context(ControlChannel(executor, session.robot.stop, setup.config.name).serving(folder))
+        stack.enter_context(ControlChannel(executor, session.skills.stop.hold, setup.config.name).serving(folder))
         execution = executor.run()
         verdict: Verdict | None = None
         if execution.ending is Ending.CANCELLED:

@@ -34,7 +34,7 @@ SET_WAIT = 2.0
 
 
 class ControlChannel:
-    """Serves one executor; ``stop_robot`` is called at once, from the serving thread."""
+    """Serves one executor; ``stop_robot`` is called at once, from the serving thread: a stop that no tree may clear."""
 
     def __init__(self, executor: Executor, stop_robot: Callable[[], None], task: str) -> None:
         self._executor = executor

@@ -79,8 +79,9 @@ class Executor:
         self._tasks: deque[tuple[Callable[[], None], Future[None]]] = deque()
 
     def cancel(self, reason: str = "cancelled on request") -> None:
-        """End the execution after the tick that goes on, if one does; the first reason is kept."""
+        """End the execution: no node of the tree begins a tick any more. The first reason is kept."""
         self._cancel_reason = self._cancel_reason or reason
+        self.tree.refuse_ticks()
         self._go.set()
         self.tree.wake_up()
 
@@ -115,6 +116,7 @@ class Executor:
         """Tick until the end; whatever the end, nothing is left running in the tree."""
         start, wall_start = self.clock.now(), time.perf_counter()
         ending, status, why = Ending.FINISHED, IDLE, ""
+        self.tree.allow_ticks()  # the reason of an earlier ``cancel`` is seen before the first one
         with self._interrupts():
             try:
                 ending, status, why = self._loop(start)
@@ -186,8 +188,9 @@ class Executor:
         def interrupted(number: int, frame: FrameType | None) -> None:
             if self._cancel_reason:
                 raise KeyboardInterrupt
-            # Only this: the handler may run while this thread holds the lock of an event that ``cancel`` would set.
+            # Only these: the handler may run while this thread holds the lock of an event that ``cancel`` would set.
             self._cancel_reason = "interrupted from the keyboard" if number == signal.SIGINT else "terminated"
+            self.tree.refuse_ticks()
 
         before = {number: signal.signal(number, interrupted) for number in (signal.SIGINT, signal.SIGTERM)}
         try:

@@ -118,14 +118,16 @@ class HardwareRobot(Robot):
     def clear_stop(self) -> None:
         """Accept commands again; clears what controllers report and connects again what was lost.
 
-        ConnectionFailedError, and the robot stays stopped, where that is not possible.
+        ConnectionFailedError, and the robot stays stopped, where that is not possible. That takes seconds: a stop that
+        comes meanwhile stays.
         """
         with self._lock:
+            stops = self._latch.stops
             if self._watchdog is not None:
                 for name, connection in self._connections.items():
                     connection.clear(self._faults.get(name))
             self._faults.clear()
-            self._latch.clear()
+            self._latch.clear(stops)
 
     @property
     def stopped(self) -> bool:

@@ -14,6 +14,7 @@ class StopLatch:
         self._lock = threading.Lock()
         self._set = False
         self._why = ""
+        self._stops = 0
 
     def __bool__(self) -> bool:
         """Whether the robot is stopped."""
@@ -24,17 +25,24 @@ class StopLatch:
         """The fault that stopped the robot; empty where somebody asked for it."""
         return self._why
 
+    @property
+    def stops(self) -> int:
+        """How many times it was set."""
+        return self._stops
+
     def set(self, why: str = "") -> bool:
         """Stop; the first reason is kept. Tells whether it was not set before."""
         with self._lock:
             first, self._set = not self._set, True
+            self._stops += 1
             self._why = self._why or why
         return first
 
-    def clear(self) -> None:
-        """Accept commands again."""
+    def clear(self, stops: int | None = None) -> None:
+        """Accept commands again, unless it was set again since it had been set ``stops`` times."""
         with self._lock:
-            self._set, self._why = False, ""
+            if stops is None or stops == self._stops:
+                self._set, self._why = False, ""
 
     def check(self, part_name: str, command: str) -> None:
         """Raise CommandRefusedError while the robot is stopped."""

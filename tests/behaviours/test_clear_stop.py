@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.runtime import Session
 from hal.api import Arm, RobotError
@@ -117,3 +118,15 @@ def test_clearing_moves_nothing(at_table: Session) -> None:
     assert tick(at_table.load(tree_of("<ClearStop/>")), 20) == SUCCESS
     at_table.robot.clock.sleep(0.5)
     assert fastest(at_table) < 0.02
+
+
+def test_a_stop_that_a_person_asked_for_is_not_cleared(at_table: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = refusing(at_table, 0, monkeypatch)
+    monkeypatch.setattr(at_table.skills, "stop", RobotStop(at_table.robot))  # held for good: a stop of its own
+    at_table.skills.stop.hold()
+    assert tick(at_table.load(tree_of('<ClearStop attempts="2" wait="0.5"/>')), 100) == FAILURE
+    ((code, words),) = failures_of(at_table)
+    assert code == "still_stopped"
+    assert "somebody asked for this stop" in words
+    assert not asked
+    assert at_table.robot.stopped

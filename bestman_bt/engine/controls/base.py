@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import py_trees
 from py_trees.composites import Composite
 
+from bestman_bt.engine.around_tick import Tick
 from bestman_bt.engine.node import Node
 
 
@@ -20,6 +21,11 @@ class Control(Node, Composite):
     def bind_children(self, log: list[Any] | None) -> None:
         """Pair each child with what it is called by."""
         self.pairs = [(child.run, child) for child in self.nodes_below()]
+
+    def refuse(self, instead: Tick) -> None:
+        """In place: the tick under way goes through the same list."""
+        super().refuse(instead)
+        self.pairs[:] = [(instead, child) for _, child in self.pairs]
 
 
 NATIVE_POLICY = py_trees.common.ParallelPolicy.SuccessOnAll(synchronise=False)

@@ -145,6 +145,12 @@ class _Reactive(Control):
             self.traced_pairs = [(run, child, child.ev[self.GO], i) for i, (run, child) in enumerate(self.pairs)]
             self.idles = tuple(child.ev[0] for _, child in self.pairs)
 
+    def refuse(self, instead: Tick) -> None:
+        """As a tick that somebody listens to calls them, too."""
+        super().refuse(instead)
+        if self.log is not None:
+            self.traced_pairs[:] = [(instead, *others) for _, *others in self.traced_pairs]
+
     def idle_events(self, count: int, skipped: list[int]) -> list[int]:
         """Return the events of the first ``count`` children becoming idle, but for those skipped."""
         return [event for i, event in enumerate(self.idles[:count]) if i not in skipped]

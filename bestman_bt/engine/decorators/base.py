@@ -39,6 +39,11 @@ class Decorator(Node, py_trees.decorators.Decorator):
         child = self.child
         self.only = (child.run, child)
 
+    def refuse(self, instead: Tick) -> None:
+        """The child is not called any more."""
+        super().refuse(instead)
+        self.only = (instead, self.child)
+
     def bound(self, core: Tick) -> Tick:
         """Make a finished child idle after the node has its own status, as v4 orders it."""
         if self.RESETS_CHILD:

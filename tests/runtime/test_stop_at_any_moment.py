@@ -1,0 +1,139 @@
+"""A stop that a person asks for, at many moments of a tree that clears stops and commands again as fast as it can."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bestman_bt.control.robot_stop import HELD, RobotStop
+from bestman_bt.engine import FAILURE, SUCCESS, NodeRegistry, SyncAction, WallClock, load_tree
+from bestman_bt.runtime import ControlChannel, Ending, Executor
+from hal.api import CommandRefusedError
+from hal.hardware import StopLatch
+
+RECOVERING = """<root BTCPP_format="4"><BehaviorTree ID="Main">
+  <Repeat num_cycles="-1"><Fallback>
+    <Sequence><Command/><Command/><Trip/></Sequence>
+    <Sequence><Clear/><Command/></Sequence>
+  </Fallback></Repeat>
+</BehaviorTree></root>"""
+
+
+class Machine:
+    """As much of a robot as a stop needs; clearing takes a moment, as with a real controller."""
+
+    def __init__(self) -> None:
+        self.latch = StopLatch()
+        self.lock = threading.Lock()
+        self.commanded: list[float] = []
+        self.clears = 0
+
+    @property
+    def stopped(self) -> bool:
+        return bool(self.latch)
+
+    def stop(self) -> None:
+        with self.lock:
+            self.latch.set()
+
+    def clear_stop(self) -> None:
+        time.sleep(0.0003)
+        self.latch.clear()
+        self.clears += 1
+
+    def command(self) -> None:
+        with self.lock:
+            self.latch.check("arm", "command")
+            self.commanded.append(time.perf_counter())
+
+
+class OnMachine(SyncAction):
+    """Notes when it begins."""
+
+    def act(self, machine: Machine, stop: RobotStop) -> bool:
+        raise NotImplementedError
+
+    def on_tick(self) -> int:
+        machine, stop, begun = self.context
+        begun.append(time.perf_counter())
+        return SUCCESS if self.act(machine, stop) else FAILURE
+
+
+class Command(OnMachine):
+    def act(self, machine: Machine, stop: RobotStop) -> bool:
+        try:
+            machine.command()
+        except CommandRefusedError:
+            return False
+        return True
+
+
+class Trip(OnMachine):
+    """The controller stops by itself."""
+
+    def act(self, machine: Machine, stop: RobotStop) -> bool:
+        machine.latch.set("a collision")
+        return False
+
+
+class Clear(OnMachine):
+    def act(self, machine: Machine, stop: RobotStop) -> bool:
+        return not stop.clear()
+
+
+@pytest.fixture
+def pauses() -> list[float]:
+    generator = np.random.default_rng(3)
+    return list(generator.uniform(0.0, 0.004, 150))
+
+
+@pytest.mark.parametrize("listening", [False, True])
+def test_no_leaf_begins_nothing_is_cleared_and_no_command_accepted_after_it(
+    pauses: list[float], listening: bool
+) -> None:
+    registry = NodeRegistry()
+    for node in (Command, Trip, Clear):
+        registry.register(node)
+    cleared = 0
+    for pause in pauses:
+        machine = Machine()
+        stop, begun = RobotStop(machine), []  # type: ignore[arg-type]
+        tree = load_tree(RECOVERING, registry, context=(machine, stop, begun), clock=WallClock())
+        if listening:
+            tree.subscribe(lambda changes: None)
+        executor = Executor(tree, tree.clock, period=0.0)
+        channel = ControlChannel(executor, stop.hold, "recovering")
+        ended: list[Any] = []
+        thread = threading.Thread(target=lambda run=executor.run, to=ended: to.append(run()))
+        thread.start()
+        time.sleep(pause)
+        channel.answer({"do": "stop"})
+        answered = time.perf_counter()
+        thread.join(5.0)
+        assert ended[0].ending is Ending.CANCELLED
+        assert ended[0].why == "stopped through the control channel"
+        assert machine.stopped
+        assert not [moment for moment in machine.commanded if moment > answered]
+        assert len([moment for moment in begun if moment > answered]) <= 1  # one may have been on the way to its clock
+        assert stop.clear() == HELD
+        cleared += machine.clears > 0
+    assert cleared > len(pauses) / 4  # the trees did recover from stops that nobody asked for
+
+
+def test_a_stop_in_the_middle_of_clearing_stays() -> None:
+    machine = Machine()
+    stop = RobotStop(machine)  # type: ignore[arg-type]
+    machine.stop()
+    clear = machine.clear_stop
+
+    def slowly() -> None:
+        stop.hold()
+        clear()
+
+    machine.clear_stop = slowly  # type: ignore[method-assign]
+    assert stop.clear() == HELD
+    assert machine.stopped
