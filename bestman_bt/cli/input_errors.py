@@ -24,11 +24,15 @@ def _is_wrong_input(error: Exception) -> bool:
     names = {cls.__name__ for cls in type(error).__mro__}
     return bool(
         names
-        & {"ConfigurationError", "TreeLoadError", "SceneError", "MapFileError", "UnknownNameError", "RegistryError"}
+        & {
+            *("ConfigurationError", "TreeLoadError", "SceneError", "MapFileError", "UnknownNameError", "RegistryError"),
+            "ConnectionFailedError",
+        }
     )
 
 
 def _headline(error: Exception) -> str:
     text = str(error)
-    count = text.count("\n") + 1
+    problems = getattr(error, "problems", None)
+    count = text.count("\n") + 1 if problems is None else len(problems)
     return f"{count} errors, nothing was started:\n{text}" if count > 1 else f"nothing was started: {text}"

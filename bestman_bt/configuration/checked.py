@@ -2,34 +2,65 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
 from bestman_bt.configuration.document import Document, FieldPath
 from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.configuration.secret import NOT_SHOWN, SecretMark, shown_setting
 from bestman_bt.registry import suggestion
 
 T = TypeVar("T")
 
+_PLAIN_WORDS = {
+    "string_type": "should be text",
+    "int_type": "should be a whole number",
+    "bool_type": "should be true or false",
+    "tuple_type": "should be a list",
+    "list_type": "should be a list",
+    "dict_type": "should hold names (name: value)",
+    "mapping_type": "should hold names (name: value)",
+    "dataclass_type": "should hold fields (name: value)",
+}
+"""Pydantic's types of faults → what is owed, in the words of YAML."""
+
 
 def check(document: Document, dataclass_type: type[T]) -> T:
     """Build a frozen dataclass from a document; ConfigurationError lists all unknown, missing and wrong fields."""
-    problems = [document.problem(*fault) for fault in _unknown_fields(document.data, dataclass_type, ())]
-    kind: Any = dataclass_type  # mypy takes the types of dataclasses for unhashable
-    try:
-        value: T = _adapter(kind).validate_python(document.data)
-    except ValidationError as error:
-        problems += [_problem(document, dict(fault)) for fault in error.errors(include_url=False)]
-        raise ConfigurationError(problems) from error
-    if problems:
+    value, problems = salvage(document, dataclass_type)
+    if problems or value is None:
         raise ConfigurationError(problems)
     return value
+
+
+def salvage(document: Document, dataclass_type: type[T]) -> tuple[T | None, list[Problem]]:
+    """As ``check``, but what is wrong is left out of the value, so that the rest of it can be checked further.
+
+    Also returns all problems; the value is None where what is wrong cannot be left out.
+    """
+    problems = [document.problem(*fault) for fault in _unknown_fields(document.data, dataclass_type, ())]
+    kind: Any = dataclass_type  # mypy takes the types of dataclasses for unhashable
+    data: Any = document.data
+    first = True
+    while True:  # leaving a value out may leave what holds it without something that it needs
+        try:
+            value: T = _adapter(kind).validate_python(data)
+        except ValidationError as error:
+            faults = [dict(fault) for fault in error.errors(include_url=False)]
+        else:
+            return value, problems
+        if first:
+            problems += [_problem(document, kind, fault) for fault in faults]
+            data, first = copy.deepcopy(data), False
+        if not _leave_out(data, kind, [tuple(fault["loc"]) for fault in faults]):
+            return None, problems
 
 
 def override(document: Document, dataclass_type: type, values: Mapping[str, Any], prefix: str = "") -> Document:
@@ -40,7 +71,7 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
     """
     problems: list[Problem] = []
     for key, value in values.items():
-        source = f"--set {prefix}{key}={value}"
+        source = shown_setting(f"{prefix}{key}={value}")
         path = tuple(key.split("."))
         fault = _unknown_key(document.data, dataclass_type, path)
         if fault is not None:
@@ -61,19 +92,78 @@ def _adapter(dataclass_type: type) -> TypeAdapter[Any]:
     return TypeAdapter(dataclass_type)
 
 
-def _problem(document: Document, fault: dict[str, Any]) -> Problem:
+def _problem(document: Document, dataclass_type: Any, fault: dict[str, Any]) -> Problem:
     path: FieldPath = tuple(fault["loc"])
+    if path and path[-1] == "[key]":
+        name = path[-2]
+        return document.problem((*path[:-2], str(name)), f"a name should be text: write '{name}' in quotes")
+    message = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input ")
+    message = _PLAIN_WORDS.get(fault["type"], message)
     match fault["type"]:
         case "missing" | "missing_argument":
             return document.problem(path, "is missing")
-        case "dataclass_type":
-            return document.problem(path, f"should hold fields (name: value), got {fault['input']!r}")
-        case "literal_error":
-            return document.problem(path, f"should be {fault['ctx']['expected']}, got {fault['input']!r}")
         case "quantity":
-            return document.problem(path, str(fault["msg"]))
-    message = str(fault["msg"]).removeprefix("Value error, ").removeprefix("Input ")
-    return document.problem(path, f"{message}, got {_written(document, path, fault['input'])!r}")
+            return document.problem(path, message)
+        case "literal_error":
+            message = f"should be {fault['ctx']['expected']}"
+    if _holds_secret(_annotation_at(dataclass_type, path)):
+        return document.problem(path, f"{message}; what it is {NOT_SHOWN}")
+    value = _written(document, path, fault["input"])
+    return document.problem(path, f"{message}, got {'nothing' if value is None else repr(value)}")
+
+
+def _leave_out(data: Any, annotation: Any, paths: Iterable[FieldPath]) -> bool:
+    """Take out of ``data`` what is at the paths, or what holds it; False where something there cannot be left out."""
+    for path in paths:
+        end = _optional_part(annotation, path)
+        if end == 0:
+            return False
+        holder = data
+        for key in path[: end - 1]:
+            holder = holder.get(key, {})
+        holder.pop(path[end - 1], None)
+    return True
+
+
+def _optional_part(annotation: Any, path: FieldPath) -> int:
+    """How much of a path leads to what can be left out: an entry of a mapping, or a field with a default; 0: none."""
+    end = 0
+    for depth, key in enumerate(path, start=1):
+        annotation = _bare(annotation)
+        if dataclasses.is_dataclass(annotation):
+            field = next((f for f in dataclasses.fields(annotation) if f.name == key), None)
+            if field is None:
+                break
+            if field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING:
+                end = depth
+            annotation = _field_types(annotation)[field.name]
+        else:
+            annotation = _value_type(annotation)
+            if annotation is None:
+                break
+            end = depth
+    return end
+
+
+def _annotation_at(annotation: Any, path: FieldPath) -> Any:
+    """The type of the value at ``path``, or, where that is not known, of the nearest value around it."""
+    for key in path:
+        bare = _bare(annotation)
+        inner = _field_types(bare).get(str(key)) if dataclasses.is_dataclass(bare) else _value_type(bare)
+        if inner is None:
+            break
+        annotation = inner
+    return annotation
+
+
+def _holds_secret(annotation: Any) -> bool:
+    if any(isinstance(mark, SecretMark) for mark in getattr(annotation, "__metadata__", ())):
+        return True
+    if dataclasses.is_dataclass(annotation):
+        return any(map(_holds_secret, _field_types(annotation).values()))
+    if typing.get_origin(annotation) is typing.Annotated:
+        return _holds_secret(typing.get_args(annotation)[0])
+    return any(map(_holds_secret, typing.get_args(annotation)))
 
 
 def _written(document: Document, path: FieldPath, converted: Any) -> Any:

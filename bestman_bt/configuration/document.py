@@ -82,25 +82,30 @@ def dotted(path: FieldPath) -> str:
     return text
 
 
-def read_document(path: Path) -> Document:
-    """Read a YAML file that holds a mapping; ConfigurationError names file and line of what is not YAML."""
+def read_document(path: Path, faults: list[Problem] | None = None) -> Document:
+    """Read a YAML file that holds a mapping; raises and ``faults`` as of ``parse_document``."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError([Problem(str(path), None, "", f"cannot be read: {error}")]) from error
-    return parse_document(text, _display(path))
+    return parse_document(text, _display(path), faults)
 
 
-def parse_document(text: str, source: str) -> Document:
-    """Parse YAML text that holds a mapping; ``source`` names it in errors."""
+def parse_document(text: str, source: str, faults: list[Problem] | None = None) -> Document:
+    """Parse YAML text that holds a mapping; ``source`` names it in errors.
+
+    ConfigurationError names file and line of what is not YAML, and of names given twice; with ``faults`` those are
+    added there instead, and the later one counts, so that the rest can be checked, too.
+    """
     problems: list[Problem] = []
+    twice: list[Problem] = problems if faults is None else faults
     origins: dict[FieldPath, tuple[str, int | None]] = {}
     try:
         loader, root = _nodes(text)
         if root is None:
             origins[()] = (source, None)
         if root is not None:
-            _record(root, (), source, origins, problems, set())
+            _record(root, (), source, origins, problems, twice, set())
         data = {} if root is None or problems else loader.construct_document(root)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
@@ -131,8 +136,10 @@ def parse_value(text: str) -> Any:
     """The value of a YAML text; ValueError when it is not YAML."""
     try:
         return yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        raise ValueError(f"the value is not YAML: {error.problem}") from error
     except (yaml.YAMLError, RecursionError) as error:
-        raise ValueError(f"{text!r} is not YAML: {error}") from error
+        raise ValueError(f"the value is not YAML: {type(error).__name__}") from error
 
 
 def _display(path: Path) -> str:
@@ -149,6 +156,7 @@ def _record(
     source: str,
     origins: dict[FieldPath, tuple[str, int | None]],
     problems: list[Problem],
+    twice: list[Problem],
     around: set[int],
 ) -> None:
     line = node.start_mark.line + 1
@@ -169,13 +177,13 @@ def _record(
                 problems.append(Problem(source, key_node.start_mark.line + 1, dotted(path), "a name should be text"))
                 continue
             if key in seen:
-                problems.append(Problem(source, key_node.start_mark.line + 1, dotted((*path, key)), "is given twice"))
+                twice.append(Problem(source, key_node.start_mark.line + 1, dotted((*path, key)), "is given twice"))
             seen.add(key)
             origins[(*path, key)] = (source, key_node.start_mark.line + 1)
-            _record(value_node, (*path, key), source, origins, problems, around)
+            _record(value_node, (*path, key), source, origins, problems, twice, around)
     elif isinstance(node, yaml.SequenceNode):
         for index, child in enumerate(node.value):
-            _record(child, (*path, index), source, origins, problems, around)
+            _record(child, (*path, index), source, origins, problems, twice, around)
 
 
 def _merge(

@@ -17,9 +17,10 @@ from bestman_bt.configuration.data import find_data
 from bestman_bt.configuration.document import Document, FieldPath, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.configuration.quantity import WholeNumber
+from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
 
-_SECRET = re.compile(r"connections\.[^.]+\.(address|token)")
+_SECRET = re.compile(r"connections(\.[^.]+(\.(address|token))?)?")
 
 
 @dataclass(frozen=True)
@@ -107,12 +108,12 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
     for setting in settings:
         key, equals, value = setting.partition("=")
         if not equals or not key.strip():
-            problems.append(Problem(f"--set {setting}", None, "", "should have the form key=value"))
+            problems.append(Problem(shown_setting(setting), None, "", "should have the form key=value"))
             continue
         try:
             values[key.strip()] = parse_value(value)
         except ValueError as error:
-            problems.append(Problem(f"--set {setting}", None, "", str(error)))
+            problems.append(Problem(shown_setting(setting), None, "", str(error)))
     if problems:
         raise ConfigurationError(problems)
     return values

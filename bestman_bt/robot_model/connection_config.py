@@ -14,21 +14,23 @@ from bestman_bt.configuration.quantity import (
     Speed,
     WholeNumber,
 )
+from bestman_bt.configuration.secret import Secret
 
 
 @dataclass(frozen=True)
 class ConnectionConfig:
     """One controller: ``driver`` names the class that speaks to it, ``parts`` the robot's parts behind it.
 
-    ``address`` and ``token`` never show in a text made of this. ``options``: what the driver wants to know besides;
+    ``address`` and ``token`` never show in a text made of this; ``${NAME}`` is what the environment says of them.
+    ``options``: what the driver wants to know besides;
     in a robot model, checked: an instance of the driver's own dataclass.
     """
 
     driver: str
     parts: tuple[str, ...]
-    address: str = field(default="", repr=False)
+    address: Secret = field(default="", repr=False)
     port: WholeNumber | None = None
-    token: str = field(default="", repr=False)
+    token: Secret = field(default="", repr=False)
     options: Any = field(default_factory=dict)
 
 

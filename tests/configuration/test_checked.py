@@ -54,7 +54,7 @@ def test_a_good_document_becomes_a_frozen_value() -> None:
         (GOOD + "spare: 3\n", "cart.yaml:5: spare: should hold fields (name: value), got 3"),
         (GOOD + "kind: car\n", "cart.yaml:5: kind: should be 'two wheels' or 'four wheels', got 'car'"),
         (GOOD + "seats: -1\n", "cart.yaml:5: seats: should be greater than or equal to 0, got -1"),
-        (GOOD + "seats: many\n", "cart.yaml:5: seats: should be a valid integer, got 'many'"),
+        (GOOD + "seats: many\n", "cart.yaml:5: seats: should be a whole number, got 'many'"),
         (GOOD.replace("2 kg", "2 m"), "cart.yaml:3: wheels.right.mass: expected a mass in kg (kg, g), got '2 m'"),
         (GOOD.replace("2 kg", "-2 kg"), "cart.yaml:3: wheels.right.mass: should be greater than 0"),
         (GOOD.replace("1 m", "1 s"), "cart.yaml:4: path[0][1]: expected a length in m (m, cm, mm), got '1 s'"),
@@ -98,5 +98,5 @@ def test_an_override_of_an_unknown_key_suggests_the_closest(key: str, message: s
 
 def test_a_wrong_value_of_an_override_is_located_on_the_command_line() -> None:
     changed = override(parse_document(GOOD, "cart.yaml"), Cart, {"seats": "x"})
-    with pytest.raises(ConfigurationError, match="--set seats=x: seats: should be a valid integer"):
+    with pytest.raises(ConfigurationError, match="--set seats=x: seats: should be a whole number"):
         check(changed, Cart)
