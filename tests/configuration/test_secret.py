@@ -1,0 +1,62 @@
+"""Addresses and tokens appear in no message, whatever else is wrong with them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, check, override, parse_document, parse_settings
+from bestman_bt.configuration.secret import Secret, shown_setting
+
+
+@dataclass(frozen=True)
+class Wire:
+    """One connection."""
+
+    address: Secret = ""
+    port: int = 0
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What has connections."""
+
+    connections: Mapping[str, Wire] = field(default_factory=dict)
+
+
+@pytest.mark.parametrize(
+    "written", ["{a: {address: [HIDDEN]}}", "{a: {address: {k: HIDDEN}}}", "{a: HIDDEN}", "HIDDEN"]
+)
+def test_a_secret_of_the_wrong_kind_is_not_shown(written: str) -> None:
+    with pytest.raises(ConfigurationError) as error:
+        check(parse_document(f"connections: {written}", "m.yaml"), Machine)
+    assert "HIDDEN" not in str(error.value)
+    assert "(not shown)" in str(error.value)
+
+
+def test_what_is_no_secret_beside_it_is_shown() -> None:
+    with pytest.raises(ConfigurationError, match="port: .*, got .many."):
+        check(parse_document("connections: {a: {address: x, port: many}}", "m.yaml"), Machine)
+
+
+@pytest.mark.parametrize("key", ["connections.b.address", "conections.a.address", "connections.a.adress", "a.token"])
+def test_a_wrong_key_of_a_setting_does_not_show_its_value(key: str) -> None:
+    document = parse_document("connections: {a: {}}", "m.yaml")
+    with pytest.raises(ConfigurationError) as error:
+        override(document, Machine, {key: "10.20.30.40"}, prefix="robot.")
+    assert f"--set robot.{key}=…" in str(error.value)
+    assert "10.20.30.40" not in str(error.value)
+
+
+def test_a_setting_that_is_no_yaml_is_one_fault_without_its_value() -> None:
+    with pytest.raises(ConfigurationError) as error:
+        parse_settings(["robot.connections.a.token=[HIDDEN"])
+    assert len(str(error.value).splitlines()) == 1
+    assert "HIDDEN" not in str(error.value)
+
+
+def test_only_keys_that_may_tell_a_secret_are_shortened() -> None:
+    assert shown_setting("tick_rate=5") == "--set tick_rate=5"
+    assert shown_setting("robot.connections.a.token:HIDDEN") == "--set robot.connect…"
