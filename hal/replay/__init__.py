@@ -2,6 +2,6 @@
 
 from hal.replay.recorder import RecordedRobot
 from hal.replay.robot import ReplayRobot
-from hal.replay.tape import TAPE_NAME
+from hal.replay.tape import TAPE_NAME, ReplayError
 
-__all__ = ["TAPE_NAME", "RecordedRobot", "ReplayRobot"]
+__all__ = ["TAPE_NAME", "RecordedRobot", "ReplayError", "ReplayRobot"]

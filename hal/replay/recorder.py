@@ -197,12 +197,12 @@ class RecordedRobot(Robot):
             self._pending = [motion for motion in self._pending if id(motion) not in ended]
 
     def _note(self, **line: Any) -> None:
-        self._write({"t": self._robot.clock.now(), **line})
+        with self._lock:  # with the time: lines are in its order, whichever thread they come from
+            if not self._file.closed:
+                self._write({"t": self._robot.clock.now(), **line})
 
     def _write(self, line: dict[str, Any]) -> None:
-        with self._lock:
-            if not self._file.closed:
-                self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
+        self._file.write(json.dumps(line, separators=(",", ":")) + "\n")
 
 
 class RecordedMotion(Motion):

@@ -78,7 +78,7 @@ class ReplayRobot(Robot):
 
     @cached_property
     def tape(self) -> Tape:
-        """The recording; ConnectionFailedError says why there is none."""
+        """The recording; ReplayError says why there is none."""
         return read_tape(self._recording)
 
     @cached_property
@@ -133,6 +133,7 @@ class ReplayRobot(Robot):
             "connected": "yes" if self._connected else "no",
             "stopped": "yes" if self._stopped else "no",
             "time": f"{self.moment():.2f} s of {self.tape.end:.2f} s recorded" if self._connected else "",
+            "recording": "its end is missing: the run was killed" if self.tape.cut else "whole",
         }
 
     def moment(self) -> float:
@@ -171,8 +172,9 @@ class ReplayRobot(Robot):
         moment = self.moment()
         taken, told = found.at(moment, SAME_MOMENT)
         if abs(taken - moment) > LONGEST_GAP:
+            end = "; its end is missing" if self.tape.cut else ""
             raise NoDataError(
-                f"{part}: the recording has no {what}() near {moment:.2f} s, the nearest is at {taken:.2f} s"
+                f"{part}: the recording has no {what}() near {moment:.2f} s, the nearest is at {taken:.2f} s{end}"
             )
         if "error" in told:
             raise error_from_json(told)

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import binascii
 import bisect
-import contextlib
 import gzip
 import json
 import math
-from collections.abc import Mapping
+import zlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hal.api import MotionError, MotionStatus
+import hal.api
+from hal.api import MotionError, MotionStatus, Part
 from hal.hardware import ConnectionFailedError
 from hal.replay.encoding import from_json
 
 TAPE_NAME = "readings.jsonl.gz"
+MALFORMED = (ValueError, TypeError, LookupError, AttributeError, binascii.Error, zlib.error)
+"""What a line that is no line of a tape may raise when it is taken apart."""
+
+
+class ReplayError(ConnectionFailedError):
+    """A recording that cannot be played, with its file and, where one is to blame, the line."""
 
 
 @dataclass
@@ -54,7 +62,10 @@ class RecordedCommand:
 
 @dataclass(frozen=True)
 class Tape:
-    """``parts``: name → kind and description. ``readings``, ``commands``: by part and method. Seconds of the robot."""
+    """``parts``: name → kind and description. ``readings``, ``commands``: by part and method. Seconds of the robot.
+
+    ``cut``: its end is missing, as of a run that was killed.
+    """
 
     robot: str
     start: float
@@ -63,6 +74,7 @@ class Tape:
     parts: Mapping[str, tuple[str, Mapping[str, Any]]]
     readings: Mapping[tuple[str, str], Readings]
     commands: Mapping[tuple[str, str], list[RecordedCommand]]
+    cut: bool = False
 
     def stream_starts(self, key: tuple[str, str], pause: float) -> list[float]:
         """When commands of one method of one part began to come, after none for ``pause`` seconds."""
@@ -71,53 +83,118 @@ class Tape:
 
 
 def read_tape(path: Path) -> Tape:
-    """The tape in a run folder, or a file; ConnectionFailedError says why there is none."""
+    """The tape in a run folder, or a file; ReplayError says why there is none, or where it is damaged.
+
+    A run that was killed ends in mid-line or without the file's end: that is played up to there, and ``cut`` says so.
+    """
     file = path / TAPE_NAME if path.is_dir() else path
     try:
-        with gzip.open(file, "rt", encoding="utf-8") as lines:
-            header = json.loads(next(lines))
-            readings: dict[tuple[str, str], Readings] = {}
-            commands: dict[tuple[str, str], list[RecordedCommand]] = {}
-            motions: dict[int, RecordedCommand] = {}
-            end = float(header["start"])
-            with contextlib.suppress(EOFError, json.JSONDecodeError):  # a run that was killed ends in mid-line
-                for text in lines:
-                    line = json.loads(text)
-                    end = float(line["t"])
-                    _take(line, readings, commands, motions)
+        with gzip.open(file, "rt", encoding="utf-8") as stream:
+            return _TapeReader(file).read(stream)
     except FileNotFoundError as error:
-        text = f"{path} holds no readings; record a run with --record"
-        raise ConnectionFailedError(text) from error
-    except (OSError, EOFError, ValueError, KeyError, StopIteration) as error:
-        raise ConnectionFailedError(f"{file} is no recording of a robot: {type(error).__name__}: {error}") from error
-    parts = {
-        name: (told["kind"], {what: from_json(value) for what, value in told["description"].items()})
-        for name, told in header["parts"].items()
-    }
-    return Tape(header["robot"], header["start"], header["time_step"], end, parts, readings, commands)
+        raise ReplayError(f"{path} holds no readings; record a run with --record") from error
+    except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+        raise ReplayError(f"{file} is no recording of a robot, or damaged: {type(error).__name__}: {error}") from error
 
 
-def _take(
-    line: dict[str, Any],
-    readings: dict[tuple[str, str], Readings],
-    commands: dict[tuple[str, str], list[RecordedCommand]],
-    motions: dict[int, RecordedCommand],
-) -> None:
-    moment = float(line["t"])
-    if "read" in line:
-        column = readings.setdefault((line["part"], line["read"]), Readings())
-        column.times.append(moment)
-        column.told.append(line)
-    elif "command" in line:
-        command = RecordedCommand(
-            moment,
-            tuple(from_json(line["arguments"])),
-            {name: from_json(value) for name, value in line["keywords"].items()},
-            line.get("motion"),
-            line if "error" in line else None,
-        )
-        commands.setdefault((line["part"], line["command"]), []).append(command)
-        if command.motion is not None:
-            motions[command.motion] = command
-    elif line["ended"] in motions:
-        motions[line["ended"]].end = moment, from_json(line["status"]), from_json(line["why"])
+class _TapeReader:
+    """Takes the lines of one file apart."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._readings: dict[tuple[str, str], Readings] = {}
+        self._commands: dict[tuple[str, str], list[RecordedCommand]] = {}
+        self._motions: dict[int, RecordedCommand] = {}
+        self._cut = False
+
+    def read(self, stream: Iterator[str]) -> Tape:
+        robot, start, time_step, parts = self._header(next(stream, ""))
+        end = start
+        for number, text in self._following(stream):
+            try:
+                line = json.loads(text)
+            except ValueError as error:
+                if not text.endswith("\n"):
+                    self._cut = True
+                    break
+                raise self._error(number, "is no JSON") from error
+            try:
+                moment = _number(line, "t")
+                if "ended" not in line and line["part"] not in parts:
+                    raise ValueError(f"the robot has no part {line['part']!r}")
+                self._take(line, moment)
+            except MALFORMED as error:
+                raise self._error(number, f"is malformed: {type(error).__name__}: {error}") from error
+            if moment < end:
+                raise self._error(number, f"is of {moment:.4f} s, after one of {end:.4f} s: time goes back")
+            end = moment
+        return Tape(robot, start, time_step, end, parts, self._readings, self._commands, self._cut)
+
+    def _header(self, text: str) -> tuple[str, float, float, dict[str, tuple[str, Mapping[str, Any]]]]:
+        try:
+            header = json.loads(text)
+            parts: dict[str, tuple[str, Mapping[str, Any]]] = {
+                str(name): (_kind(told), {what: from_json(value) for what, value in told["description"].items()})
+                for name, told in header["parts"].items()
+            }
+            robot, start, time_step = str(header["robot"]), _number(header, "start"), _number(header, "time_step")
+        except MALFORMED as error:
+            words = f"is no description of a robot: {type(error).__name__}: {error}"
+            raise self._error(1, words) from error
+        if time_step <= 0.0:
+            raise self._error(1, f"gives a time step of {time_step} s; above 0 is possible")
+        return robot, start, time_step, parts
+
+    def _following(self, stream: Iterator[str]) -> Iterator[tuple[int, str]]:
+        """Number and text of the lines after the header, as far as there are any."""
+        number = 2
+        while True:
+            try:
+                text = next(stream, None)
+            except EOFError:  # the compressed data have no end
+                self._cut = True
+                return
+            if text is None:
+                return
+            yield number, text
+            number += 1
+
+    def _take(self, line: dict[str, Any], moment: float) -> None:
+        if "read" in line:
+            if "value" not in line and "error" not in line:
+                raise KeyError("value")
+            column = self._readings.setdefault((line["part"], line["read"]), Readings())
+            column.times.append(moment)
+            column.told.append(line)
+        elif "command" in line:
+            command = RecordedCommand(
+                moment,
+                tuple(from_json(line["arguments"])),
+                {name: from_json(value) for name, value in line["keywords"].items()},
+                line.get("motion"),
+                line if "error" in line else None,
+            )
+            self._commands.setdefault((line["part"], line["command"]), []).append(command)
+            if command.motion is not None:
+                self._motions[command.motion] = command
+        else:
+            self._motions[line["ended"]].end = moment, from_json(line["status"]), from_json(line["why"])
+
+    def _error(self, number: int, what: str) -> ReplayError:
+        return ReplayError(f"{self._file}, line {number} {what}")
+
+
+def _number(line: Any, key: str) -> float:
+    value = line[key]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ValueError(f"{key} is {value!r}; a finite number is possible")
+    return float(value)
+
+
+def _kind(told: Any) -> str:
+    """The kind of a part, one of those of ``hal.api``."""
+    kind = told["kind"]
+    found = getattr(hal.api, kind, None)
+    if not (isinstance(found, type) and issubclass(found, Part)):
+        raise ValueError(f"no part is a {kind!r}")
+    return str(kind)
