@@ -26,6 +26,10 @@ class ClearEntireCostmap(InstantSkill):
         self.skills.base.layer.clear()
 
 
+class ClearCostmap(ClearEntireCostmap):
+    """ClearEntireCostmap by its short name."""
+
+
 class ClearCostmapAroundRobot(InstantSkill):
     """Forget the obstacles that were seen in a square around the base."""
 

@@ -137,6 +137,10 @@ class IsPathValid(SkillCondition):
         return "path_blocked", f"the base would touch something at ({contact.x:.2f}, {contact.y:.2f}) m on the path"
 
 
+class ValidatePath(IsPathValid):
+    """IsPathValid by the name of newer releases of Nav2."""
+
+
 class IsGoalNearby(SkillCondition):
     """Whether less than ``proximity_threshold`` metres of a path are left to drive."""
 
