@@ -7,7 +7,6 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-import pybullet
 import pytest
 
 from bestman_bt.configuration import load_run
@@ -23,7 +22,7 @@ from tests.behaviours.truth import THINGS, audited, known_world, succeeds, why_n
 START = "robot_start: {x: [-1.3, -1.3], y: [0.0, 0.0], yaw: [0.0, 0.0]}"
 BEHIND_THE_DOORWAY = "1.2;0.0;0.0"
 CHAIR = "unmapped: {chair: {model: chair, at: [0.5, 0.1, 20 deg]}}"
-DOOR = "unmapped: {new_door: {model: wide_door, at: [0, 0, 0], open: {door: 85 deg}}}"
+DOOR = "unmapped: {new_door: {model: wide_door, at: [0, 0, 0]}}"
 STANDING = "walkers: {count: 1, way_points: [[0.1, 0.0], [0.1, 0.3]], speed: [5 cm/s, 5 cm/s]}"
 CROSSING = "walkers: {count: 1, way_points: [[0.7, -1.5], [0.7, 1.5]], speed: [0.6 m/s, 0.6 m/s]}"
 
@@ -49,14 +48,6 @@ def at(truth: GroundTruth, goal: str) -> bool:
     return truth.base_pose().to_pose2d().distance_to(Pose2D(*map(float, goal.split(";")))) < 0.02
 
 
-def close(session: Session, speed: float) -> None:
-    """Push the door, for good; below 0 it closes."""
-    body, joint = session.robot.simulation.built.articulations["new_door/door"]
-    session.robot.simulation.client.setJointMotorControl2(
-        body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=speed, force=60.0
-    )
-
-
 def test_a_chair_that_the_map_does_not_have_is_driven_around(kitchen_with) -> None:
     session, truth = kitchen_with(CHAIR)
     assert succeeds(session, to(BEHIND_THE_DOORWAY, replans=0))
@@ -71,21 +62,8 @@ def test_somebody_who_crosses_the_way_is_not_touched(kitchen_with) -> None:
     assert audited(session).collisions == ()
 
 
-def test_before_a_door_that_closes_it_waits_and_drives_on_when_it_opens_again(kitchen_with) -> None:
-    session, truth = kitchen_with(DOOR)
-    tree = session.load(tree_of(to(BEHIND_THE_DOORWAY)))
-    assert tick(tree, 20) == RUNNING
-    close(session, -1.5)
-    assert tick(tree, 200) == RUNNING
-    assert fastest(session) < 0.05
-    assert truth.base_pose().to_pose2d().x < -0.3
-    close(session, 1.5)
-    assert tick(tree, 1200) == SUCCESS, session.skills.failures
-    assert at(truth, BEHIND_THE_DOORWAY)
-
-
 def test_a_door_that_stays_shut_is_told_after_the_recoveries(kitchen_with) -> None:
-    session, truth = kitchen_with(DOOR.replace("85", "0"))
+    session, truth = kitchen_with(DOOR)
     code, why = why_not(session, to(BEHIND_THE_DOORWAY, replans=1))
     assert code == "path_blocked"
     assert "something that the map does not have is in the way" in why

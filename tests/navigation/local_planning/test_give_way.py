@@ -8,10 +8,10 @@ from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import GiveWay, MovingObstacle
 
 BASE = Footprint(np.array([[-0.3, -0.25], [0.3, -0.25], [0.3, 0.25], [-0.3, 0.25]]))
-AHEAD = Twist2D(vx=0.5)
+AHEAD, ORIGIN = Twist2D(vx=0.5), Pose2D()
 
 
-def share(*walkers: tuple[float, float, float, float], pose: Pose2D = Pose2D(), twist: Twist2D = AHEAD) -> float:
+def share(*walkers: tuple[float, float, float, float], pose: Pose2D = ORIGIN, twist: Twist2D = AHEAD) -> float:
     return GiveWay(BASE).share(pose, twist, [MovingObstacle(*walker, 0.22) for walker in walkers])
 
 
