@@ -1,6 +1,6 @@
 """YAML to checked frozen dataclasses, and where shipped data lies."""
 
-from bestman_bt.configuration.checked import check, override
+from bestman_bt.configuration.checked import check, override, salvage
 from bestman_bt.configuration.data import beside, data_names, data_root, find_data, own_objects, own_parts, user_folders
 from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
@@ -45,6 +45,7 @@ __all__ = [
     "parse_value",
     "read_document",
     "read_run",
+    "salvage",
     "task_of_tree",
     "user_folders",
 ]

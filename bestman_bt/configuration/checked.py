@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bestman_bt.configuration.document import Document, FieldPath
 from bestman_bt.configuration.errors import ConfigurationError, Problem
-from bestman_bt.configuration.secret import NOT_SHOWN, SecretMark, shown_setting
+from bestman_bt.configuration.secret import SecretMark, shown_setting
 from bestman_bt.registry import suggestion
 
 T = TypeVar("T")
@@ -107,7 +107,7 @@ def _problem(document: Document, dataclass_type: Any, fault: dict[str, Any]) -> 
         case "literal_error":
             message = f"should be {fault['ctx']['expected']}"
     if _holds_secret(_annotation_at(dataclass_type, path)):
-        return document.problem(path, f"{message}; what it is {NOT_SHOWN}")
+        return document.problem(path, f"{message}; its value is not shown")
     value = _written(document, path, fault["input"])
     return document.problem(path, f"{message}, got {'nothing' if value is None else repr(value)}")
 

@@ -6,7 +6,6 @@ import re
 from dataclasses import dataclass
 from typing import Annotated
 
-NOT_SHOWN = "(not shown)"
 _TELLING = re.compile(r"connect|addr|token|passw|secret", re.IGNORECASE)
 
 

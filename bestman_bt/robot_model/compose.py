@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +12,23 @@ from bestman_bt.configuration import (
     ConfigurationError,
     Document,
     Problem,
-    check,
+    ProblemCollector,
     find_data,
     override,
     read_document,
+    salvage,
 )
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.calibration_overlay import with_calibration
 from bestman_bt.robot_model.describe import describe
-from bestman_bt.robot_model.hardware_config import with_hardware
+from bestman_bt.robot_model.hardware_config import read_connections, with_hardware
 from bestman_bt.robot_model.joint_limits import write_limits
 from bestman_bt.robot_model.load_limits import load_problems
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.mounting import mount_place, mount_problems
 from bestman_bt.robot_model.part_config import JointedPart
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
-from bestman_bt.robot_model.robot_config import RobotConfig
+from bestman_bt.robot_model.robot_config import RobotConfig, name_fault
 from bestman_bt.robot_model.urdf_elements import fixed_joint
 
 
@@ -38,20 +40,64 @@ def load_robot_model(name_or_path: str | Path, overrides: Mapping[str, Any] | No
     """
     path = find_data("robot", name_or_path)
     settings = dict(overrides or {})
-    document = read_document(path)
-    if "calibration" in settings:
-        document = override(document, RobotConfig, {"calibration": settings.pop("calibration")}, prefix="robot.")
-        document = with_calibration(document, Path())
-    else:
-        document = with_calibration(document, path.parent)
-    document = override(document, RobotConfig, settings, prefix="robot.")
-    return compose_robot(path.stem, document)
+    faults = ProblemCollector()
+    document = read_document(path, faults.problems)
+    given = {"calibration": settings.pop("calibration")} if "calibration" in settings else {}
+    with faults.step():
+        document = override(document, RobotConfig, given, prefix="robot.")
+        document = with_calibration(document, Path() if given else path.parent)
+    with faults.step():
+        document = override(document, RobotConfig, settings, prefix="robot.")
+    with faults.step():
+        model = compose_robot(path.stem, document)
+    faults.raise_if_any()
+    return model
 
 
 def compose_robot(name: str, document: Document) -> RobotModel:
-    """Compose a robot from the document of a ``RobotConfig``; raises ConfigurationError."""
-    config = check(document, RobotConfig)
-    placed = _place_parts(config, document)
+    """Compose a robot from the document of a ``RobotConfig``; ConfigurationError tells all faults that can be found."""
+    faults = ProblemCollector()
+    config, faults.problems = salvage(document, RobotConfig)
+    if config is None:
+        raise ConfigurationError(faults.problems)
+    names = [part for part in document.data["parts"] if isinstance(part, str)]
+    placed, whole = _place_parts(config, document, faults)
+    parts = {part: placed[part].config if part in placed else None for part in names}
+    connections, problems = read_connections(config, document, parts)
+    faults.problems += problems
+    postures = _postures(config, document, placed, names, faults)
+    base_frame = _base_frame(config, document, placed, names, faults)
+    if base_frame is not None and whole:
+        ignored = _declared_pairs(config, document, placed, faults)
+        urdf = _joined(name, config, placed)
+        model = describe(name, urdf, base_frame, placed, postures, ignored)
+        faults.problems += load_problems(model, placed, document)
+        if not faults.problems:
+            return with_hardware(model, connections, config.safety)
+    raise ConfigurationError(dict.fromkeys(faults.problems))
+
+
+def _base_frame(
+    config: RobotConfig,
+    document: Document,
+    placed: Mapping[str, PlacedPart],
+    names: list[str],
+    faults: ProblemCollector,
+) -> str | None:
+    """The base frame; None where there is none of that name, or the root part, which should have it, is unread."""
+    if not names or names[0] not in placed:
+        return None
+    base_frame = config.base_frame or placed[names[0]].root
+    links = [link for part in placed.values() for link in part.links]
+    if base_frame in links:
+        return base_frame
+    message = f"no link {base_frame!r}; {suggestion(base_frame, links)}"
+    faults.problems.append(document.problem(("base_frame",), message))
+    return None
+
+
+def _joined(name: str, config: RobotConfig, placed: Mapping[str, PlacedPart]) -> ET.Element:
+    """One URDF of all parts."""
     urdf = ET.Element("robot", name=name)
     for part in placed.values():
         urdf.extend(part.elements)
@@ -60,51 +106,62 @@ def compose_robot(name: str, document: Document) -> RobotModel:
             link, xyz, rpy = place
             urdf.append(fixed_joint(f"{part.name}_mount_joint", link, part.root, xyz, rpy))
         write_limits(part)
-    links = {link.get("name", "") for link in urdf.findall("link")}
-    base_frame = config.base_frame or next(iter(placed.values())).root
-    if base_frame not in links:
-        message = f"no link {base_frame!r}; {suggestion(base_frame, list(links))}"
-        raise ConfigurationError([document.problem(("base_frame",), message)])
-    postures = _postures(config, document, placed)
-    ignored = _declared_pairs(config, document, placed, links)
     ET.indent(urdf)
-    model = describe(name, urdf, base_frame, placed, postures, ignored)
-    problems = load_problems(model, placed, document)
-    if problems:
-        raise ConfigurationError(problems)
-    return with_hardware(model, config, document)
+    return urdf
 
 
-def _place_parts(config: RobotConfig, document: Document) -> dict[str, PlacedPart]:
-    problems: list[Problem] = []
+def _place_parts(
+    config: RobotConfig, document: Document, faults: ProblemCollector
+) -> tuple[dict[str, PlacedPart], bool]:
+    """The parts that can be read, and whether that is all of them, each mounted on another."""
     placed: dict[str, PlacedPart] = {}
     taken: set[str] = set()
-    unread = False  # a part that could not be read takes its frames away: no word on later mounts
-    for part_name, mounted in config.parts.items():
+    unread = mislaid = False  # a part that could not be read takes its frames away: no word on mounts that are missed
+    if not document.data["parts"]:
+        faults.problems.append(document.problem(("parts",), "a robot needs at least one part"))
+    for part_name in document.data["parts"]:
+        strange = name_fault(part_name) if isinstance(part_name, str) else None
+        if strange is not None:
+            faults.problems.append(document.problem(("parts", part_name), strange))
+        mounted = config.parts.get(part_name)
+        if mounted is None:
+            unread = True
+            continue
         changes = document.below("parts", part_name, "set") if mounted.set else Document({})
         asked_by = document.problem(("parts", part_name, "part"), "")
+        part: PlacedPart | None = None
         try:
-            part: PlacedPart | None = read_part(part_name, mounted.part, changes, asked_by, taken)
+            part = read_part(part_name, mounted.part, changes, asked_by, taken)
         except ConfigurationError as error:
-            part = None
-            faults = error.problems
-        if not unread:
-            problems += mount_problems(document, part_name, mounted, part, placed)
+            faults.problems += _seen_from_the_robot(error, part_name, changes)
+        wrong = mount_problems(document, part_name, mounted, part, placed, unread)
+        faults.problems += wrong
+        mislaid = mislaid or bool(wrong)
         if part is None:
-            problems += faults
             unread = True
             continue
         placed[part_name] = part
         taken |= {element.get("name", "") for element in part.elements}
-    if not config.parts:
-        problems.append(document.problem(("parts",), "a robot needs at least one part"))
-    if problems:
-        raise ConfigurationError(problems)
-    return placed
+    return placed, bool(placed) and not unread and not mislaid
 
 
-def _postures(config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart]) -> dict[str, dict[str, float]]:
-    problems: list[Problem] = []
+def _seen_from_the_robot(error: ConfigurationError, part: str, changes: Document) -> list[Problem]:
+    """Faults of a part's description; those of fields that the robot has set are named as the robot's."""
+    own = {source for source, _ in changes.origins.values()}
+    return [
+        replace(fault, field=f"parts.{part}.set.{fault.field}") if fault.source in own and fault.field else fault
+        for fault in error.problems
+    ]
+
+
+def _postures(
+    config: RobotConfig,
+    document: Document,
+    placed: Mapping[str, PlacedPart],
+    names: list[str],
+    faults: ProblemCollector,
+) -> dict[str, dict[str, float]]:
+    problems = faults.problems
     postures: dict[str, dict[str, float]] = {}
     for posture, of_parts in config.postures.items():
         postures[posture] = {}
@@ -112,8 +169,10 @@ def _postures(config: RobotConfig, document: Document, placed: Mapping[str, Plac
             field = ("postures", posture, part_name)
             part = placed.get(part_name)
             joints: tuple[str, ...] = getattr(part.config, "joints", ()) if part is not None else ()
+            if part is None and part_name in names:
+                continue  # it could not be read, which is told
             if part is None:
-                message = f"unknown part; {suggestion(part_name, list(placed))}"
+                message = f"unknown part; {suggestion(part_name, names)}"
                 problems.append(document.problem(field, message))
             elif len(positions) != len(joints):
                 message = f"should have {len(joints)} positions, one per joint, got {len(positions)}"
@@ -121,8 +180,6 @@ def _postures(config: RobotConfig, document: Document, placed: Mapping[str, Plac
             else:
                 postures[posture] |= dict(zip(joints, positions, strict=True))
                 problems += _limit_problems(document, field, part.config, positions)
-    if problems:
-        raise ConfigurationError(problems)
     for part in placed.values():
         if isinstance(part.config, JointedPart):
             for state, positions in part.config.states.items():
@@ -145,9 +202,12 @@ def _limit_problems(
 
 
 def _declared_pairs(
-    config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart], links: set[str]
+    config: RobotConfig,
+    document: Document,
+    placed: Mapping[str, PlacedPart],
+    faults: ProblemCollector,
 ) -> list[tuple[str, str]]:
-    problems: list[Problem] = []
+    links = [link for part in placed.values() for link in part.links]
     pairs = [pair for part in placed.values() for pair in part.config.may_touch]
     for index, names in enumerate(config.never_touch):
         groups: list[list[str]] = []
@@ -158,9 +218,7 @@ def _declared_pairs(
                 groups.append([name])
             else:
                 message = f"no part or link {name!r}; {suggestion(name, [*placed, *links])}"
-                problems.append(document.problem(("never_touch", index), message))
+                faults.problems.append(document.problem(("never_touch", index), message))
         if len(groups) == 2:
             pairs += [(a, b) for a in groups[0] for b in groups[1]]
-    if problems:
-        raise ConfigurationError(problems)
     return pairs

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import os
+import re
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,30 +15,34 @@ from bestman_bt.configuration import ConfigurationError, Document, Problem, chec
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, RobotModel
+from bestman_bt.robot_model.part_config import AnyPart, ArmPart
 from bestman_bt.robot_model.robot_config import RobotConfig
 
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
+_AS_A_GRIPPER = ("suction",)
+"""Kinds that are driven as a gripper is."""
 
-def with_hardware(model: RobotModel, config: RobotConfig, document: Document) -> RobotModel:
-    """``model`` with its connections, and no faster or stronger than ``safety`` allows; raises ConfigurationError."""
-    connections, problems = _connections(config, document)
-    problems += _part_problems(config, document)
-    problems += _safety_problems(config.safety, document)
-    if problems:
-        raise ConfigurationError(problems)
-    safety = config.safety
+
+def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig], safety: SafetyConfig) -> RobotModel:
+    """``model`` with its connections, and no faster or stronger than ``safety`` allows."""
     return dataclasses.replace(
         model,
         bases={name: _slower_base(base, safety) for name, base in model.bases.items()},
         arms={name: _slower_arm(arm, safety) for name, arm in model.arms.items()},
         grippers={name: _weaker_gripper(gripper, safety) for name, gripper in model.grippers.items()},
-        connections=connections,
+        connections=dict(connections),
         safety=safety,
     )
 
 
-def _connections(config: RobotConfig, document: Document) -> tuple[dict[str, ConnectionConfig], list[Problem]]:
-    """The connections with their options as the driver's own dataclass."""
-    problems: list[Problem] = []
+def read_connections(
+    config: RobotConfig, document: Document, parts: Mapping[str, AnyPart | None]
+) -> tuple[dict[str, ConnectionConfig], list[Problem]]:
+    """The connections with their options as the driver's own dataclass, and all that is wrong with them and ``safety``.
+
+    ``parts``: those of the robot; None where one could not be read.
+    """
+    problems = [*_part_problems(config, document, list(parts)), *_safety_problems(config.safety, document)]
     connections: dict[str, ConnectionConfig] = {}
     for name, connection in config.connections.items():
         try:
@@ -44,29 +50,83 @@ def _connections(config: RobotConfig, document: Document) -> tuple[dict[str, Con
         except UnknownNameError as error:
             problems.append(document.problem(("connections", name, "driver"), str(error)))
             continue
+        problems += _kind_problems(name, connection, driver.serves, document, parts)
         given = document.below("connections", name, "options") if connection.options else Document({})
         try:
             options = check(given, driver.options_type)
         except ConfigurationError as error:
-            inside = f"connections.{name}.options"
-            problems += [dataclasses.replace(problem, field=f"{inside}.{problem.field}") for problem in error.problems]
+            problems += error.within("connections", name, "options").problems
             continue
-        connections[name] = dataclasses.replace(connection, options=options)
+        problems += _payload_problems(name, connection, options, document, parts)
+        connections[name] = dataclasses.replace(
+            connection,
+            options=options,
+            address=_from_environment(connection.address),
+            token=_from_environment(connection.token),
+        )
     return connections, problems
 
 
-def _part_problems(config: RobotConfig, document: Document) -> Iterator[Problem]:
+def _from_environment(text: str) -> str:
+    """``${NAME}`` stands for what the environment says, nothing where it says nothing."""
+    variable = _VARIABLE.fullmatch(text)
+    return text if variable is None else os.environ.get(variable[1], "")
+
+
+def _part_problems(config: RobotConfig, document: Document, known: list[str]) -> Iterator[Problem]:
     spoken_for: dict[str, str] = {}
     for name, connection in config.connections.items():
         field = ("connections", name, "parts")
         if not connection.parts:
             yield document.problem(field, "should name at least one part")
         for index, part in enumerate(connection.parts):
-            if part not in config.parts:
-                yield document.problem((*field, index), f"unknown part; {suggestion(part, list(config.parts))}")
+            if part not in known:
+                yield document.problem((*field, index), f"unknown part; {suggestion(part, known)}")
             elif part in spoken_for:
                 yield document.problem((*field, index), f"{part!r} is behind connection {spoken_for[part]!r} already")
             spoken_for[part] = name
+
+
+def _kind_problems(
+    name: str,
+    connection: ConnectionConfig,
+    serves: Mapping[str, tuple[int, int]],
+    document: Document,
+    parts: Mapping[str, AnyPart | None],
+) -> Iterator[Problem]:
+    """Whether the driver can serve the parts that are behind its controller."""
+    kinds = [_kind(parts.get(part)) for part in connection.parts]
+    if not serves or None in kinds or not kinds:
+        return
+    field = ("connections", name, "parts")
+    owed = f"behind a connection of the driver {connection.driver!r} can be: {', '.join(serves)}"
+    strange = [index for index, kind in enumerate(kinds) if kind not in serves]
+    for index in strange:
+        yield document.problem((*field, index), f"{connection.parts[index]!r} is of the kind {kinds[index]}; {owed}")
+    if strange:
+        return
+    for kind, (least, most) in serves.items():
+        count = kinds.count(kind)
+        if not least <= count <= most:
+            number = f"{least}" if least == most else f"at most {most}"
+            yield document.problem(field, f"should name {number} of the kind {kind}, names {count}; {owed}")
+
+
+def _kind(part: AnyPart | None) -> str | None:
+    if part is None:
+        return None
+    return "gripper" if part.kind in _AS_A_GRIPPER else part.kind
+
+
+def _payload_problems(
+    name: str, connection: ConnectionConfig, options: Any, document: Document, parts: Mapping[str, AnyPart | None]
+) -> Iterator[Problem]:
+    load = getattr(options, "payload", None)
+    for part in connection.parts:
+        arm = parts.get(part)
+        if load is not None and isinstance(arm, ArmPart) and arm.payload is not None and load > arm.payload:
+            message = f"{load:g} kg is more than {part!r} may carry: {arm.payload:g} kg"
+            yield document.problem(("connections", name, "options", "payload"), message)
 
 
 def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Problem]:

@@ -37,11 +37,21 @@ def mount_place(mounted: MountedPart, part: PlacedPart | None, placed: Mapping[s
 
 
 def mount_problems(
-    document: Document, name: str, mounted: MountedPart, part: PlacedPart | None, placed: Mapping[str, PlacedPart]
+    document: Document,
+    name: str,
+    mounted: MountedPart,
+    part: PlacedPart | None,
+    placed: Mapping[str, PlacedPart],
+    unread: bool = False,
 ) -> list[Problem]:
-    """What is wrong with where ``part`` (None: it could not be read) is mounted; ``placed``: the parts before it."""
+    """What is wrong with where ``part`` (None: it could not be read) is mounted; ``placed``: the parts before it.
+
+    ``unread``: there are others before it that could not be read, and it may be mounted on one of those.
+    """
     field = ("parts", name, "mount")
     links = [link for earlier in placed.values() for link in earlier.links]
+    if not links and unread:
+        return []
     if not links:
         if mounted.mount is None:
             return []
@@ -52,6 +62,8 @@ def mount_problems(
         message = f"'mount' is missing: the link that carries the part; there are {', '.join(links)}"
         return [document.problem(("parts", name), message)]
     place = mount_place(mounted, part, placed)
+    if place is None and unread:
+        return []
     if place is None:
         return [document.problem(field, _no_frame(mounted.mount, placed, links))]
     wheel = _wheel_that_turns(place[0], placed)

@@ -15,6 +15,7 @@ from hal.api import Clock, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.fault import ConnectionFailedError, Fault
 from hal.hardware.hardware_part import HardwarePart
+from hal.hardware.only_client import OnlyClient
 from hal.hardware.stop_latch import StopLatch
 
 LONGEST_BRAKING = 0.6
@@ -29,6 +30,9 @@ class Connection(ABC):
     drive them. Limits, the stop, the dead-man and the watchdog are above it and no concern of its.
 
     ``options_type``: frozen dataclass of the ``options`` in the robot's YAML. ``extra``: of the package, with the SDK.
+    ``serves``: kind of part → how many of it have to, and may, be behind one controller; empty: any parts. It and
+    ``needs_address`` are checked when the robot's YAML is read, before anything connects.
+    ``one_client``: whether its controller follows whoever speaks to it, so that a second client is to be refused here.
     ``declared_missing``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
     cannot pass → why; conformance lists it.
     """
@@ -36,6 +40,9 @@ class Connection(ABC):
     driver: ClassVar[str]
     options_type: ClassVar[type]
     extra: ClassVar[str] = ""
+    serves: ClassVar[Mapping[str, tuple[int, int]]] = {}
+    needs_address: ClassVar[bool] = True
+    one_client: ClassVar[bool] = False
     declared_missing: Mapping[str, str] = {}
 
     def __init__(
@@ -52,6 +59,7 @@ class Connection(ABC):
         self._loops: list[ControlLoop] = []
         self._crash: Fault | None = None
         self._connected = False
+        self._only = OnlyClient(name, self.driver, settings.address) if self.one_client else None
         self._parts: dict[str, Part] = self.make_parts()
 
     @property
@@ -105,6 +113,8 @@ class Connection(ABC):
         if self.connected:
             return
         self._crash = None
+        if self._only is not None:
+            self._only.take()
         try:
             self.open()
         except BaseException:
@@ -200,3 +210,5 @@ class Connection(ABC):
             loop.close()
         self._loops.clear()
         self.close()
+        if self._only is not None:
+            self._only.release()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,21 +32,20 @@ class RealSenseConnection(Connection):
     driver: ClassVar[str] = "realsense"
     extra: ClassVar[str] = "realsense"
     options_type: ClassVar[type] = RealSenseOptions
+    serves: ClassVar[Mapping[str, tuple[int, int]]] = {"camera": (1, 1)}
+    needs_address: ClassVar[bool] = False
 
     def make_parts(self) -> dict[str, Part]:
-        """The camera of ``settings.parts``; ConnectionFailedError for others."""
-        names = self.settings.parts
-        if len(names) != 1 or names[0] not in self.model.cameras:
-            text = f"{self.name}: behind a RealSense connection is one camera, not {', '.join(names)}"
-            raise ConnectionFailedError(text)
-        self._camera, self._model = names[0], self.model.cameras[names[0]]
+        """The camera of ``settings.parts``."""
+        (self._camera,) = self.settings.parts
+        self._model = self.model.cameras[self._camera]
         self._pipeline: Any = None
         self._align: Any = None
         self._arrived = threading.Condition()
         self._newest: tuple[Any, float] | None = None
         self._heard = -1e9
         self._camera_time = RemoteTime()
-        return {names[0]: HardwareCamera(names[0], self._model, self.latch, self._take)}
+        return {self._camera: HardwareCamera(self._camera, self._model, self.latch, self._take)}
 
     def open(self) -> None:
         """Start both streams, and wait for the first images."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from hal.api import Part
-from hal.hardware import Connection, ConnectionFailedError, Fault, HardwareGripper
+from hal.hardware import Connection, Fault, HardwareGripper
 from hal.robotiq.channel import RobotiqChannel
 from hal.robotiq.options import RobotiqOptions
 from hal.robotiq.wire import MODBUS_PORT, URCAP_PORT, ModbusWire, RobotiqWire, URCapWire
@@ -18,17 +18,14 @@ class RobotiqConnection(Connection):
     driver: ClassVar[str] = "robotiq"
     extra: ClassVar[str] = "ur"
     options_type: ClassVar[type] = RobotiqOptions
+    serves: ClassVar[Mapping[str, tuple[int, int]]] = {"gripper": (1, 1)}
     declared_missing: Mapping[str, str] = {
         "gripper force below least_force": "the gripper presses with its least force",
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """The gripper of ``settings.parts``; ConnectionFailedError for others."""
-        names = self.settings.parts
-        if len(names) != 1 or names[0] not in self.model.grippers:
-            text = f"{self.name}: behind a Robotiq connection is one gripper, not {', '.join(names)}"
-            raise ConnectionFailedError(text)
-        name = names[0]
+        """The gripper of ``settings.parts``."""
+        (name,) = self.settings.parts
         gripper = self.model.grippers[name]
         self._channel = RobotiqChannel(self.name, gripper, self.options, self.clock)
         self._gripper = HardwareGripper(name, gripper, self._channel, self.latch)

@@ -31,6 +31,8 @@ from hal.rosbridge.options import TOPICS, RosbridgeOptions
 from hal.rosbridge.stream import Stream
 
 PORT = 9090
+MANY = 99
+"""As many parts of a kind as there are."""
 INFO_PERIOD = 0.1
 """Seconds between descriptions of a camera: how often it shows that it is alive."""
 STALE_TIME = 0.05
@@ -56,12 +58,13 @@ class RosbridgeConnection(Connection):
     driver: ClassVar[str] = "rosbridge"
     extra: ClassVar[str] = "rosbridge"
     options_type: ClassVar[type] = RosbridgeOptions
+    serves: ClassVar[Mapping[str, tuple[int, int]]] = dict.fromkeys(TOPICS, (0, MANY))
     declared_missing: Mapping[str, str] = {
         "command(efforts=…)": "joints are commanded by set-points of a trajectory controller",
     }
 
     def make_parts(self) -> dict[str, Part]:
-        """The parts of ``settings.parts``; ConnectionFailedError for kinds and streams that it does not know."""
+        """The parts of ``settings.parts``; ConnectionFailedError for streams that it does not know."""
         options: RosbridgeOptions = self.options
         self._stale_after = self.limits.watchdog + STALE_TIME
         self._link, self._ros_time = RosLink(self.name, self.clock), RemoteTime()
@@ -79,9 +82,6 @@ class RosbridgeConnection(Connection):
         for kind, there in zip(SENSORS, sensors, strict=True):
             makers[kind] = (there, partial(self._make_sensor, kind, there))
         kinds = {name: kind for kind, (there, _) in makers.items() for name in self.settings.parts if name in there}
-        if strange := [name for name in self.settings.parts if name not in kinds]:
-            text = f"{self.name}: {', '.join(strange)} cannot be behind rosbridge; these kinds can: {', '.join(makers)}"
-            raise ConnectionFailedError(text)
         for part, topics in options.topics.items():
             known = TOPICS.get(kinds.get(part, ""), {})
             if unknown := [stream for stream in topics if stream not in known]:

@@ -30,6 +30,7 @@ class URConnection(Connection):
     driver: ClassVar[str] = "ur"
     extra: ClassVar[str] = "ur"
     options_type: ClassVar[type] = UROptions
+    serves: ClassVar[Mapping[str, tuple[int, int]]] = {"arm": (1, 1), "force_torque": (0, 1)}
     declared_missing: Mapping[str, str] = {
         "command(efforts=…)": "the controller takes no joint torques in this mode",
         "measured joint torques": "ur-rtde reads the torques that the controller's model wants, not measured ones",
@@ -42,10 +43,6 @@ class URConnection(Connection):
         self.io = URDigitalIO(self._link, self.latch)
         arms = [name for name in self.settings.parts if name in self.model.arms]
         sensors = [name for name in self.settings.parts if name in self.model.force_torques]
-        if len(arms) != 1 or len(sensors) > 1 or len(self.settings.parts) > len(arms + sensors):
-            names = ", ".join(self.settings.parts)
-            text = f"{self.name}: a UR has one arm behind it and at most its force-torque sensor, not {names}"
-            raise ConnectionFailedError(text)
         tool = ToolLimits(self.model, arms[0], self.limits)
         model, joints = self.model.arms[arms[0]], URJoints(self._link)
         self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link)

@@ -33,6 +33,8 @@ class XArmConnection(Connection):
     driver: ClassVar[str] = "xarm"
     extra: ClassVar[str] = "xarm"
     options_type: ClassVar[type] = XArmOptions
+    serves: ClassVar[Mapping[str, tuple[int, int]]] = {"arm": (1, 1), "gripper": (0, 1)}
+    one_client: ClassVar[bool] = True
     declared_missing: Mapping[str, str] = {
         "command(efforts=…)": "the controller takes no joint torques",
         "gripper force": "the gripper presses with a force of its own",

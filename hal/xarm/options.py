@@ -11,6 +11,8 @@ from bestman_bt.configuration.quantity import Frequency, Lengths3, Mass, Positiv
 
 ArmKind = Literal["xarm", "lite6"]
 """An xArm 6 or 7, by its number of joints, or a Lite 6."""
+Rate = Annotated[Frequency, Field(le=250.0)]
+"""The controller takes a set-point every 4 ms at most."""
 Sensitivity = Annotated[int, Field(ge=0, le=5)]
 Pulses = Annotated[int, Field(gt=0)]
 
@@ -28,7 +30,7 @@ class XArmOptions:
     """
 
     arm: ArmKind = "xarm"
-    rate: Frequency = 100.0
+    rate: Rate = 100.0
     collision_sensitivity: Sensitivity | None = None
     reduced_mode: bool = False
     payload: Mass | None = None

@@ -33,7 +33,7 @@ def test_a_secret_of_the_wrong_kind_is_not_shown(written: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         check(parse_document(f"connections: {written}", "m.yaml"), Machine)
     assert "HIDDEN" not in str(error.value)
-    assert "(not shown)" in str(error.value)
+    assert "its value is not shown" in str(error.value)
 
 
 def test_what_is_no_secret_beside_it_is_shown() -> None:

@@ -94,7 +94,7 @@ def test_an_unknown_part_suggests_the_closest_one(tmp_path: Path) -> None:
 
 def test_all_problems_of_a_robot_are_reported_at_once(tmp_path: Path) -> None:
     text = TWO_ARMS.replace("30 cm]}", "30 kg]}") + "colour: red\npostures: {home: {left: [0, 0]}}\n"
-    assert len(problems(tmp_path, text)) == 3
+    assert len(problems(tmp_path, text)) == 4
 
 
 def test_a_posture_beyond_the_limits_is_refused(tmp_path: Path) -> None:
