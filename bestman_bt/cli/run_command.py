@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import shutil
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -29,6 +30,8 @@ from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.runtime import Setup
+from hal.hardware import ConnectionFailedError
+from hal.twins.remote_truth import RemoteTruth
 
 
 def command(
@@ -64,6 +67,8 @@ def command(
             config = _replayed(recording, tree, driver)
         else:
             config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record)
+        if judge is not None:
+            _ask_judge(judge, config.driver)
         setup = prepare_episode(config)
         for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=GIVEN):
             print(warning, file=sys.stderr)
@@ -75,10 +80,25 @@ def command(
 def execute(setup: Setup, runs: Path, pictures: bool, gui: bool = False, twin_judge: Path | None = None) -> RunResult:
     """Run with a live view, print the summary, and return the result."""
     folder = make_run_folder(setup.config, runs)
-    with RunView(setup.config.name) as view:
-        result = run_episode(setup, folder, pictures, view.watch, gui, twin_judge)
+    try:
+        with RunView(setup.config.name) as view:
+            result = run_episode(setup, folder, pictures, view.watch, gui, twin_judge)
+    except ConnectionFailedError:
+        shutil.rmtree(folder)  # nothing was started: there is nothing to keep
+        raise
     summary(result, setup, folder)
     return result
+
+
+def _ask_judge(judge: Path, driver: str) -> None:
+    """Whether somebody judges there, before anything connects; raises ConfigurationError."""
+    if driver != "hardware":
+        raise ConfigurationError([Problem(f"--judge {judge}", None, "", "is of twins: give --driver hardware, too")])
+    try:
+        _ = RemoteTruth(judge).object_names
+    except (OSError, LookupError, ValueError) as error:
+        message = f"no judge of twins answers there: {error}"
+        raise ConfigurationError([Problem(f"--judge {judge}", None, "", message)]) from error
 
 
 def exit_code(result: RunResult) -> int:

@@ -15,7 +15,7 @@ from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollect
 from bestman_bt.engine import Node, NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
-from bestman_bt.registry import DRIVERS, UnknownNameError
+from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer, make_odometry_filter
 from bestman_bt.runtime.drive_goals import drive_goal
@@ -162,17 +162,31 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
 def _robot_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
     """The skills command one part of each of these kinds."""
     needed = {
-        "mobile base": model.bases,
-        "arm": model.arms,
-        "gripper": model.grippers,
-        "pan-tilt head": model.joint_groups,
-        "camera": model.cameras,
-        "lidar": model.lidars,
+        "a mobile base": model.bases,
+        "an arm": model.arms,
+        "a gripper": model.grippers,
+        "a pan-tilt head": model.joint_groups,
+        "a camera": model.cameras,
+        "a lidar": model.lidars,
     }
     connected = {part for connection in model.connections.values() for part in connection.parts}
     for kind, parts in needed.items():
         if not parts:
-            yield Problem(str(config.task.robot), None, "parts", f"the skills need a {kind}, this robot has none")
+            yield Problem(str(config.task.robot), None, "parts", f"the skills need {kind}, this robot has none")
         elif config.driver == "hardware" and not connected & set(parts):
-            message = f"the skills need a {kind}, and none of {', '.join(parts)} is behind a connection"
+            message = f"the skills need {kind}, and none of {', '.join(parts)} is behind a connection"
             yield Problem(str(config.task.robot), None, "connections", message)
+    if config.driver == "hardware":
+        yield from _address_problems(config, model)
+
+
+def _address_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
+    """Every controller has to have an address before any of them is connected."""
+    for name, connection in model.connections.items():
+        driver: Any = CONNECTIONS.resolve(connection.driver)
+        if driver.needs_address and not connection.address:
+            message = (
+                "is missing: give it in the robot's file, there as ${VARIABLE} of the environment, or by "
+                f"--set robot.connections.{name}.address=…"
+            )
+            yield Problem(str(config.task.robot), None, f"connections.{name}.address", message)

@@ -1,0 +1,48 @@
+"""Wrong input for real robots: told in words, with exit code 2, before anything connects or a folder is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.cli.command_line import Answer
+
+Command = Callable[..., Answer]
+RUN = ("run", "pick_place_table", "--robot", "diff_xarm6", "--driver", "hardware")
+NOBODY = "127.9.9.9"
+
+
+def test_all_missing_addresses_are_told_before_anything_connects(bestman_bt: Command, folder: Path) -> None:
+    answer = bestman_bt(*RUN)
+    assert answer.code == 2
+    assert "connections.arm_controller.address: is missing" in answer.err
+    assert "connections.platform.address: is missing" in answer.err
+    assert not list(folder.iterdir())
+
+
+def test_a_controller_that_does_not_answer_is_told_in_words_and_leaves_no_run(
+    bestman_bt: Command, folder: Path
+) -> None:
+    settings = (
+        f"robot.connections.arm_controller.address={NOBODY}",
+        f"robot.connections.platform.address={NOBODY}",
+        "robot.connections.arm_controller.options.connect_timeout=0.3",
+    )
+    answer = bestman_bt(*RUN, *(argument for setting in settings for argument in ("--set", setting)))
+    assert answer.code == 2, answer.err
+    assert "bestman-bt: nothing was started: arm_controller" in answer.err
+    assert "Traceback" not in answer.err
+    assert NOBODY not in answer.err + answer.out
+    assert not list((folder / "runs").iterdir())
+
+
+def test_a_judge_that_is_not_there_is_told_first(bestman_bt: Command, folder: Path) -> None:
+    answer = bestman_bt(*RUN, "--judge", "/nowhere")
+    assert answer.code == 2
+    assert "--judge /nowhere: no judge of twins answers there" in answer.err
+
+
+def test_a_judge_of_a_simulated_robot_is_refused(bestman_bt: Command, folder: Path) -> None:
+    answer = bestman_bt("run", "pick_place_table", "--judge", "/nowhere")
+    assert answer.code == 2
+    assert "give --driver hardware" in answer.err
