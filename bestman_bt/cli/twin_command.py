@@ -15,18 +15,19 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings
+from bestman_bt.cli.options import Json, Seed, Settings
 from bestman_bt.configuration import ConfigurationError, Problem, parse_settings
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.twins import TwinError
+from hal.twins.faults import delay_seconds
 from hal.twins.json_lines import ask
 from hal.twins.twin_host import Hosted, TwinHost
 
 
 def command(
-    robot: Robot = None,
-    scene: Scene = None,
+    robot: Annotated[str, typer.Option(help="A shipped robot or a YAML file.")] = "diff_xarm6",
+    scene: Annotated[str, typer.Option(help="A shipped scene or a YAML file.")] = "pick_place_table",
     seed: Seed = 0,
     settings: Settings = None,
     judge: Annotated[
@@ -50,7 +51,7 @@ def command(
         return
     with json_output(as_json):
         try:
-            host = _host(robot or "diff_xarm6", scene or "pick_place_table", seed, settings or [], judge)
+            host = _host(robot, scene, seed, settings or [], judge)
         except TwinError as error:
             raise ConfigurationError([Problem("bestman-bt twin", None, "", str(error))]) from error
 
@@ -108,8 +109,15 @@ def _make_fault(fault: str, at: Path | None) -> None:
         raise ConfigurationError(
             [Problem("--fault", None, "", "give CONNECTION:FAULT, and with --at the socket that the twins told")]
         )
+    question: dict[str, object] = {"connection": connection, "fault": name}
     try:
-        question = {"connection": connection, "fault": name}
-        ask(at, question if not value else {**question, "value": float(value)})
-    except (LookupError, OSError, ValueError) as error:
+        if name == "delay":
+            question["value"] = delay_seconds(value or None)
+        elif value:
+            question["value"] = value
+        ask(at, question)
+    except OSError as error:
+        message = f"no twins answer there: {error.strerror or error}; they tell their socket when they start"
+        raise ConfigurationError([Problem(f"--at {at}", None, "", message)]) from error
+    except (LookupError, ValueError) as error:
         raise ConfigurationError([Problem(f"--fault {fault}", None, "", str(error))]) from error

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from bestman_bt.configuration import data_names, find_data, read_document
+from bestman_bt.configuration import ConfigurationError, Problem, data_names, find_data, read_document
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.robot_model import RobotModel, combine, load_robot_model, payload
 
@@ -14,7 +15,12 @@ from bestman_bt.robot_model import RobotModel, combine, load_robot_model, payloa
 def find_robot(name: str) -> RobotModel:
     """A robot by its name or file, or ``BASE+ARM+HAND``: three parts put together by rule."""
     parts = name.split("+")
-    return combine(*parts) if len(parts) == 3 else load_robot_model(name)
+    if len(parts) == 3:
+        return combine(*parts)
+    if len(parts) > 1 and not Path(name).is_file():
+        message = f"a combination has three parts, BASE+ARM+HAND, this one has {len(parts)}"
+        raise ConfigurationError([Problem(name, None, "", message)])
+    return load_robot_model(name)
 
 
 def robot_facts(model: RobotModel) -> dict[str, Any]:

@@ -2,9 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+
+LONGEST_DELAY = 60.0
+"""Seconds."""
+
+
+def delay_seconds(value: object) -> float:
+    """The value of a fault ``delay``; ValueError tells what it should be."""
+    if isinstance(value, int | float | str) and not isinstance(value, bool):
+        with contextlib.suppress(ValueError):
+            seconds = float(value)
+            if 0.0 <= seconds <= LONGEST_DELAY:
+                return seconds
+    got = "nothing" if value is None else repr(value)
+    raise ValueError(f"a delay should be 0 to {LONGEST_DELAY:g} seconds (CONNECTION:delay:0.2), got {got}")
 
 
 @dataclass(frozen=True)
@@ -18,8 +33,8 @@ class WireFaults:
 class Faults:
     """The faults of one connection.
 
-    Of the wire: ``drop`` (silence), ``delay`` (seconds, 0.2 if nothing is said), ``restore``. Others, which the
-    twin of the controller adds by ``offer``, happen to the machine: ``protective_stop``, ``joint_limit``, …
+    Of the wire: ``drop`` (silence), ``delay`` (with a value: seconds from 0 to ``LONGEST_DELAY``), ``restore``.
+    Others, which the twin of the controller adds by ``offer``, happen to the machine: ``protective_stop``, …
     """
 
     def __init__(self) -> None:
@@ -42,12 +57,16 @@ class Faults:
         self._offered |= faults
 
     def happen(self, name: str, value: float | None = None) -> None:
-        """Make a fault happen now; LookupError names what there is."""
+        """Make a fault happen now; LookupError names what there is, ValueError what ``value`` should be."""
+        if name == "delay":
+            value = delay_seconds(value)
+        elif value is not None:
+            raise ValueError(f"the fault {name!r} takes no value, got {value!r}")
         with self._lock:
             if name == "drop":
                 self._wire = WireFaults(silent=True)
             elif name == "delay":
-                self._wire = WireFaults(delay=0.2 if value is None else float(value))
+                self._wire = WireFaults(delay=value or 0.0)
             elif name == "restore":
                 self._wire = WireFaults()
             elif name in self._offered:

@@ -35,6 +35,7 @@ def test_twins_tell_where_they_are_take_faults_and_end_with_ctrl_c() -> None:
         assert faults.stat().st_mode & 0o777 == 0o600
         assert "there are" in refused("--fault", "arm_controller:flood", "--at", str(faults))
         assert "there are arm_controller" in refused("--fault", "leg:drop", "--at", str(faults))
+        assert "takes no value" in refused("--fault", "arm_controller:drop:3", "--at", str(faults))
         good = [*COMMAND, "--fault", "arm_controller:delay:0.1", "--at", str(faults)]
         assert subprocess.run(good, check=False).returncode == 0
         twins.send_signal(signal.SIGINT)
@@ -52,6 +53,10 @@ def test_a_robot_without_connections_has_no_twins() -> None:
         (("--robot", "diff_pandaa"), "did you mean 'diff_panda'"),
         (("--robot", str(ROBOT), "--set", "goal.object=cup"), "should begin with robot. or scene."),
         (("--fault", "arm_controller:drop"), "--at the socket"),
+        (("--fault", "arm_controller:drop", "--at", "/nope"), "--at /nope: no twins answer there"),
+        (("--fault", "arm_controller:delay:-5", "--at", "/nope"), "a delay should be 0 to 60 seconds"),
+        (("--fault", "arm_controller:delay", "--at", "/nope"), "(CONNECTION:delay:0.2), got nothing"),
+        (("--fault", "arm_controller:delay:soon", "--at", "/nope"), "got 'soon'"),
     ],
 )
 def test_wrong_input_is_told(arguments: tuple[str, ...], words: str) -> None:
