@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import socket
-import tempfile
 from pathlib import Path
 from typing import Any
+
+from bestman_bt.runtime_folder import runtime_folder
 
 LONGEST_ANSWER = 1 << 20
 
@@ -18,13 +18,10 @@ class ControlError(Exception):
 
 def socket_folder() -> Path:
     """Where the sockets of this user's executors are (mode 0700)."""
-    base = Path(os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir())
-    folder = (base if base.is_dir() else Path(tempfile.gettempdir())) / f"bestman-bt-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    if folder.stat().st_uid != os.getuid():
-        raise ControlError(f"{folder} belongs to another user")
-    folder.chmod(0o700)
-    return folder
+    try:
+        return runtime_folder()
+    except PermissionError as error:
+        raise ControlError(str(error)) from error
 
 
 def running_executors() -> list[Path]:
