@@ -149,7 +149,7 @@ class _Reactive(Control):
         """As a tick that somebody listens to calls them, too."""
         super().refuse(instead)
         if self.log is not None:
-            self.traced_pairs[:] = [(instead, *others) for _, *others in self.traced_pairs]
+            self.traced_pairs[:] = [(instead, child, went, index) for _, child, went, index in self.traced_pairs]
 
     def idle_events(self, count: int, skipped: list[int]) -> list[int]:
         """Return the events of the first ``count`` children becoming idle, but for those skipped."""
