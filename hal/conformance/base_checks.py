@@ -7,15 +7,15 @@ import math
 from bestman_bt.messages import Pose2D, wrap_angle
 from hal.api import MobileBase, MotionStatus, Robot
 from hal.conformance.requirement import require
-from hal.conformance.subject import BASES, Check, finish, first, require_rest
+from hal.conformance.subject import BASES, Check, each, finish, require_rest
 
 REFRESH = 0.1
 DRIVE_TIME = 1.0
 
 
-def velocities_of_a_base_lapse(robot: Robot) -> None:
+@each(MobileBase)
+def velocities_of_a_base_lapse(robot: Robot, base: MobileBase) -> None:
     """The dead-man: without a new command the base stops by itself, and not before."""
-    base = first(robot, MobileBase)
     description = base.description
     speed = description.max_vx / 2
     base.set_velocity(speed, 0.0, 0.0)
@@ -25,12 +25,12 @@ def velocities_of_a_base_lapse(robot: Robot) -> None:
     require_rest(robot, "the dead-man timeout")
 
 
-def a_base_moves_in_its_own_frame(robot: Robot) -> None:
+@each(MobileBase)
+def a_base_moves_in_its_own_frame(robot: Robot, base: MobileBase) -> None:
     """x is ahead, y to the left, a positive turn counter-clockwise; velocity and odometry agree on metres and radians.
 
     It goes on as long as the command is repeated, and in the base frame wherever that points to in ``odom``.
     """
-    base = first(robot, MobileBase)
     limits = base.description
     asked = [(min(0.15, limits.max_vx / 2), 0.0, 0.0), (0.0, 0.0, min(0.5, limits.max_wz / 2))]
     if limits.max_vy > 0.0:
@@ -51,9 +51,9 @@ def a_base_moves_in_its_own_frame(robot: Robot) -> None:
             require(off < 0.05 + 0.2 * max(map(abs, velocity)), f"asked for {velocity}, velocity() says {told}")
 
 
-def a_base_drives_and_turns_by_odometry(robot: Robot) -> None:
+@each(MobileBase)
+def a_base_drives_and_turns_by_odometry(robot: Robot, base: MobileBase) -> None:
     """Half a metre back and forth and a quarter turn, within 1 cm and 1 degree of its own odometry."""
-    base = first(robot, MobileBase)
     start = base.odometry()
     for command, argument, (x, theta) in (
         (base.move_backward, 0.5, (-0.5, 0.0)),
@@ -72,9 +72,9 @@ def a_base_drives_and_turns_by_odometry(robot: Robot) -> None:
         )
 
 
-def a_motion_of_a_base_can_be_cancelled(robot: Robot) -> None:
+@each(MobileBase)
+def a_motion_of_a_base_can_be_cancelled(robot: Robot, base: MobileBase) -> None:
     """It ends at once; the base comes to rest and takes the next command."""
-    base = first(robot, MobileBase)
     motion = base.rotate(2.0)
     robot.clock.sleep(0.4)
     motion.cancel()

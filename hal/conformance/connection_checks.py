@@ -24,7 +24,7 @@ from hal.api import (
     Tactile,
 )
 from hal.conformance.requirement import require, require_refusal
-from hal.conformance.subject import GROUPS, Check, finish, first, nearby, parts_of
+from hal.conformance.subject import BASES, GROUPS, Check, finish, first, nearby, parts_of, require_rest
 
 
 def nothing_works_without_a_connection(robot: Robot) -> None:
@@ -98,6 +98,16 @@ def a_robot_that_connects_again_takes_commands(robot: Robot) -> None:
         require(error < 0.01, f"after connecting again {group.name} ended {error:.4f} off its target")
 
 
+def a_robot_that_connects_again_stands_still(robot: Robot) -> None:
+    """Whatever it did when the connection ended."""
+    with robot:
+        for base in parts_of(robot, MobileBase):
+            base.set_velocity(base.description.max_vx / 4, 0.0, 0.0)
+        robot.clock.sleep(0.2)
+    with robot:
+        require_rest(robot, "connecting again")
+
+
 def disconnecting_ends_motions(robot: Robot) -> None:
     """A motion that was under way has failed, and says why; it cannot be cancelled any more."""
     with robot:
@@ -129,6 +139,7 @@ CONNECTION_CHECKS = (
     Check(
         "a robot that connects again takes commands", a_robot_that_connects_again_takes_commands, GROUPS, commands=True
     ),
+    Check("a robot that connects again stands still", a_robot_that_connects_again_stands_still, BASES, commands=True),
     Check("disconnecting ends motions", disconnecting_ends_motions, GROUPS, commands=True),
     Check("a stop is kept across connections", a_stop_is_kept_across_connections),
 )

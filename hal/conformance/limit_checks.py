@@ -10,12 +10,12 @@ import numpy as np
 from bestman_bt.messages import JointTrajectory
 from hal.api import Arm, CommandRefusedError, Gripper, JointGroup, MobileBase, Robot
 from hal.conformance.requirement import require, require_refusal
-from hal.conformance.subject import ARMS, BASES, GRIPPERS, GROUPS, Check, first, nearby
+from hal.conformance.subject import ARMS, BASES, GRIPPERS, GROUPS, Check, each, nearby
 
 
-def joint_commands_beyond_limits_are_refused(robot: Robot) -> None:
+@each(JointGroup)
+def joint_commands_beyond_limits_are_refused(robot: Robot, group: JointGroup) -> None:
     """The message names part, joint, value and limit; nothing moves."""
-    group = first(robot, JointGroup)
     before = group.positions()
     beyond = before.copy()
     beyond[0] = group.limits[0].upper + 0.5
@@ -31,9 +31,9 @@ def joint_commands_beyond_limits_are_refused(robot: Robot) -> None:
     require(moved < 1e-3, f"a refused command moved a joint by {moved:.4f}")
 
 
-def malformed_joint_commands_are_refused(robot: Robot) -> None:
+@each(JointGroup)
+def malformed_joint_commands_are_refused(robot: Robot, group: JointGroup) -> None:
     """Wrong shapes, not finite, none or two kinds of set-point, a speed scale out of range."""
-    group = first(robot, JointGroup)
     here = group.positions()
     broken = here.copy()
     broken[-1] = math.nan
@@ -52,9 +52,9 @@ def malformed_joint_commands_are_refused(robot: Robot) -> None:
         require_refusal(command, CommandRefusedError, what, (group.name,))
 
 
-def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot) -> None:
+@each(JointGroup)
+def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot, group: JointGroup) -> None:
     """It goes on to its target."""
-    group = first(robot, JointGroup)
     motion = group.move_to(nearby(robot, group), 0.5)
     robot.clock.sleep(0.1)
     broken = np.full(len(group.limits), math.nan)
@@ -62,9 +62,9 @@ def a_refused_command_does_not_disturb_the_motion_under_way(robot: Robot) -> Non
     require(not motion.done, "a refused command should leave the motion under way alone")
 
 
-def trajectories_are_checked(robot: Robot) -> None:
+@each(Arm)
+def trajectories_are_checked(robot: Robot, arm: Arm) -> None:
     """Joints, limits, speeds, and the start."""
-    arm = first(robot, Arm)
     here, names = arm.positions(), arm.joint_names
     there = nearby(robot, arm)
 
@@ -84,17 +84,17 @@ def trajectories_are_checked(robot: Robot) -> None:
         require_refusal(partial(arm.follow, command), CommandRefusedError, f"a trajectory with {what}", (arm.name,))
 
 
-def servo_refuses_jumps(robot: Robot) -> None:
+@each(Arm)
+def servo_refuses_jumps(robot: Robot, arm: Arm) -> None:
     """A set-point that would need more than the velocity limits."""
-    arm = first(robot, Arm)
     jump, limit = np.array(arm.positions()), arm.limits[0]
     jump[0] += 0.5 if jump[0] < (limit.lower + limit.upper) / 2 else -0.5
     require_refusal(lambda: arm.servo(jump), CommandRefusedError, "a jump of 0.5 rad", (arm.name,))
 
 
-def base_commands_beyond_limits_are_refused(robot: Robot) -> None:
+@each(MobileBase)
+def base_commands_beyond_limits_are_refused(robot: Robot, base: MobileBase) -> None:
     """Speeds above the description's, not finite ones, distances that are not above 0."""
-    base = first(robot, MobileBase)
     limits = base.description
     commands = {
         "vx": lambda: base.set_velocity(limits.max_vx * 1.1, 0.0, 0.0),
@@ -109,9 +109,9 @@ def base_commands_beyond_limits_are_refused(robot: Robot) -> None:
         require_refusal(command, CommandRefusedError, f"a base command with wrong {word}", (base.name, word))
 
 
-def gripper_commands_beyond_limits_are_refused(robot: Robot) -> None:
+@each(Gripper)
+def gripper_commands_beyond_limits_are_refused(robot: Robot, gripper: Gripper) -> None:
     """Widths, forces and speeds."""
-    gripper = first(robot, Gripper)
     limits = gripper.description
     commands = {
         "width": lambda: gripper.move(limits.max_width + 0.01),

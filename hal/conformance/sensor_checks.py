@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -11,6 +12,7 @@ from hal.api import (
     Battery,
     Bumper,
     Camera,
+    CommandRefusedError,
     ForceTorque,
     Gripper,
     Imu,
@@ -21,8 +23,8 @@ from hal.api import (
     Sensor,
     Tactile,
 )
-from hal.conformance.requirement import require
-from hal.conformance.subject import BASES, GRIPPERS, GROUPS, Check, parts_of
+from hal.conformance.requirement import require, require_refusal
+from hal.conformance.subject import BASES, COMMANDS, GRIPPERS, GROUPS, Check, mass_on, parts_of
 
 OLDEST = 1.0
 """Seconds that a reading may be old."""
@@ -32,7 +34,15 @@ FARTHEST = 100.0
 """Metres; a depth beyond that was given in another unit."""
 GRAVITY = 9.81
 OVERSHOOT = 0.05
-"""Radians or metres that a joint may be beyond its limits, and a share for efforts."""
+"""Radians or metres that a joint may be beyond its limits."""
+EFFORT_MARGIN = 1.5
+"""How much more than the model's highest effort a motor at rest may say: controllers estimate it from currents."""
+SAME = 0.1
+"""The share by which a lidar's own word may differ from the model: no two units are as near as that."""
+HAND_MARGIN, TOUCH = 2.0, (10.0, 3.0)
+"""What a wrist at rest may feel: so many times the weight that hangs on it, and newtons and newton metres more."""
+HAND_LENGTH = 0.5
+"""Metres from a wrist to the centre of mass of what hangs on it, at most."""
 
 
 def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
@@ -45,6 +55,10 @@ def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
         for joint, limit, at in zip(group.joint_names, group.limits, readings["positions"], strict=True):
             inside = limit.lower - OVERSHOOT <= at <= limit.upper + OVERSHOOT
             require(inside, f"{joint} is at {at:.4f}, its limits are [{limit.lower:.4f}, {limit.upper:.4f}]")
+        strongest = {**robot.model.joint_groups, **robot.model.arms}[group.name].effort
+        for joint, effort, most in zip(group.joint_names, readings["efforts"], strongest, strict=True):
+            possible = abs(effort) <= EFFORT_MARGIN * most
+            require(bool(possible), f"{joint} is at rest with an effort of {effort:.4g}, its motor has {most:.4g}")
         fastest = float(np.max(np.abs(readings["velocities"])))
         require(fastest < 0.05, f"{group.name} moves at {fastest:.4f} while it is at rest")
 
@@ -82,7 +96,7 @@ def cameras_give_images_as_described(robot: Robot) -> None:
 
 
 def lidars_give_ranges_within_theirs(robot: Robot) -> None:
-    """Metres, within the range that the scan tells; inf where nothing was hit."""
+    """Metres, within the range that the scan tells; inf where nothing was hit. Range and angles are the model's."""
     for lidar in parts_of(robot, Lidar):
         scan = lidar.scan()
         require(len(scan.ranges) > 0, f"{lidar.name} gave an empty scan")
@@ -91,15 +105,30 @@ def lidars_give_ranges_within_theirs(robot: Robot) -> None:
         inside = bool(np.all((hit >= scan.range_min) & (hit <= scan.range_max)))
         require(inside, f"{lidar.name} gave ranges outside [{scan.range_min}, {scan.range_max}]")
         require(scan.angle_increment != 0.0, f"{lidar.name} tells no angle between its beams")
+        model = robot.model.lidars[lidar.name]
+        same = abs(scan.range_max - model.range_max) <= SAME * model.range_max
+        require(same, f"{lidar.name} says it reaches {scan.range_max} m, its model {model.range_max} m")
+        span, described = abs(scan.angle_increment) * len(scan.ranges), model.angle_max - model.angle_min
+        words = f"{lidar.name} looks over {span:.4g} rad from {scan.angle_min:.4g}, its model over {described:.4g} rad"
+        require(abs(span - described) <= SAME * described and abs(scan.angle_min) <= math.tau + SAME, words)
 
 
-def forces_are_finite(robot: Robot) -> None:
-    """Newtons and newton metres, three of each."""
+def forces_are_those_of_the_hand(robot: Robot) -> None:
+    """Newtons and newton metres, three of each: at rest, not much more than the weight that hangs on the sensor."""
     for sensor in parts_of(robot, ForceTorque):
         wrench = sensor.wrench()
         for what, values in (("force", wrench.force), ("torque", wrench.torque)):
             right = np.shape(values) == (3,) and bool(np.all(np.isfinite(values)))
             require(right, f"{sensor.name} gave the {what} {values}")
+        model = robot.model.force_torques[sensor.name]
+        weight = GRAVITY * mass_on(robot.model, model.joints)
+        for what, values, more, offset, reach in (
+            ("force", wrench.force, TOUCH[0], model.offset_force, 1.0),
+            ("torque", wrench.torque, TOUCH[1], model.offset_torque, HAND_LENGTH),
+        ):
+            felt, most = float(np.linalg.norm(values)), HAND_MARGIN * weight * reach + more + 5 * offset
+            words = f"{sensor.name} is at rest and says a {what} of {felt:.4g}; the weight on it is {weight:.3g} N"
+            require(felt <= most, words)
 
 
 def inertial_units_feel_gravity(robot: Robot) -> None:
@@ -136,6 +165,18 @@ def batteries_tell_their_charge(robot: Robot) -> None:
         require(0.0 <= reading.charge <= 1.0, f"{battery.name} has a charge of {reading.charge}; 0 to 1 is possible")
         sound = 0.0 < reading.voltage < 1000.0 and bool(np.isfinite(reading.current))
         require(sound, f"{battery.name} tells {reading.voltage} V and {reading.current} A")
+
+
+def who_declares_commands_missing_takes_none(robot: Robot) -> None:
+    """So that nobody is spared the checks of motions by a word."""
+    if COMMANDS in robot.declared_missing:
+        for group in parts_of(robot, JointGroup):
+            here = group.positions()
+            require_refusal(
+                partial(group.move_to, here), CommandRefusedError, f"{group.name}.move_to(), declared missing"
+            )
+        for base in parts_of(robot, MobileBase):
+            require_refusal(partial(base.rotate, 0.1), CommandRefusedError, f"{base.name}.rotate(), declared missing")
 
 
 def readings_are_stamped(robot: Robot) -> None:
@@ -175,10 +216,11 @@ SENSOR_CHECKS = (
     Check("a base at rest stays where it is", a_base_at_rest_stays_where_it_is, BASES),
     Check("cameras give images as described", cameras_give_images_as_described, (Camera,)),
     Check("lidars give ranges within theirs", lidars_give_ranges_within_theirs, (Lidar,)),
-    Check("forces are finite", forces_are_finite, (ForceTorque,)),
+    Check("forces are those of the hand", forces_are_those_of_the_hand, (ForceTorque,)),
     Check("inertial units feel gravity", inertial_units_feel_gravity, (Imu,)),
     Check("pads tell forces taxel by taxel", pads_tell_forces_taxel_by_taxel, (Tactile,)),
     Check("bumpers tell zones that they have", bumpers_tell_zones_that_they_have, (Bumper,)),
     Check("batteries tell their charge", batteries_tell_their_charge, (Battery,)),
+    Check("who declares commands missing takes none", who_declares_commands_missing_takes_none),
     Check("readings are stamped", readings_are_stamped, (Sensor,)),
 )

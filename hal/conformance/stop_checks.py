@@ -10,7 +10,7 @@ import numpy as np
 from bestman_bt.messages import JointTrajectory
 from hal.api import Arm, CommandRefusedError, Gripper, JointGroup, MobileBase, MotionErrorCode, MotionStatus, Robot
 from hal.conformance.requirement import require, require_refusal
-from hal.conformance.subject import BASES, Check, parts_of, require_rest, set_moving
+from hal.conformance.subject import BASES, Check, nearby, parts_of, require_rest, set_moving
 
 
 def stop_brings_everything_to_rest(robot: Robot) -> None:
@@ -73,15 +73,40 @@ def stopping_twice_is_stopping_once(robot: Robot) -> None:
 
 
 def nothing_moves_when_the_stop_is_cleared(robot: Robot) -> None:
-    """No older command acts afterwards, not even one that was running."""
+    """No older command acts afterwards, not even one that was running: motions, velocities or streamed set-points."""
+    for command in (_drive_away, _turn_all_joints, _stream):
+        command(robot)
+        robot.stop()
+        robot.clock.sleep(0.5)
+        places = [(group, group.positions()) for group in parts_of(robot, JointGroup)]
+        robot.clear_stop()
+        require_rest(robot, "clear_stop()")
+        for group, place in places:
+            moved = float(np.max(np.abs(group.positions() - place)))
+            require(moved < 0.004, f"{group.name} moved by {moved:.4f} when the stop was cleared")
+
+
+def _drive_away(robot: Robot) -> None:
     set_moving(robot)
     for base in parts_of(robot, MobileBase):
         base.set_velocity(base.description.max_vx / 2, 0.0, 0.0)
     robot.clock.sleep(0.1)
-    robot.stop()
-    robot.clock.sleep(0.5)
-    robot.clear_stop()
-    require_rest(robot, "clear_stop()")
+
+
+def _turn_all_joints(robot: Robot) -> None:
+    for group in parts_of(robot, JointGroup):
+        way = nearby(robot, group) - group.positions()
+        group.command(velocities=np.sign(way) * [min(0.2, limit.velocity / 2) for limit in group.limits])
+    robot.clock.sleep(0.3)
+
+
+def _stream(robot: Robot) -> None:
+    for arm in parts_of(robot, Arm):
+        start = arm.positions()
+        way = np.sign(nearby(robot, arm) - start) * [min(0.4, limit.velocity / 2) for limit in arm.limits]
+        for step in range(1, 9):
+            arm.servo(start + 0.05 * step * way)
+            robot.clock.sleep(0.05 if step < 8 else 0.0)
 
 
 def stop_works_from_another_thread(robot: Robot) -> None:

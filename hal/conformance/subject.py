@@ -5,11 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import wraps
 from typing import TypeVar
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.robot_model import RobotModel, joints_above
 from hal.api import (
     Arm,
     Battery,
@@ -96,6 +99,20 @@ def first(robot: Robot, kind: type[PartType]) -> PartType:
     return parts_of(robot, kind)[0]
 
 
+def each(kind: type[PartType]) -> Callable[[Callable[[Robot, PartType], None]], Callable[[Robot], None]]:
+    """Makes a check of a part one of all the robot's parts of that kind."""
+
+    def of_all(check: Callable[[Robot, PartType], None]) -> Callable[[Robot], None]:
+        @wraps(check)
+        def run(robot: Robot) -> None:
+            for part in parts_of(robot, kind):
+                check(robot, part)
+
+        return run
+
+    return of_all
+
+
 def waits_for_sleeps(clock: Clock) -> bool:
     """Whether time passes only in sleeps, as in simulation, or by itself.
 
@@ -161,7 +178,9 @@ def require_rest(robot: Robot, after: str) -> None:
     robot.clock.sleep(REST_TIME)
     require(is_at_rest(robot), f"the robot should be at rest {REST_TIME} s after {after}")
     groups, grippers = parts_of(robot, JointGroup), parts_of(robot, Gripper)
+    bases = parts_of(robot, MobileBase)
     places, widths = [group.positions() for group in groups], [gripper.width() for gripper in grippers]
+    stood = [base.odometry() for base in bases]
     robot.clock.sleep(REST_TIME)
     for group, place in zip(groups, places, strict=True):
         moved = float(np.max(np.abs(group.positions() - place)))
@@ -169,6 +188,20 @@ def require_rest(robot: Robot, after: str) -> None:
     for gripper, width in zip(grippers, widths, strict=True):
         moved = abs(gripper.width() - width)
         require(moved < 0.003, f"{gripper.name} moved by {moved:.4f} m while at rest after {after}")
+    for base, before in zip(bases, stood, strict=True):
+        way = before.inverse() @ base.odometry()
+        still = max(abs(way.x), abs(way.y), abs(way.theta)) < 0.01
+        require(still, f"{base.name} moved by {way} while at rest after {after}")
+
+
+def mass_on(model: RobotModel, joints: tuple[str, ...]) -> float:
+    """Kilograms of all links that hang on one of these joints."""
+    masses = {
+        str(link.get("name")): float(mass.get("value", 0.0))
+        for link in ElementTree.fromstring(model.urdf).iter("link")
+        for mass in link.iterfind("inertial/mass")
+    }
+    return sum(mass for link, mass in masses.items() if joints_above(model, link) & set(joints))
 
 
 def settle(robot: Robot) -> None:

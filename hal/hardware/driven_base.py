@@ -109,11 +109,11 @@ class DrivenBase(HardwarePart, MobileBase):
     # The connection's side
 
     def attach(self) -> None:
-        """Stand."""
+        """Stand, and tell the base so: it may still do what it was told last in an earlier connection."""
         with self._line.lock:
             self._channel.read()
             self._wanted = self._sent = Twist2D(0.0, 0.0, 0.0)
-            self._course, self._silent_after = None, 0
+            self._course, self._silent_after = None, self._parameters.rest_repeats
             self._line.open()
 
     def detach(self) -> None:

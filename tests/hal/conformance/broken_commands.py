@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -121,6 +122,16 @@ def blocking_gripper(robot: Any) -> None:
     wrapped(robot.parts["gripper"], "move", move)
 
 
+def waiting_gripper(robot: Any) -> None:
+    """For the machine's time; the robot's stands still meanwhile."""
+
+    def close(do: Any, *arguments: Any, **keywords: Any) -> Motion:
+        time.sleep(0.2)
+        return do(*arguments, **keywords)
+
+    wrapped(robot.parts["gripper"], "close", close)
+
+
 def bound_to_one_thread(do: Any, *arguments: Any) -> Motion:
     if threading.current_thread() is not threading.main_thread():
         raise CommandRefusedError("arm takes no commands from this thread")
@@ -166,17 +177,20 @@ BROKEN: list[tuple[str, Break]] = [
     ("servo refuses jumps", forgiving_servo),
     ("base commands beyond limits are refused", forgiving_base),
     ("gripper commands beyond limits are refused", forgiving_gripper),
+    ("gripper commands beyond limits are refused", of("gripper", "move", lambda do, width, *others, **more: do(width))),
     (
         "joints arrive within their limits",
         of("arm", "move_to", lambda do, at, s=1.0: do(at, min(1.5 * s, 1) if s < 1 else s)),
     ),
     ("commands do not block", blocking_gripper),
+    ("commands do not block", waiting_gripper),
     ("a cancelled motion comes to rest", of("arm", "move_to", lambda do, *a: ChangesItsMind(do(*a)))),
     ("a motion is cancelled within a control period", late_to_cancel),
     ("motions of grippers can be cancelled", of("gripper", "move", lambda do, *a, **k: OnlySaysSo(do(*a, **k)))),
     ("a command from a second thread is obeyed", of("arm", "move_to", bound_to_one_thread)),
     ("a newer command takes over", never_superseded),
     ("velocities are the rate of positions", of("arm", "velocities", lambda do: 1.5 * do())),
+    ("velocities are the rate of positions", of("head", "velocities", lambda do: np.degrees(do()))),
     ("set-points are held", shortened),
     ("trajectories are followed", of("arm", "follow", slow_follow)),
     ("set-points are streamed", of("arm", "servo", lambda do, positions: do(np.asarray(positions) + 0.02))),

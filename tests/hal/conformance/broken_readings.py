@@ -9,7 +9,10 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Pose2D
-from tests.hal.conformance.changed_robot import Break, of, wrapped
+from hal.conformance import COMMANDS
+from tests.hal.conformance.changed_robot import Break, changed, of, wrapped
+
+HAND = "forces are those of the hand"
 
 
 def a_clock_that_oversleeps_short_sleeps(robot: Any) -> None:
@@ -56,6 +59,18 @@ def in_millimetres(image: Any) -> Any:
     return replace(image, depth=1000 * image.depth)
 
 
+def in_millimetres_and_degrees(scan: Any) -> Any:
+    """Consistently: the ranges are within those that it tells."""
+    lengths = {name: 1000 * getattr(scan, name) for name in ("ranges", "range_min", "range_max")}
+    angles = {name: np.degrees(getattr(scan, name)) for name in ("angle_min", "angle_increment")}
+    return replace(scan, **lengths, **angles)
+
+
+def lazy(robot: Any) -> None:
+    """It could, but says that it takes no commands."""
+    changed(robot, declared_missing=property(lambda self: {COMMANDS: "too much work"}))
+
+
 def in_multiples_of_gravity(reading: Any) -> Any:
     return replace(reading, linear_acceleration=reading.linear_acceleration / 9.81)
 
@@ -70,7 +85,16 @@ BROKEN: list[tuple[str, Break]] = [
     ("a base at rest stays where it is", unsteady_odometry),
     ("cameras give images as described", of("head_camera", "capture", lambda do: in_millimetres(do()))),
     ("lidars give ranges within theirs", of("lidar", "scan", lambda do: replace(do(), range_max=1.0))),
-    ("forces are finite", of("wrist_force_torque", "wrench", lambda do: replace(do(), force=np.full(3, np.nan)))),
+    ("lidars give ranges within theirs", of("lidar", "scan", lambda do: in_millimetres_and_degrees(do()))),
+    (
+        "lidars give ranges within theirs",
+        of("lidar", "scan", lambda do: replace(do(), angle_increment=np.degrees(do().angle_increment))),
+    ),
+    ("joints are read in radians, metres and newtons", of("head", "efforts", lambda do: do() + 1e6)),
+    (HAND, of("wrist_force_torque", "wrench", lambda do: replace(do(), force=np.full(3, np.nan)))),
+    (HAND, of("wrist_force_torque", "wrench", lambda do: replace(do(), force=np.array([0.0, 0.0, -1000.0])))),
+    (HAND, of("wrist_force_torque", "wrench", lambda do: replace(do(), torque=np.array([500.0, 0.0, 0.0])))),
+    ("who declares commands missing takes none", lazy),
     ("inertial units feel gravity", of("imu", "read", lambda do: in_multiples_of_gravity(do()))),
     ("pads tell forces taxel by taxel", of("pad", "read", lambda do: replace(do(), shear=np.zeros((2, 2))))),
     ("bumpers tell zones that they have", of("bumper", "read", lambda do: replace(do(), pressed=(12,)))),

@@ -67,6 +67,40 @@ def a_stop_that_is_only_a_pause(robot: Any) -> None:
     wrapped(robot, "clear_stop", clear_stop)
 
 
+def takes_up_again(method: str) -> Break:
+    """The arm's last command of this kind that a stop has ended acts again when the stop is cleared."""
+
+    def act(robot: Any) -> None:
+        arm = robot.parts["arm"]
+        last: list[Any] = []
+        interrupted: list[Any] = []
+
+        def command(do: Any, *arguments: Any, **keywords: Any) -> Any:
+            last[:] = [lambda: do(*arguments, **keywords)]
+            return do(*arguments, **keywords)
+
+        def forget(do: Any, *arguments: Any) -> Any:
+            last.clear()
+            return do(*arguments)
+
+        def stop(do: Any) -> None:
+            interrupted[:] = last if not arm.resting else []
+            last.clear()
+            do()
+
+        def clear_stop(do: Any) -> None:
+            do()
+            for again in interrupted:
+                again()
+
+        wrapped(arm, method, command)
+        wrapped(arm, "move_to", forget)
+        wrapped(robot, "stop", stop)
+        wrapped(robot, "clear_stop", clear_stop)
+
+    return act
+
+
 def a_stop_of_the_main_thread_only(do: Any) -> None:
     if threading.current_thread() is threading.main_thread():
         do()
@@ -86,6 +120,8 @@ BROKEN: list[tuple[str, Break]] = [
     ("a stop stays until it is cleared", a_stop_that_wears_off),
     ("stopping twice is stopping once", a_stop_that_counts),
     ("nothing moves when the stop is cleared", a_stop_that_is_only_a_pause),
+    ("nothing moves when the stop is cleared", takes_up_again("command")),
+    ("nothing moves when the stop is cleared", takes_up_again("servo")),
     ("stop works from another thread", lambda robot: wrapped(robot, "stop", a_stop_of_the_main_thread_only)),
     ("a part can be stopped by itself", a_part_that_stops_everything),
 ]

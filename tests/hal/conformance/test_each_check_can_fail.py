@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.messages import Twist2D
 from bestman_bt.robot_model import RobotModel, compose_robot
 from hal.api import Arm
 from hal.conformance import CHECKS, LIFE_CHECKS
@@ -72,6 +73,17 @@ def test_a_robot_that_does_not_stop_is_found_out(make: Make) -> None:
         wrapped(robot, "stop", lambda do: robot._latch.set())
 
     assert failing(make, runaway) == ["stop brings everything to rest", "stop works from another thread"]
+
+
+def test_a_base_that_drives_on_and_says_that_it_stands_is_found_out(make: Make) -> None:
+    """By its odometry, which has to agree."""
+
+    def rolling(robot: Any) -> None:
+        wheels = robot.parts["base"]._channel
+        wrapped(wheels, "send", lambda do, velocity: None if robot.stopped else do(velocity))
+        wrapped(wheels, "read", lambda do: replace(do(), velocity=Twist2D(0.0, 0.0, 0.0)) if robot.stopped else do())
+
+    assert {"stop brings everything to rest", "stop works from another thread"} <= set(failing(make, rolling))
 
 
 def test_what_is_declared_missing_is_not_asked_for(make: Make) -> None:

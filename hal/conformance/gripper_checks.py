@@ -1,0 +1,53 @@
+"""What grippers owe: the widths asked, and motions that can be cancelled."""
+
+from __future__ import annotations
+
+from hal.api import Gripper, MotionStatus, Robot
+from hal.conformance.requirement import require
+from hal.conformance.subject import GRIPPERS, Check, each, finish
+
+
+@each(Gripper)
+def motions_of_grippers_can_be_cancelled(robot: Robot, gripper: Gripper) -> None:
+    """They end at once, and the fingers come to rest."""
+    motion = gripper.move(_other_end(gripper))
+    robot.clock.sleep(0.1)
+    require(not motion.done, "a motion over the whole range ended within 0.1 s")
+    motion.cancel()
+    require(motion.status is MotionStatus.CANCELED, f"right after cancel() a motion is {motion.status}")
+    robot.clock.sleep(0.5)
+    before = gripper.width()
+    robot.clock.sleep(0.5)
+    moved = abs(gripper.width() - before)
+    require(moved < 0.002 and not gripper.state().moving, f"{gripper.name} still moved by {moved:.4f} m")
+
+
+@each(Gripper)
+def a_gripper_opens_and_closes(robot: Robot, gripper: Gripper) -> None:
+    """To the widths asked; closed on nothing, it is empty."""
+    limits = gripper.description
+    middle = (limits.min_width + limits.max_width) / 2
+    for motion, width, empty in (
+        (gripper.open, limits.max_width, False),
+        (gripper.close, limits.min_width, True),
+        (lambda: gripper.move(middle), middle, False),
+    ):
+        handle = motion()
+        finish(robot, handle)
+        state = gripper.state()
+        require(handle.status is MotionStatus.SUCCEEDED, f"the gripper's motion ended {handle.status}: {handle.error}")
+        require(abs(gripper.width() - width) < 0.003, f"the width is {gripper.width():.4f}, asked were {width:.4f}")
+        require(state.at_target and not state.moving and not state.object_held, f"unexpected state {state}")
+        require(state.empty == empty, f"at width {width} the state is {state}")
+
+
+def _other_end(gripper: Gripper) -> float:
+    """The width at the end of its range that is farther away."""
+    limits = gripper.description
+    return limits.max_width if 2 * gripper.width() < limits.min_width + limits.max_width else limits.min_width
+
+
+GRIPPER_CHECKS = (
+    Check("motions of grippers can be cancelled", motions_of_grippers_can_be_cancelled, GRIPPERS, commands=True),
+    Check("a gripper opens and closes", a_gripper_opens_and_closes, GRIPPERS, commands=True),
+)
