@@ -141,7 +141,9 @@ def import_urdf(
         try:
             part = import_part(urdf, request, None if srdf is None else read_srdf(srdf))
         except UrdfError as error:
-            raise ConfigurationError(Problem(str(urdf), None, "", fault) for fault in error.faults) from error
+            own = f"{urdf.name}: "
+            problems = [Problem(str(urdf), None, "", fault.removeprefix(own)) for fault in error.faults]
+            raise ConfigurationError(problems) from error
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(part.description, encoding="utf-8")
         facts = {"part": part.name, "kind": part.kind, "file": str(file), "notes": list(part.notes)}

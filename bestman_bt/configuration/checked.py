@@ -53,7 +53,7 @@ def salvage(document: Document, dataclass_type: type[T]) -> tuple[T | None, list
         try:
             value: T = _adapter(kind).validate_python(data)
         except ValidationError as error:
-            faults = [dict(fault) for fault in error.errors(include_url=False)]
+            faults: list[dict[str, Any]] = [dict(fault) for fault in error.errors(include_url=False)]
         else:
             return value, problems
         if first:

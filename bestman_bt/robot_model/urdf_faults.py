@@ -43,8 +43,9 @@ def structure_faults(robot: ET.Element) -> list[str]:
         faults.append("has no root link: its joints go round in a circle" if links else "has no links")
     elif len(roots) > 1:
         faults.append(f"should have one root link, it has {', '.join(roots)}")
-    else:
-        lost = [name for name in links if name not in _reached(roots[0], joints)]
+    elif not faults:
+        reached = _reached(roots[0], joints)
+        lost = [name for name in links if name not in reached]
         if lost:
             faults.append(f"does not hang together: {', '.join(lost)} go round in a circle")
     return faults

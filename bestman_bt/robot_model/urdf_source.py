@@ -123,7 +123,7 @@ def read_subtree(path: Path, root: str | None, cut: tuple[str, ...], packages: S
 def mesh_faults(elements: Iterable[ET.Element], urdf: Path, packages: Sequence[Path] = ()) -> list[str]:
     """Which meshes of links are not where the URDF says, each once."""
     names = dict.fromkeys(mesh.get("filename", "") for element in elements for mesh in element.iter("mesh"))
-    faults = []
+    faults: list[str] = []
     for name in names:
         try:
             locate_mesh(name, urdf, packages)

@@ -37,6 +37,27 @@ def test_a_combination_of_unknown_parts_starts_nothing(bestman_bt) -> None:
     assert "unknown part 'xarm66_arm'; did you mean 'xarm6_arm'" in answer.err
 
 
+def test_a_combination_of_two_parts_is_told_how_to_ask(bestman_bt) -> None:
+    answer = bestman_bt("robot", "show", "differential_base+xarm6_arm")
+    assert answer.code == 2
+    assert "a combination has three parts, BASE+ARM+HAND, this one has 2" in answer.err
+
+
+def test_an_import_under_a_name_that_no_part_can_have_is_refused(bestman_bt, folder) -> None:
+    written(folder, arm_urdf())
+    answer = bestman_bt("robot", "import", "small.urdf", "--name", "a/b c", "--into", folder)
+    assert answer.code == 2
+    assert "--name: 'a/b c' cannot be a part's name" in answer.err
+
+
+def test_all_faults_of_an_import_are_told_each_with_the_file_once(bestman_bt, folder) -> None:
+    written(folder, arm_urdf().replace('effort="30"', 'effort="sixty"'))
+    answer = bestman_bt("robot", "import", "small.urdf", "--into", folder)
+    assert answer.code == 2
+    assert answer.err.count("small.urdf: joint") == 7
+    assert "7 errors, nothing was started" in answer.err
+
+
 def test_an_imported_part_can_be_built_into_a_robot(bestman_bt, folder) -> None:
     written(folder, arm_urdf())
     written(folder, SRDF, "small.srdf")

@@ -51,6 +51,11 @@ def test_a_fault_is_told_in_words(tmp_path: Path, before: str, after: str, words
     assert any(words in fault for fault in faults_of(tmp_path, text.replace(before, after, 1)))
 
 
+def test_a_parent_that_is_no_link_is_one_fault(tmp_path: Path) -> None:
+    (fault,) = faults_of(tmp_path, arm_urdf().replace('<parent link="l2"/>', '<parent link="l22"/>'))
+    assert "the parent of joint 'j3' is 'l22', which is no link; did you mean 'l2'?" in fault
+
+
 def test_joints_that_mimic_each_other_are_told(tmp_path: Path) -> None:
     text = arm_urdf().replace('effort="30"/></joint>', 'effort="30"/>@</joint>').replace("@", "", 5)
     text = text.replace("@", '<mimic joint="right_joint"/>', 1).replace("@", "")
