@@ -51,6 +51,8 @@ class ContactWatcher:
                 body_a, body_b, link_a, link_b = body_b, body_a, link_b, link_a
             if body_a == robot and body_b == floor and link_a in rolling:
                 continue
+            if body_a in self._walkers and body_b in self._walkers:
+                continue  # what people do to each other is none of the robot's doing
             if body_b in self._walkers and body_a == robot:
                 self._approach.take(contact, observation, self._period)
             if force > 0.0:

@@ -114,6 +114,28 @@ def test_who_walks_into_a_robot_at_rest_is_told_apart_and_the_run_is_not_blamed(
     assert (document["collisions"], document["contacts_by_walkers"]) == (0, 1)
 
 
+def test_people_who_run_into_each_other_are_not_held_against_the_run(
+    model: RobotModel, world_with: Callable[..., World]
+) -> None:
+    (there,) = world_with(False, route=[(x, 1.0) for x in np.arange(0.4, 2.2, 0.1)]).walkers
+    back = replace(
+        there, name="walker_2", route=there.route[len(there.route) // 2 :] + there.route[: len(there.route) // 2]
+    )
+    world = replace(world_with(False), walkers=(there, back))
+    with running(model, world) as (robot, truth):
+        apart = 10.0
+        for _ in range(60):
+            robot.clock.sleep(0.05)
+            places = [np.array(truth.walker_position(name)) for name in ("walker_1", "walker_2")]
+            apart = min(apart, float(np.linalg.norm(places[0] - places[1])))
+        record = robot.honesty_record()
+    assert apart < 2 * there.radius + 0.01
+    assert not record.contacts
+    assert not [
+        overlap for overlap in record.penetrations if {"walker_1", "walker_2"} == {overlap.first, overlap.second}
+    ]
+
+
 @pytest.mark.parametrize("considerate", [True, False])
 def test_a_robot_that_drives_into_a_walker_has_collided(
     model: RobotModel, world_with: Callable[..., World], considerate: bool
