@@ -72,7 +72,11 @@ def test_a_robot_that_does_not_stop_is_found_out(make: Make) -> None:
     def runaway(robot: Any) -> None:
         wrapped(robot, "stop", lambda do: robot._latch.set())
 
-    assert failing(make, runaway) == ["stop brings everything to rest", "stop works from another thread"]
+    assert failing(make, runaway) == [
+        "stop brings everything to rest",
+        "nothing moves when the stop is cleared",
+        "stop works from another thread",
+    ]
 
 
 def test_a_base_that_drives_on_and_says_that_it_stands_is_found_out(make: Make) -> None:
