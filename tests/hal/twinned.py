@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.robot_model import RobotModel, load_robot_model
-from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Robot
 from hal.conformance import CHECKS, LIFE_CHECKS
 from hal.conformance.promises import MakeRobot
 from hal.hardware import ConnectionFailedError, HardwareRobot, IsolatedRobot
@@ -66,6 +67,16 @@ def fixtures_of(robot_file: Path, sdk: str, extra: str, faults: dict[str, tuple[
         shared_robot.clear_stop()
 
     return twin, twin_model, make_robot, shared_robot, isolated_robot, robot
+
+
+@contextmanager
+def disconnected(robot: Robot) -> Iterator[None]:
+    """Leaves the controllers to another client meanwhile: some of them have one only."""
+    robot.disconnect()
+    try:
+        yield
+    finally:
+        robot.connect()
 
 
 def ended(robot: HardwareRobot, motion: Motion, limit: float = 20.0) -> Motion:

@@ -14,6 +14,7 @@ import pytest
 from bestman_bt.robot_model import RobotModel
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import IsolatedRobot
+from tests.hal.twinned import disconnected
 
 pytestmark = pytest.mark.real_time
 
@@ -54,7 +55,14 @@ def test_a_busy_client_does_not_hold_up_a_motion(isolated_robot: IsolatedRobot) 
         isolated_robot.clock.sleep(0.05)
 
 
-def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again(twin_model: RobotModel) -> None:
+def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again(
+    twin_model: RobotModel, isolated_robot: IsolatedRobot
+) -> None:
+    with disconnected(isolated_robot):
+        its_process_dies(twin_model)
+
+
+def its_process_dies(twin_model: RobotModel) -> None:
     before = children()
     with IsolatedRobot(twin_model) as robot:
         arm = robot.part("arm", Arm)
@@ -72,10 +80,10 @@ def test_where_the_other_process_dies_motions_fail_and_it_can_be_connected_again
     assert children() == before
 
 
-def test_a_stop_is_kept_across_connections(twin_model: RobotModel) -> None:
+def test_a_stop_is_kept_across_connections(twin_model: RobotModel, isolated_robot: IsolatedRobot) -> None:
     robot = IsolatedRobot(twin_model)
     robot.stop()
-    with robot:
+    with disconnected(isolated_robot), robot:
         arm = robot.part("arm", Arm)
         assert robot.stopped
         with pytest.raises(CommandRefusedError, match="stopped"):

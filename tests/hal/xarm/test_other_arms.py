@@ -17,6 +17,7 @@ from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionStatus
 from hal.conformance import CHECKS, settle
 from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.twins import TwinProcess
+from tests.hal.twinned import disconnected
 
 pytestmark = pytest.mark.real_time
 # `make test` installs it; another installation may be without the vendor's SDK.
@@ -93,11 +94,11 @@ def test_a_controller_of_another_arm_is_refused_before_anything_moves(
     twin, file = hosted
     arm = {"arm": "lite6" if file is XARM7 else "xarm"}
     other = load_robot_model(file, {**twin.settings, "connections.arm_controller.options": arm})
-    with pytest.raises(ConnectionFailedError, match="the option 'arm' says"):
+    with disconnected(robot), pytest.raises(ConnectionFailedError, match="the option 'arm' says"):
         HardwareRobot(other).connect()
     limits = robot.model.arms["arm"]
     wide = {name: [float(value) for value in getattr(limits, name)] for name in ("velocity", "acceleration", "effort")}
     wide |= {"lower": [-6.28] * len(limits.lower), "upper": [6.28] * len(limits.upper)}
     wider = load_robot_model(file, {**twin.settings, "parts.arm.set.limits": wide})
-    with pytest.raises(ConnectionFailedError, match=r"joint2 goes from .* 'set' its limits"):
+    with disconnected(robot), pytest.raises(ConnectionFailedError, match=r"joint2 goes from .* 'set' its limits"):
         HardwareRobot(wider).connect()

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
 from hal.api import Arm, Gripper, MotionErrorCode, MotionStatus
 from hal.hardware import HardwareRobot
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
     arm_comes_to_rest,
+    disconnected,
     ended,
     fails_with_its_number,
     stays_stopped_while_away,
@@ -109,17 +109,18 @@ time.sleep(60)
 """
 
 
-def test_a_client_that_is_killed_leaves_the_arm_at_rest(twin_model: RobotModel, twin: TwinProcess) -> None:
+def test_a_client_that_is_killed_leaves_the_arm_at_rest(robot: HardwareRobot, twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
     arguments = [sys.executable, "-c", CLIENT, robot_file, twin.addresses[CONTROLLER]]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as client:
-        assert client.stdout is not None
-        assert client.stdout.readline() == "moving\n"
-        moving = twin.judge("joints", "arm")["velocities"]
-        client.send_signal(signal.SIGKILL)
-        client.wait()
-    assert abs(moving[0]) > 0.1
-    arm_comes_to_rest(twin)
+    with disconnected(robot):
+        with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as client:
+            assert client.stdout is not None
+            assert client.stdout.readline() == "moving\n"
+            moving = twin.judge("joints", "arm")["velocities"]
+            client.send_signal(signal.SIGKILL)
+            client.wait()
+        assert abs(moving[0]) > 0.1
+        arm_comes_to_rest(twin)
 
 
 STARTER = """
