@@ -5,10 +5,14 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import os
+import time
 from contextlib import suppress
 
 from bestman_bt.runtime_folder import runtime_folder
 from hal.hardware.fault import ConnectionFailedError
+
+PATIENCE = 3.0
+"""Seconds that a new client waits: the robot process of a program that was killed brings the robot to rest first."""
 
 
 class OnlyClient:
@@ -33,16 +37,17 @@ class OnlyClient:
             raise ConnectionFailedError(
                 f"{self._name}: no lock can be had against a second client: {error.strerror or error}"
             ) from error
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip()
-            os.close(descriptor)
-            who = f"process {holder}" if holder else "another program"
-            raise ConnectionFailedError(
-                f"{self._name}: {who} on this machine is connected to its controller already; "
-                "it could not tell the two apart and would follow both"
-            ) from error
+        deadline = time.monotonic() + PATIENCE
+        while not _locked(descriptor):
+            if time.monotonic() > deadline:
+                holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip()
+                os.close(descriptor)
+                who = f"process {holder}" if holder else "another program"
+                raise ConnectionFailedError(
+                    f"{self._name}: {who} on this machine is connected to its controller already; "
+                    "it could not tell the two apart and would follow both"
+                )
+            time.sleep(0.05)
         with suppress(OSError):  # the number is for people; the lock is what counts
             os.ftruncate(descriptor, 0)
             os.pwrite(descriptor, str(os.getpid()).encode(), 0)
@@ -53,3 +58,11 @@ class OnlyClient:
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
+
+
+def _locked(descriptor: int) -> bool:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
