@@ -20,6 +20,7 @@ class ContactWatcher:
         built, model = simulation.built, simulation.model
         self._robot, self._floor = built.robot, built.floor
         self._objects = frozenset(built.objects.values())
+        self._minded = self._objects | {built.robot}
         self._names = built.body_names
         self._link_names = {index: name for name, index in built.links.items()}
         self._fingers = frozenset(built.links[link] for hand in model.grippers.values() for link in hand.finger_links)
@@ -45,15 +46,16 @@ class ContactWatcher:
         """Take in one observation."""
         forces: defaultdict[tuple[int, int, int, int], float] = defaultdict(float)
         robot, floor, rolling = self._robot, self._floor, self._rolling
+        walkers, minded = self._walkers, self._minded
         for contact in observation.contacts:
             _, body_a, body_b, link_a, link_b, _, _, _, distance, force, *_ = contact
             if body_b == robot:
                 body_a, body_b, link_a, link_b = body_b, body_a, link_b, link_a
             if body_a == robot and body_b == floor and link_a in rolling:
                 continue
-            if body_a in self._walkers and body_b in self._walkers:
-                continue  # what people do to each other is none of the robot's doing
-            if body_b in self._walkers and body_a == robot:
+            if (body_a in walkers or body_b in walkers) and body_a not in minded and body_b not in minded:
+                continue  # what people do to each other and to walls is none of the robot's doing
+            if body_b in walkers and body_a == robot:
                 self._approach.take(contact, observation, self._period)
             if force > 0.0:
                 forces[body_a, link_a, body_b, link_b] += force
