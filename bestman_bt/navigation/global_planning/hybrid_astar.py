@@ -62,17 +62,10 @@ class HybridAStar(GlobalPlanner):
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """See ``GlobalPlanner.plan``."""
-        ends = StraightEnds(costmap, self.parameters, clearance=self.parameters.clearance)
-        fault = ends.fault(start, goal)
-        if fault is not None:
-            return fault
-        leave = ends.leave(start)
-        if isinstance(leave, PlanningFailure):
-            return leave
-        approach = ends.approach(goal)
-        if isinstance(approach, PlanningFailure):
-            return approach
-        exit_point, backwards = leave
+        ends = StraightEnds(costmap, self.parameters, clearance=self.parameters.clearance).between(start, goal)
+        if isinstance(ends, PlanningFailure):
+            return ends
+        exit_point, backwards, approach = ends
         root = _Node(np.array([[*start.xy, start.theta], [*exit_point, start.theta]]), backwards, 0.0)
         last = _Search(costmap, np.array([*approach, goal.theta]), self.parameters).run(root)
         if last is None:

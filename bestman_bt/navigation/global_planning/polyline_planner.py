@@ -55,17 +55,10 @@ class PolylinePlanner(GlobalPlanner):
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """See ``GlobalPlanner.plan``."""
         turning_distance = costmap.footprint.turning_radius + self._parameters.turning_clearance
-        ends = StraightEnds(costmap, self._parameters, turning_distance)
-        fault = ends.fault(start, goal)
-        if fault is not None:
-            return fault
-        leave = ends.leave(start)
-        if isinstance(leave, PlanningFailure):
-            return leave
-        approach = ends.approach(goal)
-        if isinstance(approach, PlanningFailure):
-            return approach
-        exit_point, backwards = leave
+        ends = StraightEnds(costmap, self._parameters, turning_distance).between(start, goal)
+        if isinstance(ends, PlanningFailure):
+            return ends
+        exit_point, backwards, approach = ends
         for turns_everywhere in self.TURNS_EVERYWHERE:
             room = Room(costmap, turning_distance, self._parameters.slack, turns_everywhere)
             way = self.way(exit_point, approach, room)

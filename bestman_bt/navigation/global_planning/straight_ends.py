@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,17 @@ class StraightEndsParameters:
     max_overlap: float = 0.06
 
 
+class Ends(NamedTuple):
+    """``leave``: where the way goes on first, ``approach``: whence the goal is entered, both (2,) metres.
+
+    ``backwards``: whether the base drives to the first one backwards.
+    """
+
+    leave: NDArray[np.float64]
+    backwards: bool
+    approach: NDArray[np.float64]
+
+
 @dataclass(frozen=True)
 class StraightEnds:
     """Leaves starts straight, and enters goals straight along their heading.
@@ -40,7 +52,18 @@ class StraightEnds:
     turning_distance: float | None = None
     clearance: float = 0.0
 
-    def fault(self, start: Pose2D, goal: Pose2D) -> PlanningFailure | None:
+    def between(self, start: Pose2D, goal: Pose2D) -> Ends | PlanningFailure:
+        """Both ends of a path, or why there is none."""
+        fault = self._fault(start, goal)
+        if fault is not None:
+            return fault
+        leave = self._leave(start)
+        if isinstance(leave, PlanningFailure):
+            return leave
+        approach = self._approach(goal)
+        return approach if isinstance(approach, PlanningFailure) else Ends(*leave, approach)
+
+    def _fault(self, start: Pose2D, goal: Pose2D) -> PlanningFailure | None:
         """Why there cannot be a path, as far as both poses tell by themselves."""
         for pose, what, reason in (
             (start, "start", PlanningFailureReason.START_OUTSIDE),
@@ -56,7 +79,7 @@ class StraightEnds:
             )
         return None
 
-    def leave(self, start: Pose2D) -> tuple[NDArray[np.float64], bool] | PlanningFailure:
+    def _leave(self, start: Pose2D) -> tuple[NDArray[np.float64], bool] | PlanningFailure:
         """Where the way goes on first, (2,), and whether the base drives there backwards."""
         best: tuple[int, NDArray[np.float64], bool] | None = None
         for direction in (-1.0, 1.0):
@@ -74,7 +97,7 @@ class StraightEnds:
             f"the base cannot leave ({start.x:.2f}, {start.y:.2f}) m straight back or ahead without touching",
         )
 
-    def approach(self, goal: Pose2D) -> NDArray[np.float64] | PlanningFailure:
+    def _approach(self, goal: Pose2D) -> NDArray[np.float64] | PlanningFailure:
         """The point (2,) straight behind the goal from which it is entered."""
         poses = self._straight(goal, -1.0)
         clearance = self.costmap.footprint_clearance(poses)
