@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
@@ -185,12 +186,12 @@ class SkillCondition(Explained, Condition):
         return self.succeed() if refusal is None else self.explain(*refusal)
 
 
-class InstantSkill(Explained, SyncAction):
+class InstantSkill(Explained, SyncAction, ABC):
     """A leaf that is done within its tick and moves nothing: ``act`` raises SkillFailure to fail."""
 
+    @abstractmethod
     def act(self) -> None:
         """Do the work."""
-        raise NotImplementedError(f"{type(self).__name__} does not define act()")
 
     def on_tick(self) -> int:
         """SUCCESS once it is done."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -51,11 +52,11 @@ class Machine:
             self.commanded.append(time.perf_counter())
 
 
-class OnMachine(SyncAction):
+class OnMachine(SyncAction, ABC):
     """Notes when it begins."""
 
-    def act(self, machine: Machine, stop: RobotStop) -> bool:
-        raise NotImplementedError
+    @abstractmethod
+    def act(self, machine: Machine, stop: RobotStop) -> bool: ...
 
     def on_tick(self) -> int:
         machine, stop, begun = self.context
@@ -101,7 +102,7 @@ def test_no_leaf_begins_nothing_is_cleared_and_no_command_accepted_after_it(
     cleared = 0
     for pause in pauses:
         machine = Machine()
-        stop, begun = RobotStop(machine), []  # type: ignore[arg-type]
+        stop, begun = RobotStop(machine), list[float]()
         tree = load_tree(RECOVERING, registry, context=(machine, stop, begun), clock=WallClock())
         if listening:
             tree.subscribe(lambda changes: None)
@@ -125,15 +126,13 @@ def test_no_leaf_begins_nothing_is_cleared_and_no_command_accepted_after_it(
 
 
 def test_a_stop_in_the_middle_of_clearing_stays() -> None:
-    machine = Machine()
-    stop = RobotStop(machine)  # type: ignore[arg-type]
+    class Slow(Machine):
+        def clear_stop(self) -> None:
+            stop.hold()
+            super().clear_stop()
+
+    machine = Slow()
+    stop = RobotStop(machine)
     machine.stop()
-    clear = machine.clear_stop
-
-    def slowly() -> None:
-        stop.hold()
-        clear()
-
-    machine.clear_stop = slowly  # type: ignore[method-assign]
     assert stop.clear() == HELD
     assert machine.stopped
