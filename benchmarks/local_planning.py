@@ -24,10 +24,11 @@ from bestman_bt.control import ControlStatus
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor, CollisionMonitorParameters
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, LaserScan, Path2D, PlacedShape, Pose, Pose2D, Twist2D, wrap_angle
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
+from bestman_bt.navigation.global_planning import Costmap, GridAStar
 from bestman_bt.navigation.local_planning import DWA, MPPI, FollowerCommand, MotionLimits, PathFollower, PurePursuit
 from bestman_bt.navigation.localization import ScanToMap
 from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.runtime.drive_goals import base_footprint
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, Obstacle, WorldModel
@@ -104,8 +105,7 @@ def problem(model: RobotModel, seed: int, boxes: int) -> tuple[World, WorldModel
     start, error = world.robot_start, rng.uniform(-1.0, 1.0, 3) * [0.03, 0.03, 0.021]
     believed = Pose2D(start.x + error[0], start.y + error[1], start.theta + error[2])
     belief = WorldModel(semantic_map(world), base=BasePose(believed, 0.02, 0.012, 0.0))
-    footprint = Footprint(np.array(next(iter(model.bases.values())).footprint))
-    costmap = Costmap.from_map(belief.map, footprint)
+    costmap = Costmap.from_map(belief.map, base_footprint(model))
     while True:
         goal = random_goal(costmap, rng)
         path = GridAStar().plan(start, goal, costmap)
