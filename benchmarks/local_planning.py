@@ -105,7 +105,8 @@ def problem(model: RobotModel, seed: int, boxes: int) -> tuple[World, WorldModel
     start, error = world.robot_start, rng.uniform(-1.0, 1.0, 3) * [0.03, 0.03, 0.021]
     believed = Pose2D(start.x + error[0], start.y + error[1], start.theta + error[2])
     belief = WorldModel(semantic_map(world), base=BasePose(believed, 0.02, 0.012, 0.0))
-    costmap = Costmap.from_map(belief.map, base_footprint(model))
+    footprint = base_footprint(model)
+    costmap = Costmap.from_map(belief.map, footprint)
     while True:
         goal = random_goal(costmap, rng)
         path = GridAStar().plan(start, goal, costmap)
