@@ -24,7 +24,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
+from benchmarks.navigation_measures.grid_pictures import draw_base, draw_costmap
 from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, areas_of_disc, shortest_length
 from bestman_bt.navigation.global_planning.grid_search import cheapest_way
@@ -132,34 +135,22 @@ def _cost(way: np.ndarray, costmap: Costmap, lethal: float) -> float:
 
 
 def draw(asked: Question, planners: dict[str, GlobalPlanner], file: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     costmap, start, goal = asked
     rows, columns = costmap.distance.shape
-    (left, bottom), step = costmap.origin, costmap.resolution
-    figure, axes = plt.subplots(figsize=(9, 9 * rows / columns))
-    axes.imshow(
-        np.clip(costmap.distance, -0.1, 0.6),
-        origin="lower",
-        cmap="gray",
-        extent=(left, left + columns * step, bottom, bottom + rows * step),
-    )
-    for (name, planner), colour in zip(planners.items(), COLOURS, strict=True):
+    figure = Figure(figsize=(9, 9 * rows / columns), dpi=90, layout="constrained")
+    axes = figure.subplots()
+    draw_costmap(axes, costmap)
+    draw_base(axes, costmap.footprint, start, "gold")
+    draw_base(axes, costmap.footprint, goal, "limegreen")
+    for (name, planner), colour in zip(planners.items(), COLOURS, strict=False):
         path = planner.plan(start, goal, costmap)
         if isinstance(path, Path2D):
-            axes.plot(*path.points.T, color=colour, label=f"{name}, {path.length:.1f} m", linewidth=1.8)
-    for pose, colour in ((start, "lime"), (goal, "yellow")):
-        outline = pose.apply(costmap.footprint.corners)
-        axes.fill(*outline.T, facecolor=colour, edgecolor="black", alpha=0.8)
-        axes.plot(*np.array([pose.xy, (pose @ Pose2D(0.3, 0.0, 0.0)).xy]).T, color="black")
-    axes.legend(loc="upper right")
-    axes.set_xlabel("x, m")
-    axes.set_ylabel("y, m")
-    figure.tight_layout()
-    figure.savefig(file, dpi=80)
+            axes.plot(*path.points.T, color=colour, label=f"{name}, {path.length:.1f} m", lw=1.8, zorder=8)
+    axes.legend(loc="upper right", title="from yellow to green")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    FigureCanvasAgg(figure)
+    figure.savefig(file)
 
 
 def main() -> None:

@@ -19,13 +19,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.navigation_measures.processor_times import timed_ticks
 from benchmarks.navigation_measures.report import median, percentile, print_report, scaled
 from bestman_bt.control import ControlStatus
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor, CollisionMonitorParameters
 from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.messages import Box, LaserScan, Path2D, PlacedShape, Pose, Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, GridAStar
-from bestman_bt.navigation.local_planning import DWA, MPPI, FollowerCommand, MotionLimits, PathFollower, PurePursuit
+from bestman_bt.navigation.local_planning import DWA, MPPI, PathFollower, PurePursuit
 from bestman_bt.navigation.localization import ScanToMap
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.drive_goals import base_footprint
@@ -37,33 +38,6 @@ from hal.pybullet import GroundTruth, PyBulletRobot
 
 PLANNERS: dict[str, type[PathFollower]] = {"pure_pursuit": PurePursuit, "dwa": DWA, "mppi": MPPI}
 TIME_LIMIT = 90.0
-
-
-class Timed(PathFollower):
-    """Notes what each tick of a follower costs this thread, seconds: the scan, where one came, and the command."""
-
-    def __init__(self, follower: PathFollower) -> None:
-        self._follower = follower
-        self._scan_time = 0.0
-        self.ticks: list[float] = []
-
-    def configure(self, limits: MotionLimits) -> None:
-        self._follower.configure(limits)
-
-    def reset(self, path: Path2D, costmap: Costmap | None = None) -> None:
-        self._follower.reset(path, costmap)
-
-    def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
-        begin = time.thread_time()
-        self._follower.observe(scan, map_from_lidar)
-        self._scan_time = time.thread_time() - begin
-
-    def compute(self, pose: Pose2D, velocity: Twist2D, dt: float) -> FollowerCommand:
-        begin = time.thread_time()
-        command = self._follower.compute(pose, velocity, dt)
-        self.ticks.append(time.thread_time() - begin + self._scan_time)
-        self._scan_time = 0.0
-        return command
 
 
 @dataclass
@@ -79,6 +53,7 @@ class Measurements:
     times: list[float] = field(default_factory=list)
     ticks: list[float] = field(default_factory=list)
     wall: float = 0.0
+    processor: float = 0.0
 
     def summary(self) -> dict[str, Any]:
         return {
@@ -94,6 +69,7 @@ class Measurements:
             "local_tick_ms_median": scaled(median(self.ticks), 1e3),
             "local_tick_ms_p95": scaled(percentile(self.ticks, 95.0), 1e3),
             "real_time_factor": sum(self.times) / self.wall,
+            "real_time_factor_of_processor": sum(self.times) / self.processor,
             "failures": self.failures,
         }
 
@@ -157,9 +133,10 @@ def in_map(box: PlacedFurniture) -> PlacedShape:
 def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: bool, measured: Measurements) -> None:
     world, belief, costmap, goal = problem(model, seed, boxes)
     begin = time.perf_counter()
-    with PyBulletRobot(model, world, seed=seed) as robot:
+    begin_processor = time.process_time()
+    with PyBulletRobot(model, world, seed=seed) as robot, timed_ticks(PLANNERS[planner], measured.ticks):
         truth = GroundTruth(robot)
-        follower = Timed(PLANNERS[planner]())
+        follower = PLANNERS[planner]()
         base_part = robot.part("base", MobileBase)
         lidar = LidarSensor(robot.part("lidar", Lidar), ForwardKinematics(model))
         monitor = CollisionMonitor(base_part.description, (), CollisionMonitorParameters(enabled=monitored))
@@ -178,7 +155,6 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
         measured.drives += 1
         measured.contacts += len(contacts)
         measured.times.append(robot.clock.now() - started)
-        measured.ticks += follower.ticks
         if handle.status is ControlStatus.SUCCEEDED:
             measured.reached += 1
             measured.position_errors.append(places[-1].distance_to(goal))
@@ -189,6 +165,7 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
             measured.failures.append(f"seed {seed}: {handle.error.text if handle.error else 'out of time'}")
         measured.failures += [f"seed {seed}: {c.first} touched {c.second}, {c.peak_force:.0f} N" for c in contacts]
     measured.wall += time.perf_counter() - begin
+    measured.processor += time.process_time() - begin_processor
 
 
 def main() -> None:

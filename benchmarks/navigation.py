@@ -33,7 +33,7 @@ KEYS = {
         "plan_ms_median",
         "local_tick_ms_p95",
     ),
-    "walkers": ("reached_rate_dynamic",),
+    "walkers": ("reached_rate_dynamic", "contacts_dynamic"),
     "slam": ("slam_ate_rmse_m", "slam_wall_cells_within_5cm", "exploration_sim_s"),
     "localisation": ("localisation_error_mm_mean", "kidnap_recovered_rate"),
 }
@@ -63,7 +63,7 @@ def run(asked: argparse.Namespace) -> tuple[dict[str, Any], dict[str, Any]]:
             details[name] = measure()
             print(f"{name}: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
     if "walkers" in details:
-        details["walkers"]["reached_rate_dynamic"] = details["walkers"]["reached_rate"]
+        details["walkers"] |= {f"{key}_dynamic": details["walkers"][key] for key in ("reached_rate", "contacts")}
     figures: dict[str, Any] = {"seed": asked.seed}
     figures |= {key: details.get(name, {}).get(key) for name, keys in KEYS.items() for key in keys}
     worlds = {"drives": asked.worlds, "walkers": asked.worlds, "slam": asked.apartments, "localisation": asked.episodes}

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from benchmarks.navigation_measures.judged_session import JudgedSession, judged_session
+from benchmarks.navigation_measures.processor_times import timed_calls, timed_ticks
 from benchmarks.navigation_measures.report import mean, median, percentile, scaled
 from bestman_bt.configuration import load_run
 from bestman_bt.configuration.task import DriveConfig
@@ -17,9 +15,9 @@ from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.messages import Pose2D, wrap_angle
-from bestman_bt.navigation.global_planning import GridAStar, shortest_length
+from bestman_bt.navigation.global_planning import shortest_length
 from bestman_bt.runtime import prepare
-from bestman_bt.runtime.algorithms import make_local_planner
+from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner
 from bestman_bt.runtime.drive_goals import drive_goal, true_costmap
 
 POSITION_TOLERANCE, YAW_TOLERANCE = 0.05, math.radians(3.0)
@@ -44,6 +42,7 @@ class Drives:
     tick_times: list[float] = field(default_factory=list)
     simulated: float = 0.0
     wall: float = 0.0
+    processor: float = 0.0
 
     def summary(self, seed: int) -> dict[str, Any]:
         """The figures, for JSON."""
@@ -65,6 +64,7 @@ class Drives:
             "local_tick_ms_median": scaled(median(self.tick_times), 1e3),
             "local_tick_ms_p95": scaled(percentile(self.tick_times, 95.0), 1e3),
             "real_time_factor": self.simulated / self.wall,
+            "real_time_factor_of_processor": self.simulated / self.processor,
             "failures": self.why,
         }
 
@@ -84,10 +84,11 @@ def drive_in_one_world(task: str, seed: int, goals: int, settings: list[str], dr
     own = [f"scene.generator.apartment.seed={seed}"] if "apartment" in task else []
     setup = prepare(load_run(task, seed=seed, settings=[*own, *settings]))
     follower = type(make_local_planner(setup.config))
+    planner = type(make_algorithms(setup.config, setup.robot_model).global_planning)
     with (
         judged_session(setup) as judged,
-        timed(GridAStar, "plan", drives.plan_times),
-        timed(follower, "compute", drives.tick_times),
+        timed_calls(planner, "plan", drives.plan_times.append),
+        timed_ticks(follower, drives.tick_times),
     ):
         touched = 0
         for number in range(goals):
@@ -118,6 +119,7 @@ def drive_in_one_world(task: str, seed: int, goals: int, settings: list[str], dr
         drives.honest = drives.honest and verdict.honest
     drives.simulated += judged.simulated
     drives.wall += judged.wall
+    drives.processor += judged.processor
 
 
 def _drive(judged: JudgedSession, goal: Pose2D, drives: Drives) -> tuple[float, str]:
@@ -136,21 +138,3 @@ def _drive(judged: JudgedSession, goal: Pose2D, drives: Drives) -> tuple[float, 
         return path.length, ""
     told = [failure.why for failure in session.skills.failures[-1:]]
     return path.length, told[0] if told else f"{execution.ending}: {execution.why}"
-
-
-@contextmanager
-def timed(owner: type, method: str, times: list[float]) -> Iterator[None]:
-    """Note how long every call of a method takes, seconds."""
-    plain = getattr(owner, method)
-
-    def measured(*arguments: Any, **keywords: Any) -> Any:
-        begin = time.perf_counter()
-        result = plain(*arguments, **keywords)
-        times.append(time.perf_counter() - begin)
-        return result
-
-    setattr(owner, method, measured)
-    try:
-        yield
-    finally:
-        setattr(owner, method, plain)

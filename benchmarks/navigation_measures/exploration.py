@@ -76,6 +76,7 @@ class Exploration:
     why: str
     sim_s: float
     wall_s: float
+    processor_s: float
     contacts: list[str]
     readings: list[Reading]
     told: Pose2D
@@ -123,6 +124,7 @@ def explore(setup: Setup, mean_slip: float) -> Exploration:
         why="" if execution.succeeded else f"{execution.ending}: {execution.why}; {'; '.join(told_by_skills)}",
         sim_s=judged.simulated,
         wall_s=judged.wall,
+        processor_s=judged.processor,
         contacts=contacts,
         readings=slam.readings,
         told=told,

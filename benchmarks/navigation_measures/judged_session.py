@@ -16,13 +16,14 @@ from hal.pybullet import GroundTruth, PyBulletRobot
 
 @dataclass
 class JudgedSession:
-    """``simulated``, ``wall``: seconds that it has taken, once it is over."""
+    """``simulated``, ``wall``, ``processor``: seconds that it has taken, once it is over."""
 
     session: Session
     robot: PyBulletRobot
     truth: GroundTruth
     simulated: float = 0.0
     wall: float = 0.0
+    processor: float = 0.0
 
     @property
     def true_pose(self) -> Pose2D:
@@ -42,7 +43,8 @@ def judged_session(setup: Setup, before: Callable[[Robot], None] = lambda robot:
 
     with open_session(setup, hold) as session:
         judged = JudgedSession(session, *held[0])
-        begin, wall = judged.robot.clock.now(), time.perf_counter()
+        begin, wall, processor = judged.robot.clock.now(), time.perf_counter(), time.process_time()
         yield judged
         judged.simulated = judged.robot.clock.now() - begin
         judged.wall = time.perf_counter() - wall
+        judged.processor = time.process_time() - processor

@@ -59,6 +59,7 @@ class KnowingWhere:
     contacts: int = 0
     simulated: float = 0.0
     wall: float = 0.0
+    processor: float = 0.0
 
     def summary(self, seed: int, localizer: str = LOCALIZER) -> dict[str, Any]:
         """The figures, for JSON."""
@@ -77,6 +78,7 @@ class KnowingWhere:
             "kidnap_recovery_s_median": median(self.recovery_times),
             "contacts": self.contacts,
             "real_time_factor": self.simulated / self.wall,
+            "real_time_factor_of_processor": self.simulated / self.processor,
             "failures": self.failures,
         }
 
@@ -187,4 +189,5 @@ def _run(setup: Setup, goal: Pose2D, found: KnowingWhere) -> Ran:
         told = [f"{failure.error_code}: {failure.why}" for failure in judged.session.skills.failures]
     found.simulated += judged.simulated
     found.wall += judged.wall
+    found.processor += judged.processor
     return Ran(execution.tree_status == "SUCCESS", trace, told)
