@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
 from bestman_bt.scene.floor_grid import FloorGrid
@@ -43,8 +44,9 @@ def draw_changes(
     """The furniture with what was moved and what came; None where something finds no place.
 
     It may stand in the way, but what a disc of the scene's ``passage`` could reach without it, it still reaches, save
-    what the piece itself takes. ``standing``: outlines of walls and open doors. ``robot``: where it starts.
-    ``generator``: random numbers by a piece's name.
+    what the piece itself takes. Where a piece that was moved finds no such place, it cuts off no more than it did where
+    it stood. ``standing``: outlines of walls and open doors. ``robot``: where it starts. ``generator``: random numbers
+    by a piece's name.
     """
     pieces = list(furniture)
     for index, piece in enumerate(furniture):
@@ -52,7 +54,8 @@ def draw_changes(
         if far > 0.0:
             rest = [*standing, *(line for other in pieces if other is not piece for line in body_outlines(other))]
             spans = [(c - far, c + far) for c in piece.nominal.xy]
-            moved = _place(piece.model, (*spans, (-math.pi, math.pi)), rest, robot, scene, generator(piece.name))
+            floor = _Floor(rest, robot, scene.file.passage)
+            moved = floor.place(piece.model, (*spans, (-math.pi, math.pi)), generator(piece.name), stood=piece.actual)
             if moved is None:
                 return None
             pieces[index] = replace(piece, actual=moved)
@@ -62,7 +65,7 @@ def draw_changes(
         if asked.at is not None or float(rng.random()) >= asked.presence:
             continue
         rest = [*standing, *(line for other in pieces for line in body_outlines(other))]
-        place = _place(scene.unmapped[name], _limits(region), rest, robot, scene, rng)
+        place = _Floor(rest, robot, scene.file.passage).place(scene.unmapped[name], _limits(region), rng)
         if place is None:
             return None
         pieces.append(_unmapped(scene, name, place))
@@ -74,30 +77,47 @@ def _unmapped(scene: SceneConfig, name: str, place: Pose2D) -> PlacedFurniture:
     return PlacedFurniture(name, scene.unmapped[name], place, place, open=opened, mapped=False)
 
 
-def _place(
-    model: FurnitureModel,
-    limits: Sequence[tuple[float, float]],
-    taken: Sequence[Points],
-    robot: Pose2D,
-    scene: SceneConfig,
-    rng: np.random.Generator,
-) -> Pose2D | None:
-    """A pose within the limits of x, y and yaw, beside all that is ``taken``, that leaves a way."""
-    kept_free = rectangle(Pose2D(robot.x, robot.y, 0.0), (_AROUND_ROBOT, _AROUND_ROBOT))
-    depth, width = model.footprint
-    before = FloorGrid.of(taken)
-    reached = before.largest_area(scene.file.passage)
-    for _ in range(_TRIES):
-        x, y, yaw = (float(rng.uniform(*limit)) for limit in limits)
-        pose = Pose2D(x, y, yaw)
-        grown = rectangle(pose, (depth + 2 * _APART, width + 2 * _APART))
-        if any(polygons_overlap(grown, other) for other in (*taken, kept_free)):
-            continue
-        after = FloorGrid.of([*taken, rectangle(pose, model.footprint)])
-        lost = reached & ~after.largest_area(scene.file.passage) & (after.room > scene.file.passage)
-        if not lost.any():
-            return pose
-    return None
+class _Floor:
+    """The floor without a piece that is to be put somewhere: what is ``taken``, and what a disc reaches of the rest."""
+
+    def __init__(self, taken: Sequence[Points], robot: Pose2D, passage: float) -> None:
+        kept_free = rectangle(Pose2D(robot.x, robot.y, 0.0), (_AROUND_ROBOT, _AROUND_ROBOT))
+        self._taken, self._passage = (*taken, kept_free), passage
+        self._grid = FloorGrid.of(taken)
+        self._reached = self._grid.largest_area(passage)
+
+    def place(
+        self,
+        model: FurnitureModel,
+        limits: Sequence[tuple[float, float]],
+        rng: np.random.Generator,
+        stood: Pose2D | None = None,
+    ) -> Pose2D | None:
+        """A pose within the limits of x, y and yaw, beside all that is taken, that leaves a way.
+
+        Where there is none, one that cuts off no more than the piece did where it ``stood``.
+        """
+        depth, width = model.footprint
+        reached_before = None if stood is None else self._beside(stood, model)[0]
+        second_best: Pose2D | None = None
+        for _ in range(_TRIES):
+            x, y, yaw = (float(rng.uniform(*limit)) for limit in limits)
+            pose = Pose2D(x, y, yaw)
+            grown = rectangle(pose, (depth + 2 * _APART, width + 2 * _APART))
+            if any(polygons_overlap(grown, other) for other in self._taken):
+                continue
+            reached, has_room = self._beside(pose, model)
+            cut_off = has_room & ~reached
+            if not np.any(self._reached & cut_off):
+                return pose
+            if second_best is None and reached_before is not None and not np.any(reached_before & cut_off):
+                second_best = pose
+        return second_best
+
+    def _beside(self, pose: Pose2D, model: FurnitureModel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """(rows, columns) Where the disc gets to with the piece standing there, and where it has room."""
+        grid = self._grid.beside(rectangle(pose, model.footprint), self._passage)
+        return grid.largest_area(self._passage), grid.room > self._passage
 
 
 def _limits(region: RegionConfig) -> tuple[tuple[float, float], ...]:

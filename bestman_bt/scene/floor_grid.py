@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,18 +32,34 @@ class FloorGrid:
         columns, rows = np.ceil((corners.max(axis=0) - origin) / resolution).astype(int)
         taken = np.zeros((rows + 2, columns + 2), dtype=bool)
         taken[[0, -1]] = taken[:, [0, -1]] = True
-        origin = origin - resolution
+        grid = cls(np.zeros(taken.shape), origin - resolution, resolution)
         for polygon in polygons:
-            low = np.maximum(np.floor((polygon.min(axis=0) - origin) / resolution).astype(int), 0)
-            high = np.ceil((polygon.max(axis=0) - origin) / resolution).astype(int) + 1
-            window = taken[low[1] : high[1], low[0] : high[0]]
-            x = origin[0] + (low[0] + np.arange(window.shape[1]) + 0.5) * resolution
-            y = (origin[1] + (low[1] + np.arange(window.shape[0]) + 0.5) * resolution)[:, None]
-            inside = np.ones(window.shape, dtype=bool)
-            for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
-                inside &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
-            window |= inside
-        return cls(ndimage.distance_transform_edt(~taken) * resolution, origin, resolution)
+            window, inside = grid._covered(polygon)
+            taken[window] |= inside
+        return replace(grid, room=ndimage.distance_transform_edt(~taken) * resolution)
+
+    def beside(self, polygon: Points, far: float) -> FloorGrid:
+        """This floor with one more convex counter-clockwise polygon on it; room is true up to ``far``, metres.
+
+        As ``of`` with all outlines, without measuring the whole floor again.
+        """
+        window, inside = self._covered(polygon, far)
+        room = self.room.copy()
+        if inside.any():
+            room[window] = np.minimum(room[window], ndimage.distance_transform_edt(~inside) * self.resolution)
+        return replace(self, room=room)
+
+    def _covered(self, polygon: Points, around: float = 0.0) -> tuple[tuple[slice, slice], NDArray[np.bool_]]:
+        """Rows and columns of a polygon and so many metres around it, and which of these cells have their middle in it."""
+        low = np.maximum(np.floor((polygon.min(axis=0) - around - self.origin) / self.resolution).astype(int), 0)
+        high = np.ceil((polygon.max(axis=0) + around - self.origin) / self.resolution).astype(int) + 1
+        high = np.clip(high, low, self.room.shape[::-1])
+        x = self.origin[0] + (np.arange(low[0], high[0]) + 0.5) * self.resolution
+        y = (self.origin[1] + (np.arange(low[1], high[1]) + 0.5) * self.resolution)[:, None]
+        inside = np.ones((len(y), len(x)), dtype=bool)
+        for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+            inside &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0
+        return (slice(low[1], high[1]), slice(low[0], high[0])), inside
 
     def every(self, count: int) -> FloorGrid:
         """One cell of so many each way, with the room at its middle."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError
+from bestman_bt.messages import Pose2D
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
 from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.plane_geometry import polygons_overlap, rectangle, wall_rectangle
@@ -72,6 +73,37 @@ def test_a_chair_of_an_apartment_may_have_been_moved_while_the_map_has_it_where_
                 far.append(off)
     assert len(far) >= 4
     assert np.median(far) > 0.15
+
+
+@pytest.mark.parametrize("seed", [21006, 21011])
+def test_a_chair_that_stood_in_a_narrow_place_is_moved_and_cuts_off_no_more_than_before(seed: int) -> None:
+    world = draw_world(load_scene("apartment_walkers"), seed)
+    moved = [piece for piece in world.furniture if piece.nominal.distance_to(piece.actual) > 0.05]
+    assert moved
+    for piece in moved:
+        outlines = {
+            at: [
+                rectangle(getattr(f, at) if f is piece else f.actual, f.model.footprint)
+                for f in world.furniture
+                if f in (piece,) or f not in moved
+            ]
+            for at in ("nominal", "actual")
+        }
+        walls = [wall_rectangle(wall) for wall in world.walls]
+        before, after = (FloorGrid.of([*walls, *outlines[at]]) for at in ("nominal", "actual"))
+        lost = before.largest_area(0.37) & ~after.largest_area(0.37) & (after.room > 0.37)
+        assert lost.sum() * after.resolution**2 < 0.02  # where exactly it stood before is not known here
+
+
+def test_one_outline_more_is_measured_as_if_all_were_measured_anew() -> None:
+    rng = np.random.default_rng(1)
+    walls = [wall_rectangle(wall) for wall in draw_world(load_scene("kitchen"), 0).walls]
+    floor = FloorGrid.of(walls)
+    for _ in range(10):
+        piece = rectangle(Pose2D(*rng.uniform((-3.0, -1.5, -3.0), (3.5, 1.5, 3.0))), (0.4, 0.5))
+        anew, beside = FloorGrid.of([*walls, piece]).room, floor.beside(piece, 0.4).room
+        assert np.array_equal(anew > 0.4, beside > 0.4)
+        assert np.array_equal(anew[anew <= 0.4], beside[anew <= 0.4])
 
 
 def test_presence_decides_whether_a_piece_came() -> None:
