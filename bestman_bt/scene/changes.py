@@ -98,13 +98,14 @@ class _Floor:
         Where there is none, one that cuts off no more than the piece did where it ``stood``.
         """
         depth, width = model.footprint
+        in_reach = self._in_reach(limits, math.hypot(depth, width) / 2 + 2 * _APART)
         reached_before = None if stood is None else self._beside(stood, model)[0]
         second_best: Pose2D | None = None
         for _ in range(_TRIES):
             x, y, yaw = (float(rng.uniform(*limit)) for limit in limits)
             pose = Pose2D(x, y, yaw)
             grown = rectangle(pose, (depth + 2 * _APART, width + 2 * _APART))
-            if any(polygons_overlap(grown, other) for other in self._taken):
+            if any(polygons_overlap(grown, other) for other in in_reach):
                 continue
             reached, has_room = self._beside(pose, model)
             cut_off = has_room & ~reached
@@ -113,6 +114,12 @@ class _Floor:
             if second_best is None and reached_before is not None and not np.any(reached_before & cut_off):
                 second_best = pose
         return second_best
+
+    def _in_reach(self, limits: Sequence[tuple[float, float]], radius: float) -> list[Points]:
+        """What is taken that a piece of this radius can meet somewhere within the limits."""
+        (x_min, x_max), (y_min, y_max) = limits[:2]
+        low, high = np.array([x_min, y_min]) - radius, np.array([x_max, y_max]) + radius
+        return [line for line in self._taken if np.all(line.max(axis=0) >= low) and np.all(line.min(axis=0) <= high)]
 
     def _beside(self, pose: Pose2D, model: FurnitureModel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """(rows, columns) Where the disc gets to with the piece standing there, and where it has room."""
