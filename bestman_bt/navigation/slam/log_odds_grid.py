@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
-GROWTH = 64
+GROWTH = 16
 """Cells by which the grid grows at a time."""
 
 
@@ -20,7 +20,8 @@ class LogOddsGridParameters:
 
     ``limit``: they never exceed it, each way, so that what has changed is believed after a while. A cell is occupied
     from ``occupied`` on (one hit), free from ``-free`` on (one pass). ``keep``: metres before a hit that a beam does
-    not clear: its noise, and a grazed wall.
+    not clear: its noise, and a grazed wall. ``border``: metres of unknown that are kept around all that was seen, for
+    there is something beyond it, to look for and not to drive into.
     """
 
     resolution: float = 0.05
@@ -30,6 +31,7 @@ class LogOddsGridParameters:
     occupied: float = 0.8
     free: float = 0.25
     keep: float = 0.06
+    border: float = 2.0
 
 
 class LogOddsGrid:
@@ -80,7 +82,8 @@ class LogOddsGrid:
     def _grow(self, cells: NDArray[np.intp]) -> None:
         if len(cells) == 0:
             return
-        low, high = cells.min(axis=0), cells.max(axis=0) + 1
+        border = round(self._parameters.border / self._parameters.resolution)
+        low, high = cells.min(axis=0) - border, cells.max(axis=0) + 1 + border
         if self._log_odds.size:
             old_high = self._first + self._log_odds.shape[::-1]
             before = -(-np.maximum(self._first - low, 0) // GROWTH) * GROWTH

@@ -52,3 +52,13 @@ def test_it_grows_in_every_direction_and_keeps_what_it_knows():
     grid = drawing.grid()
     assert [value(grid, *end) for end in ((5.02, 0.02), (0.02, 5.02), (-4.98, 0.02), (0.02, -4.98))] == [100] * 4
     assert value(grid, 0.02, 0.02) == 0
+
+
+def test_around_all_that_was_seen_lies_unknown_floor_that_may_be_explored():
+    drawing = LogOddsGrid()
+    for reach in (1.0, 3.0, 6.5):
+        drawing.add(Pose2D(0.5, -0.5, reach), scan_of([reach] * 60))
+        grid = drawing.grid()
+        seen = np.argwhere(grid.data != -1)
+        margin = np.minimum(seen.min(axis=0), np.array(grid.data.shape) - 1 - seen.max(axis=0))
+        assert (margin >= 2.0 / grid.resolution).all()
