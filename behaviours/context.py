@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,11 @@ from bestman_bt.manipulation.collision import (
     PlanningScene,
     planning_scene_from_world_model,
 )
-from bestman_bt.manipulation.kinematics import InverseKinematics
+from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics
 from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
 from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
-from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, LayeredCostmap
+from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
 from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.navigation.localization import GlobalLocalizer
 from bestman_bt.navigation.slam import FrontierExplorer, Slam
@@ -43,6 +44,11 @@ from bestman_bt.sensing.joint_state import JointStateSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
 from bestman_bt.world_model import WorldModel
+
+SWAY = 0.01
+"""Metres that an arm and what it holds may be beside where its encoders say while the base drives."""
+DRIVEN = "carry"
+"""The posture in which trees have the arm driven to a stand, for whoever chooses one before."""
 
 
 @dataclass(frozen=True)
@@ -137,15 +143,35 @@ class SkillContext:
             self.world, self.robot, self.joints.positions(), self.arm.name, ignore, allowed_pairs
         )
 
-    def costmap(self) -> Costmap:
-        """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open."""
-        footprint = footprint_of(self.base.description)
-        return self.algorithms.costmap.of_world(self.world, footprint)
+    def footprint(self, posture: str | None = None) -> Footprint:
+        """The outline of the base, with arm and held object where they stand out above it.
 
-    def seen_costmap(self) -> Costmap:
+        ``posture``: of the robot, in which the arm will be; the base alone where the robot has none of this name. By
+        default the arm is where it is now.
+        """
+        base, positions = footprint_of(self.base.description), self.joints.positions()
+        if posture is None:
+            return base.carrying(self._arm_bodies.at(positions, self.world.held), SWAY)
+        if posture not in self.robot.postures:
+            return base
+        tucked = zip(self.arm_model.joint_names, self.robot.posture(posture, self.arm_model.joint_names), strict=True)
+        return base.carrying(self._arm_bodies.at({**positions, **dict(tucked)}, self.world.held), SWAY)
+
+    def costmap(self, posture: str | None = None) -> Costmap:
+        """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open.
+
+        ``posture``: as of ``footprint``.
+        """
+        return self.algorithms.costmap.of_world(self.world, self.footprint(posture))
+
+    def seen_costmap(self, posture: str | None = None) -> Costmap:
         """``costmap`` and what the lidar sees that the map does not know."""
-        costmap = self.costmap()
+        costmap = self.costmap(posture)
         return self.base.layer.on(costmap) if self.algorithms.costmap.parameters.obstacle else costmap
+
+    @cached_property
+    def _arm_bodies(self) -> ArmBodies:
+        return ArmBodies(self.robot, self.arm.name)
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:
         """The collision world of the arm in ``scene``."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from behaviours.context import SkillContext
+from behaviours.context import DRIVEN, SkillContext
 from behaviours.leaf import Leaf, LeafWorlds, Touching, free_along
 from bestman_bt.manipulation.kinematics import (
     DampedLeastSquares,
@@ -46,7 +46,7 @@ def room_beside(skills: SkillContext, leaf: Leaf, positions: Sequence[float]) ->
     low = float(front.pose.position[2]) - height / 2
     body = body_between(skills.robot, skills.joints.positions(), skills.arm.name, low - BASE_GAP, low + height)
     swept = swept_by(leaf, positions)
-    clearance = skills.costmap().clearance_at
+    clearance = skills.costmap(DRIVEN).clearance_at
 
     def is_free(stand: Pose2D) -> bool:
         if clearance(stand) <= 0.0:

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
+from behaviours.context import DRIVEN
 from behaviours.handle_pull import pull_grasps
 from behaviours.leaf import find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
@@ -48,7 +49,7 @@ class FindLookStand(Skill):
         leaf = find_leaf(self.skills, articulation)
         front = leaf.front(self.skills.world.articulations.get(articulation, 0.0))
         facing = math.atan2(-float(front.rotation[1, 0]), -float(front.rotation[0, 0]))
-        clearance = yield self.compute("stand_planning", lambda: self.skills.costmap().clearance_at)
+        clearance = yield self.compute("stand_planning", lambda: self.skills.costmap(DRIVEN).clearance_at)
         first = self._asked % len(LOOK_BEARINGS)
         self._asked += 1
         for bearing in (*LOOK_BEARINGS[first:], *LOOK_BEARINGS[:first]):

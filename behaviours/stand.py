@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
+from behaviours.context import DRIVEN
 from behaviours.grasp_candidates import grasp_candidates
 from behaviours.place import place_tool_poses
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
@@ -104,7 +105,7 @@ class FindStandPose(Skill):
     ) -> tuple[StandPose, ...]:
         skills = self.skills
         corners = np.array(skills.base.description.footprint)
-        costmap = skills.seen_costmap()
+        costmap = skills.seen_costmap(DRIVEN)
         candidates = [
             stand
             for stand in stands_along(with_open_drawers(skills, furniture), target, float(corners[:, 0].max()))

@@ -192,6 +192,7 @@ class BaseController:
             self._follow_by(follower or self._own_follower)
             if costmap is not None:
                 self.layer.use_costmap(costmap)
+            self._gate.use_footprint(footprint_of(self.description) if costmap is None else costmap.footprint)
             self._follower.reset(path, costmap)
             driven = DrivenPath(path, SweptPath(path), costmap is not None)
             return self._started.begin(self._follower, path.goal, driven=driven)

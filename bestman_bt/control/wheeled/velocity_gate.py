@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitoredCommand
 from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
+from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, GiveWay, MovingObstacle
 from hal.api import MobileBase
 
@@ -27,13 +28,16 @@ class VelocityGate:
 
     def __init__(self, base: MobileBase, monitor: CollisionMonitor) -> None:
         self._base, self._monitor = base, monitor
-        footprint = footprint_of(base.description)
-        self.outline = FootprintMotion(footprint, 0.0)
-        self._give_way = GiveWay(footprint)
+        self.use_footprint(footprint_of(base.description))
         self._share = 1.0
         self.speed_limit: float | None = None
         self.waits = False
         self.held_by = ""
+
+    def use_footprint(self, footprint: Footprint) -> None:
+        """What is driven from now on, and what stands out above: people, and what only the lidar knows, may be tall."""
+        self.outline = FootprintMotion(footprint.above, 0.0)
+        self._give_way = GiveWay(footprint.above)
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
         """A new scan, for the monitor."""

@@ -9,6 +9,7 @@ from bestman_bt.manipulation.kinematics.arc_path import (
     arc_path,
     arc_path_through,
 )
+from bestman_bt.manipulation.kinematics.arm_bodies import ArmBodies
 from bestman_bt.manipulation.kinematics.arm_dynamics import ArmDynamics
 from bestman_bt.manipulation.kinematics.base import IKResult, InverseKinematics
 from bestman_bt.manipulation.kinematics.cartesian_path import CartesianPath, cartesian_path
@@ -39,6 +40,7 @@ __all__ = [
     "AllSolutionsParameters",
     "ArcPath",
     "ArcPathParameters",
+    "ArmBodies",
     "ArmDynamics",
     "CartesianPath",
     "DampedLeastSquares",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
+from types import MappingProxyType
 
 import coal
 import numpy as np
@@ -11,16 +13,21 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
-from bestman_bt.manipulation.kinematics.pinocchio_model import build_model
 from bestman_bt.robot_model import RobotModel
 
 _TURNS = 16
 
 
-def link_hulls(robot: RobotModel) -> dict[str, tuple[NDArray[np.float64], ...]]:
+def link_hulls(robot: RobotModel) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
     """Link name → for each of its solid shapes the corners of a convex hull, (N, 3) metres in the link's frame."""
-    model = build_model(robot)
-    geometry = pinocchio.buildGeomFromUrdfString(model, robot.urdf, pinocchio.GeometryType.COLLISION)
+    return _hulls(robot.urdf)
+
+
+@lru_cache(maxsize=4)
+def _hulls(urdf: str) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
+    """By description, as loading the meshes takes a second."""
+    model = pinocchio.buildModelFromXML(urdf)
+    geometry = pinocchio.buildGeomFromUrdfString(model, urdf, pinocchio.GeometryType.COLLISION)
     hulls: dict[str, list[NDArray[np.float64]]] = {}
     for body in geometry.geometryObjects:
         frame = model.frames[body.parentFrame]
@@ -28,7 +35,7 @@ def link_hulls(robot: RobotModel) -> dict[str, tuple[NDArray[np.float64], ...]]:
         corners = _corners(body.geometry) * np.asarray(body.meshScale)
         points = corners @ link_from_body.rotation.T + link_from_body.translation
         hulls.setdefault(frame.name, []).append(points)
-    return {link: tuple(points) for link, points in hulls.items()}
+    return MappingProxyType({link: tuple(points) for link, points in hulls.items()})
 
 
 def body_between(

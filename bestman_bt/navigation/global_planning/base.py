@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -18,6 +19,7 @@ class PlanningFailureReason(Enum):
     START_OUTSIDE = "start_outside"  # the start is not on the costmap
     GOAL_OUTSIDE = "goal_outside"  # the goal is not on the costmap
     NO_PATH = "no_path"  # both ends are free, but nothing connects them
+    ARM_IN_THE_WAY = "arm_in_the_way"  # one of these, and only because of what stands out above the base
 
 
 @dataclass(frozen=True)
@@ -46,3 +48,16 @@ class GlobalPlanner(ABC):
 
         The path begins at the start and ends at the goal; its ``reverse`` marks the segments to drive backwards.
         """
+
+
+def told_of_overhang(
+    plan: Callable[[Pose2D, Pose2D, Costmap], Path2D | PlanningFailure], start: Pose2D, goal: Pose2D, costmap: Costmap
+) -> Path2D | PlanningFailure:
+    """What ``plan`` finds; a failure says so where it is only because of what stands out above the base."""
+    found = plan(start, goal, costmap)
+    overhang = costmap.footprint.overhang
+    if isinstance(found, Path2D) or overhang is None:
+        return found
+    if isinstance(plan(start, goal, costmap.without_overhang), PlanningFailure):
+        return found
+    return PlanningFailure(PlanningFailureReason.ARM_IN_THE_WAY, f"{overhang}: {found.text}")

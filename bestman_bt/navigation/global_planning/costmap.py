@@ -2,7 +2,8 @@
 
 As in nav2, places nearer than the inscribed radius are lethal and the cost decays with the distance beyond it. Unlike
 there, each cell holds an exact signed distance (from the outlines, not from other cells) and reads are interpolated,
-so that a footprint is checked to millimetres on a coarse grid.
+so that a footprint is checked to millimetres on a coarse grid. Where something stands out above the base, a second
+field holds the distance to what reaches up to it.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -61,16 +63,22 @@ class Costmap:
     """``distance``: (rows, columns) metres from each cell's centre to the next obstacle, negative inside one.
 
     Row 0 is at the smallest y. ``origin``: (2,) metres in the map frame, the outer corner of cell (0, 0).
-    Margins for what the map does not know exactly are already taken off.
+    Margins for what the map does not know exactly are already taken off. ``tall``: the same for obstacles that reach up
+    to the footprint's overhang, as far as is known; None where the footprint has none.
     """
 
     distance: NDArray[np.float64]
     origin: NDArray[np.float64]
     footprint: Footprint
     parameters: CostmapParameters
+    tall: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "distance", frozen_array(self.distance, (None, None), "Costmap distance"))
+        if (self.tall is None) != (self.footprint.overhang is None):
+            raise ValueError("Costmap tall should be given where its footprint has an overhang, and only there")
+        if self.tall is not None:
+            object.__setattr__(self, "tall", frozen_array(self.tall, self.distance.shape, "Costmap tall"))
         object.__setattr__(self, "origin", frozen_array(self.origin, (2,), "Costmap origin"))
 
     @classmethod
@@ -113,9 +121,16 @@ class Costmap:
         x, y = (origin[axis] + (np.arange(shape[1 - axis]) + 0.5) * p.resolution for axis in (0, 1))
         centres = np.stack(np.meshgrid(x, y)).reshape(2, -1)
         distance = np.full(centres.shape[1], _FAR)
+        overhang = footprint.overhang
+        tall = None if overhang is None else distance.copy()
         for layer in layers:
-            np.minimum(distance, layer.distance(centres), out=distance)
-        return cls((distance - p.clearance).reshape(shape), origin, footprint, p)
+            away = layer.distance(centres)
+            np.minimum(distance, away, out=distance)
+            if tall is not None and overhang is not None:
+                high = layer.reaching(overhang.height)
+                np.minimum(tall, away if high is layer else high.distance(centres), out=tall)
+        above = None if tall is None else (tall - p.clearance).reshape(shape)
+        return cls((distance - p.clearance).reshape(shape), origin, footprint, p, above)
 
     @classmethod
     def from_grid(
@@ -184,6 +199,39 @@ class Costmap:
         distance: NDArray[np.float64] = np.where(inside, value, -1.0)
         return distance
 
+    @cached_property
+    def above(self) -> Costmap | None:
+        """What is tall, for the outline of all that stands out above; None where nothing does."""
+        if self.tall is None:
+            return None
+        return replace(self, distance=self.tall, tall=None, footprint=self.footprint.above)
+
+    @cached_property
+    def for_turning(self) -> Costmap:
+        """The costmap of one field for a disc of the circumscribed radius: what is tall is nearer, as more turns there.
+
+        The same one where nothing stands out, as the next two are.
+        """
+        return self._of_disc(self.footprint.above.circumscribed_radius - self.footprint.circumscribed_radius)
+
+    @cached_property
+    def for_passing(self) -> Costmap:
+        """That for a disc of the inscribed radius."""
+        return self._of_disc(self.footprint.above.inscribed_radius - self.footprint.inscribed_radius)
+
+    @cached_property
+    def without_overhang(self) -> Costmap:
+        """The costmap for the base alone."""
+        if self.tall is None:
+            return self
+        return replace(self, tall=None, footprint=replace(self.footprint, overhang=None))
+
+    def _of_disc(self, more: float) -> Costmap:
+        """For the base alone, with what is tall nearer by ``more`` metres."""
+        if self.tall is None:
+            return self
+        return replace(self.without_overhang, distance=np.minimum(self.distance, self.tall - more))
+
     def cost(self, distance: ArrayLike, lethal_distance: float, slack: float = 0.0) -> NDArray[np.float64]:
         """Cost per metre, 1 and up, at ``distance`` metres from an obstacle; infinite below ``lethal_distance``.
 
@@ -197,7 +245,7 @@ class Costmap:
     def footprint_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Metres between the footprint and the next obstacle, (N,), for ``poses`` (N, 3) of x, y, theta.
 
-        Zero or negative where it touches one or leaves the costmap.
+        Zero or negative where it touches one or leaves the costmap. What stands out above counts where it meets.
         """
         outline = self.footprint.outline(self.resolution / 2)
         cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
@@ -211,7 +259,7 @@ class Costmap:
         around = self.distance_at(points).min(axis=1)
         inside = self.distance_at(poses[:, :2]) - self.footprint.inscribed_radius
         clearance: NDArray[np.float64] = np.minimum(around, inside)
-        return clearance
+        return clearance if self.above is None else np.minimum(clearance, self.above.footprint_clearance(poses))
 
     def clearance_at(self, pose: Pose2D) -> float:
         """Metres between the footprint at ``pose`` and the next obstacle, as ``footprint_clearance``."""

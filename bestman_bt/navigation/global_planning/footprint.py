@@ -1,42 +1,96 @@
-"""The outline of a base on the floor."""
+"""The outline of a base on the floor, and of what rides above it and stands out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages.frozen_array import frozen_array
+
+_STANDS_OUT = 2e-3
+"""Metres beyond the base's outline below which nothing stands out: both are measured from meshes."""
+_ROUNDED = 2e-3
+"""Metres by which corners of the outline above may be cut off; its margin is far more."""
+_AROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(8) * math.pi / 4]) / math.cos(math.pi / 8)
+
+
+@dataclass(frozen=True, eq=False)
+class Overhang:
+    """What rides above a base and stands out beyond its outline: an arm, and what it holds.
+
+    ``corners``: (N, 2) metres in the base frame, counter-clockwise around the origin: the convex outline of the base
+    and of all above it. ``height``: metres above the floor, the lowest point that stands out: what does not reach up
+    to it passes below. ``reach``: metres that it stands out at most.
+    """
+
+    corners: NDArray[np.float64]
+    height: float
+    reach: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", _outline(self.corners, "Overhang corners"))
+
+    def __str__(self) -> str:
+        return f"the arm stands out {100 * self.reach:.0f} cm, {self.height:.2f} m above the floor"
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
     """A convex outline around the origin: ``corners`` (N, 2) metres in the base frame, counter-clockwise.
 
-    ``turning_drift``: metres that the origin may wander while the base turns on the spot.
+    ``turning_drift``: metres that the origin may wander while the base turns on the spot. ``overhang``: what stands out
+    above; None where nothing does.
     """
 
     corners: NDArray[np.float64]
     turning_drift: float = 0.0
+    overhang: Overhang | None = None
 
     def __post_init__(self) -> None:
-        corners = frozen_array(self.corners, (None, 2), "Footprint corners")
-        object.__setattr__(self, "corners", corners)
-        edges = np.roll(corners, -1, axis=0) - corners
-        if len(corners) < 3 or np.any(edges[:, 0] * -corners[:, 1] - edges[:, 1] * -corners[:, 0] <= 0):
-            raise ValueError(
-                f"Footprint corners should go counter-clockwise around the origin but are {corners.tolist()}"
-            )
+        object.__setattr__(self, "corners", _outline(self.corners, "Footprint corners"))
 
-    @property
+    def carrying(self, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
+        """The same base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base frame.
+
+        ``margin``: metres that they may sway, each way.
+        """
+        edges = np.roll(self.corners, -1, axis=0) - self.corners
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+        offsets = np.einsum("ij,ij->i", normals, self.corners)
+        reach, height, outside = 0.0, math.inf, [self.corners]
+        for body in bodies:
+            beyond = body[:, :2] @ normals.T - offsets
+            out = beyond.max(axis=1)
+            if len(body) == 0 or out.max() <= _STANDS_OUT:
+                continue
+            reach = max(reach, float(out.max()))
+            height = min(height, *(_lowest_beyond(side, body[:, 2]) for side in beyond.T))
+            outside.append((body[out > 0.0, None, :2] + margin * _AROUND).reshape(-1, 2))
+        if len(outside) == 1:
+            return replace(self, overhang=None)
+        hull = cv2.convexHull(np.concatenate(outside).astype(np.float32), clockwise=False)
+        corners = cv2.approxPolyDP(hull, _ROUNDED, closed=True)[:, 0].astype(float)
+        return replace(self, overhang=Overhang(corners, height - margin, reach))
+
+    @cached_property
+    def above(self) -> Footprint:
+        """What must keep clear of all that reaches up to the overhang; the base itself where there is none."""
+        return self if self.overhang is None else Footprint(self.overhang.corners, self.turning_drift)
+
+    @cached_property
     def inscribed_radius(self) -> float:
         """Radius of the largest circle about the origin inside the outline, metres."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         cross = edges[:, 0] * -self.corners[:, 1] - edges[:, 1] * -self.corners[:, 0]
         return float(np.min(cross / np.linalg.norm(edges, axis=1)))
 
-    @property
+    @cached_property
     def circumscribed_radius(self) -> float:
         """Radius of the smallest circle about the origin around the outline, metres."""
         return float(np.linalg.norm(self.corners, axis=1).max())
@@ -53,3 +107,25 @@ class Footprint:
             count = max(1, int(np.ceil(np.linalg.norm(end - start) / spacing)))
             pieces.append(start + (end - start) * (np.arange(count) / count)[:, None])
         return np.concatenate(pieces)
+
+
+def _outline(corners: NDArray[np.float64], what: str) -> NDArray[np.float64]:
+    frozen = frozen_array(corners, (None, 2), what)
+    edges = np.roll(frozen, -1, axis=0) - frozen
+    if len(frozen) < 3 or np.any(edges[:, 0] * -frozen[:, 1] - edges[:, 1] * -frozen[:, 0] <= 0):
+        raise ValueError(f"{what} should go counter-clockwise around the origin but are {frozen.tolist()}")
+    return frozen
+
+
+def _lowest_beyond(beyond: NDArray[np.float64], height: NDArray[np.float64]) -> float:
+    """Of the convex hull of points, (N,) metres ``beyond`` a line and (N,) metres high, the lowest height beyond it."""
+    out = beyond > 0.0
+    if not out.any():
+        return math.inf
+    lowest = float(height[out].min())
+    # Where the hull's surface crosses the line, it is an edge of the hull seen along the line, from a point inside.
+    hull = cv2.convexHull(np.column_stack([beyond, height]).astype(np.float32))[:, 0].astype(float)
+    for (x0, z0), (x1, z1) in zip(hull, np.roll(hull, -1, axis=0), strict=True):
+        if (x0 > 0.0) != (x1 > 0.0):
+            lowest = min(lowest, float(z0 + (z1 - z0) * x0 / (x0 - x1)))
+    return lowest

@@ -25,4 +25,4 @@ class GridAStar(PolylinePlanner):
 
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """See the base class."""
-        return cheapest_way(start, goal, room.costmap, room.lethal_distance, room.lethal_slack)
+        return cheapest_way(start, goal, room.field, room.lethal_distance, room.lethal_slack)

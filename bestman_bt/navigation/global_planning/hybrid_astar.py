@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.grid_search import costs_to
 from bestman_bt.navigation.global_planning.reeds_shepp import ReedsShepp
@@ -62,6 +62,9 @@ class HybridAStar(GlobalPlanner):
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """See ``GlobalPlanner.plan``."""
+        return told_of_overhang(self._plan, start, goal, costmap)
+
+    def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         ends = StraightEnds(costmap, self.parameters, clearance=self.parameters.clearance).between(start, goal)
         if isinstance(ends, PlanningFailure):
             return ends
@@ -86,7 +89,7 @@ class _Search:
     def __post_init__(self) -> None:
         p, costmap = self.parameters, self.costmap
         self.curves = ReedsShepp(p.turning_radius)
-        self.left = costs_to(self.goal[:2], costmap, costmap.footprint.inscribed_radius)
+        self.left = costs_to(self.goal[:2], costmap.for_passing, costmap.footprint.inscribed_radius)
         angles = [k * p.branch / p.turning_radius for k in (-1.0, 0.0, 1.0)]
         self._arcs = np.array([[_arc(angle, sense * p.branch) for angle in angles] for sense in (1.0, -1.0)])
 
@@ -150,9 +153,11 @@ class _Search:
     def _costs(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cost (...) of driving along poses (..., N, 3); infinite where the footprint has too little room."""
         footprint, room = self.costmap.footprint, self.parameters.clearance
-        distance = self.costmap.distance_at(poses[..., :2])
+        passing, turning = self.costmap.for_passing, self.costmap.for_turning
+        distance = passing.distance_at(poses[..., :2])
         cost = self.costmap.cost(distance, footprint.inscribed_radius)
-        near = np.isfinite(cost) & (distance < footprint.circumscribed_radius + room)
+        outer = distance if turning is passing else turning.distance_at(poses[..., :2])
+        near = np.isfinite(cost) & (outer < footprint.circumscribed_radius + room)
         if near.any():
             cost[near] = np.where(self.costmap.footprint_clearance(poses[near]) < room, np.inf, cost[near])
         lengths = np.linalg.norm(np.diff(poses[..., :2], axis=-2), axis=-1).sum(axis=-1)

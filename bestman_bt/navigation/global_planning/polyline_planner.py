@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D
-from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure
+from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.room import Room
 from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightEndsParameters
@@ -54,6 +54,9 @@ class PolylinePlanner(GlobalPlanner):
 
     def plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         """See ``GlobalPlanner.plan``."""
+        return told_of_overhang(self._plan, start, goal, costmap)
+
+    def _plan(self, start: Pose2D, goal: Pose2D, costmap: Costmap) -> Path2D | PlanningFailure:
         turning_distance = costmap.footprint.turning_radius + self._parameters.turning_clearance
         ends = StraightEnds(costmap, self._parameters, turning_distance).between(start, goal)
         if isinstance(ends, PlanningFailure):

@@ -28,6 +28,11 @@ class Room:
     turns_everywhere: bool
 
     @property
+    def field(self) -> Costmap:
+        """The costmap of one field in which its middle keeps ``lethal_distance``."""
+        return self.costmap.for_turning if self.turns_everywhere else self.costmap.for_passing
+
+    @property
     def lethal_distance(self) -> float:
         """Metres from obstacles that its middle keeps at least."""
         return self.turning_distance if self.turns_everywhere else self.costmap.footprint.inscribed_radius
@@ -39,25 +44,25 @@ class Room:
 
     def can_turn(self, points: ArrayLike) -> NDArray[np.bool_]:
         """At which of the points (..., 2) it can turn into any direction."""
-        turns: NDArray[np.bool_] = self.costmap.distance_at(points) >= self.turning_distance - self.slack
+        turns: NDArray[np.bool_] = self.costmap.for_turning.distance_at(points) >= self.turning_distance - self.slack
         return turns
 
     def segment_costs(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
         """Cost (N,) of driving straight from ``starts`` (2,) or (N, 2) to ``ends`` (N, 2); infinite where blocked."""
         starts = np.broadcast_to(starts, ends.shape)
-        spacing = self.costmap.resolution / 2
+        field, spacing = self.field, self.costmap.resolution / 2
         costs = np.full(len(ends), np.inf)
         candidates = np.arange(len(ends))
         if np.abs(ends - starts).sum() / spacing > _MANY:
             # Most segments are blocked, and a few of their samples tell.
             points, segments, _ = _samples(starts, ends, _SPARSE * spacing)
             passable = np.ones(len(ends), dtype=bool)
-            passable[segments[self.costmap.distance_at(points) < self.lethal_distance - self.lethal_slack]] = False
+            passable[segments[field.distance_at(points) < self.lethal_distance - self.lethal_slack]] = False
             candidates = np.flatnonzero(passable)
         if len(candidates):
             starts, ends = starts[candidates], ends[candidates]
             points, segments, counts = _samples(starts, ends, spacing)
-            distance = self.costmap.distance_at(points)
+            distance = field.distance_at(points)
             cost = self.costmap.cost(distance, self.lethal_distance, self.lethal_slack)
             if not self.turns_everywhere:
                 headings = np.arctan2(ends[:, 1] - starts[:, 1], ends[:, 0] - starts[:, 0])
@@ -70,8 +75,9 @@ class Room:
         self, points: NDArray[np.float64], headings: NDArray[np.float64], distance: NDArray[np.float64]
     ) -> NDArray[np.intp]:
         """Indices of the points (N, 2) at which the footprint touches something, looked at only where it may."""
-        footprint = self.costmap.footprint
-        near = np.flatnonzero((distance >= footprint.inscribed_radius) & (distance < footprint.circumscribed_radius))
+        footprint, turning = self.costmap.footprint, self.costmap.for_turning
+        outer = distance if turning is self.field else turning.distance_at(points)
+        near = np.flatnonzero((distance >= footprint.inscribed_radius) & (outer < footprint.circumscribed_radius))
         clearance = self.costmap.footprint_clearance(np.column_stack([points[near], headings[near]]))
         return near[clearance <= 0.0]
 

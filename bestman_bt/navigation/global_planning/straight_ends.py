@@ -84,10 +84,14 @@ class StraightEnds:
         best: tuple[int, NDArray[np.float64], bool] | None = None
         for direction in (-1.0, 1.0):
             poses = self._straight(start, direction)
-            clearance = self.costmap.footprint_clearance(poses)
-            # A base that stands inside a margin may leave it as long as it does not come nearer to anything.
-            rising = np.append(clearance[0] > -self.parameters.max_overlap, np.diff(clearance) > -1e-3)
-            index = self._end(poses, clearance, (clearance > 0.0) | rising)
+            base = self.costmap.without_overhang.footprint_clearance(poses)
+            # A base that stands inside a margin may leave it as long as it does not come nearer to anything. An arm
+            # came to where it is by shapes, not by outlines: it may be as deep inside one as it is, above its boards.
+            passable = (base > 0.0) | _rising(base, bool(base[0] > -self.parameters.max_overlap))
+            if self.costmap.above is not None:
+                above = self.costmap.above.footprint_clearance(poses)
+                passable &= (above > 0.0) | _rising(above, True)
+            index = self._end(poses, self.costmap.footprint_clearance(poses), passable)
             if index is not None and (best is None or index < best[0]):
                 best = index, poses[index, :2], direction < 0.0
         if best is not None:
@@ -116,7 +120,7 @@ class StraightEnds:
         """At which of the poses (N, 3) along a straight piece to end it; 0 if none is needed."""
         suits = clearance > self.clearance
         if self.turning_distance is not None:
-            suits = self.costmap.distance_at(poses[:, :2]) >= self.turning_distance
+            suits = self.costmap.for_turning.distance_at(poses[:, :2]) >= self.turning_distance
         suits &= np.logical_and.accumulate(passable)
         if not suits.any():
             return None
@@ -131,3 +135,8 @@ class StraightEnds:
         along = direction * np.arange(0.0, self.parameters.max_straight, self.parameters.step)
         heading = np.full_like(along, pose.theta)
         return np.column_stack([pose.x + along * math.cos(pose.theta), pose.y + along * math.sin(pose.theta), heading])
+
+
+def _rising(clearance: NDArray[np.float64], first: bool) -> NDArray[np.bool_]:
+    """Where along poses a clearance (N,) does not get less; ``first``: what is told of the first one."""
+    return np.append(first, np.diff(clearance) > -1e-3)

@@ -33,14 +33,14 @@ class ThetaStar(PolylinePlanner):
     def way(self, start: NDArray[np.float64], goal: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
         """See the base class."""
         lethal = room.lethal_distance, room.lethal_slack
-        vertices = search_in_corridor(theta_cells, start, goal, room.costmap, *lethal)
+        vertices = search_in_corridor(theta_cells, start, goal, room.field, *lethal)
         if vertices is None or not room.turns_everywhere:
             return vertices
         # Lines of sight are looked at cell by cell; where that was too coarse, the way over the cells is taken.
         pieces = [vertices[:1]]
         costs = room.segment_costs(vertices[:-1], vertices[1:])
         for (begin, end), cost in zip(pairwise(vertices), costs, strict=True):
-            cells = None if math.isfinite(cost) else cheapest_way(begin, end, room.costmap, *lethal)
+            cells = None if math.isfinite(cost) else cheapest_way(begin, end, room.field, *lethal)
             pieces += [end[None]] if cells is None else [cells]
         return np.vstack(pieces)
 

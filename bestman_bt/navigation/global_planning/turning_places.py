@@ -17,7 +17,7 @@ def turning_places(room: Room, count: int, near_obstacles: float, rng: np.random
     In doorways samples are rare otherwise (Boor, Overmars and van der Stappen, "The Gaussian sampling strategy for
     probabilistic roadmap planners", ICRA 1999).
     """
-    costmap = room.costmap
+    costmap = room.costmap.for_turning
     beyond = costmap.distance - room.turning_distance
     near = round(near_obstacles * count)
     drawn = []

@@ -75,11 +75,12 @@ class Critics:
     def __init__(self, parameters: CriticParameters, footprint: Footprint, sideways: bool) -> None:
         self._parameters, self._sideways = parameters, sideways
         self._check = FootprintCheck(footprint)
-        edges = np.roll(footprint.corners, -1, axis=0) - footprint.corners
+        around = footprint.above  # who moves is tall
+        edges = np.roll(around.corners, -1, axis=0) - around.corners
         normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
         self._normals = normals.astype(np.float32)
-        self._offsets = np.einsum("ij,ij->i", normals, footprint.corners).astype(np.float32)
-        self._reach = footprint.circumscribed_radius
+        self._offsets = np.einsum("ij,ij->i", normals, around.corners).astype(np.float32)
+        self._reach = around.circumscribed_radius
 
     def judge(self, drives: Drives, around: Surroundings) -> tuple[Floats, NDArray[np.intp]]:
         """The cost of each drive (B,), and the step in which it touches something, T where it does not."""

@@ -13,11 +13,13 @@ class DistanceGrid:
     """``values``: (N, N) float32, metres from each cell's centre to the next obstacle, row 0 at the smallest y.
 
     ``origin``: (x, y) metres in the map frame, the outer corner of cell (0, 0). ``resolution``: metres per cell.
+    ``tall``: the same for what reaches up to the footprint's overhang, where it has one.
     """
 
     values: NDArray[np.float32]
     origin: tuple[float, float]
     resolution: float
+    tall: DistanceGrid | None = None
 
     def at(self, x: NDArray[np.float32], y: NDArray[np.float32]) -> NDArray[np.float32]:
         """Values of the cells at map points, of any shape; beyond the square those of its edge."""

@@ -36,6 +36,7 @@ class LocalObstacles:
         self._costmap: Costmap | None = None
         cells = round(p.size / p.resolution)
         self._mapped: NDArray[np.float32] = np.full((cells, cells), FAR, dtype=np.float32)
+        self._tall: NDArray[np.float32] | None = None
         self.distance = DistanceGrid(self._mapped, (0.0, 0.0), p.resolution)
 
     @property
@@ -72,17 +73,23 @@ class LocalObstacles:
 
     def _rasterise_map(self, origin: tuple[float, float]) -> None:
         if self._costmap is None:
-            self._mapped = np.full_like(self._mapped, FAR)
+            self._mapped, self._tall = np.full_like(self._mapped, FAR), None
             return
         along = (np.arange(self._mapped.shape[0]) + 0.5) * self._parameters.resolution
         x, y = np.meshgrid(origin[0] + along, origin[1] + along)
-        self._mapped = self._costmap.distance_at(np.stack([x, y], axis=-1)).astype(np.float32)
+        middles, above = np.stack([x, y], axis=-1), self._costmap.above
+        self._mapped = self._costmap.distance_at(middles).astype(np.float32)
+        self._tall = None if above is None else above.distance_at(middles).astype(np.float32)
 
     def _measure(self) -> None:
         p, marked = self._parameters, self._layer.marked
         assert self._layer.origin is not None
-        distance = self._mapped
+        distance, tall = self._mapped, self._tall
         if marked.any():
             cells = cv2.distanceTransform((~marked).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-            distance = np.minimum(distance, (cells - np.float32(0.5)) * np.float32(p.resolution))
-        self.distance = DistanceGrid(distance, self._layer.origin, p.resolution)
+            seen = (cells - np.float32(0.5)) * np.float32(p.resolution)
+            distance = np.minimum(distance, seen)
+            tall = None if tall is None else np.minimum(tall, seen)  # nobody knows how high it is
+        origin = self._layer.origin
+        above = None if tall is None else DistanceGrid(tall, origin, p.resolution)
+        self.distance = DistanceGrid(distance, origin, p.resolution, above)

@@ -103,9 +103,12 @@ class ObstacleAwareFollower(PathFollower):
             wz=min(p.max_turn_rate, limits.wz),
         )
         self._smooth = JerkLimit(limits)
-        self._motion = FootprintMotion(limits.footprint, p.margin)
+        self._use_outlines(limits)
+
+    def _use_outlines(self, limits: MotionLimits) -> None:
+        self._motion = FootprintMotion(limits.footprint.above, self._common.margin)  # what is seen may be tall
         self._check = FootprintCheck(limits.footprint)
-        self._begin(limits, Critics(p.critics, limits.footprint, limits.vy > 0.0))
+        self._begin(limits, Critics(self._common.critics, limits.footprint, limits.vy > 0.0))
 
     def observe(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """See ``PathFollower.observe``."""
@@ -118,6 +121,10 @@ class ObstacleAwareFollower(PathFollower):
             raise RuntimeError(f"{type(self).__name__}.reset was called before configure: it must know its base")
         if len(path.points) == 0:
             raise ValueError(f"{type(self).__name__} path should have at least one point but has none")
+        overhang = None if costmap is None else costmap.footprint.overhang
+        if overhang is not self._limits.footprint.overhang:
+            self._limits = replace(self._limits, footprint=replace(self._limits.footprint, overhang=overhang))
+            self._use_outlines(self._limits)
         self._obstacles.use_costmap(costmap)
         self._path = path
         self._backwards = int(np.argmin(np.append(path.reverse, False)))  # segments at the start
@@ -202,9 +209,13 @@ class ObstacleAwareFollower(PathFollower):
         if self._to_go is None or self._since_field > self._common.field_every:
             self._since_field = 0
             ahead, left = self._progress.ahead
-            inscribed = self._limits.footprint.inscribed_radius
+            footprint, free = self._limits.footprint, self._obstacles.distance
+            inscribed = footprint.inscribed_radius
+            if free.tall is not None:
+                more = np.float32(footprint.above.inscribed_radius - inscribed)
+                free = replace(free, values=np.minimum(free.values, free.tall.values - more), tall=None)
             clearances = (inscribed + self._common.clearance, inscribed + 0.01)
-            self._to_go = cost_to_go(self._obstacles.distance, clearances, ahead, left, pose.xy, self._common.carrot)
+            self._to_go = cost_to_go(free, clearances, ahead, left, pose.xy, self._common.carrot)
         return self._to_go
 
     def _near_the_end(self, pose: Pose2D) -> bool:

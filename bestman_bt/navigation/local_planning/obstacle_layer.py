@@ -125,8 +125,7 @@ class ObstacleLayer:
         reach = math.ceil(INFLUENCE / costmap.resolution)
         top, left = max(0, int(row.min()) - reach), max(0, int(column.min()) - reach)
         window = np.s_[top : int(row.max()) + reach + 1, left : int(column.max()) + reach + 1]
-        distance = np.array(costmap.distance)
-        taken = np.ones(distance[window].shape, dtype=np.uint8)
+        taken = np.ones(costmap.distance[window].shape, dtype=np.uint8)
         taken[row - top, column - left] = 0
         _, labels = cv2.distanceTransformWithLabels(taken, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
         # Which cell with a mark is the nearest one tells the grid; how far its marks are, their middle does.
@@ -134,7 +133,7 @@ class ObstacleLayer:
         count = np.bincount(at, minlength=int(labels.max()) + 1)
         sums = np.column_stack([np.bincount(at, points[:, axis], len(count)) for axis in (0, 1)])
         middles = sums / np.maximum(count, 1)[:, None]
-        height, width = distance[window].shape
+        height, width = taken.shape
         y, x = np.mgrid[top : top + height, left : left + width]
         nearest = middles[labels]
         away = np.hypot(
@@ -142,8 +141,10 @@ class ObstacleLayer:
             costmap.origin[1] + (y + 0.5) * costmap.resolution - nearest[..., 1],
         )
         margin = self._parameters.resolution / 2 + costmap.parameters.clearance
-        distance[window] = np.minimum(distance[window], away - margin)
-        return replace(costmap, distance=distance)
+        distance = _nearer(costmap.distance, window, away - margin)
+        # Nobody knows how high it is.
+        tall = None if costmap.tall is None else _nearer(costmap.tall, window, away - margin)
+        return replace(costmap, distance=distance, tall=tall)
 
     def _clear_by_rays(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """Believe a cell that a beam passes through a little less in what was in it."""
@@ -183,6 +184,15 @@ class ObstacleLayer:
         row, column = np.divmod(np.flatnonzero(self.marked), self._cells)
         resolution = self._parameters.resolution
         self.points = np.column_stack([column, row]) * resolution + np.array(self.origin or (0.0, 0.0)) + resolution / 2
+
+
+def _nearer(
+    field: NDArray[np.float64], window: tuple[slice, slice], distance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """A field (rows, columns) in whose ``window`` something is at a ``distance``."""
+    nearer = np.array(field)
+    nearer[window] = np.minimum(nearer[window], distance)
+    return nearer
 
 
 def _shifted(grid: NDArray[np.int8], rows: int, columns: int) -> NDArray[np.int8]:

@@ -17,3 +17,7 @@ class CostmapLayer(ABC):
 
         Infinite where there is none. The layer's own margins are already taken off.
         """
+
+    def reaching(self, height: float) -> CostmapLayer:
+        """What of it reaches up to ``height`` metres or higher: all of it, itself, where that is not known."""
+        return self

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,11 @@ class FurnitureLayer(CostmapLayer):
     pieces: Sequence[MapFurniture]
     position_error: float
     heading_error: float
+
+    def reaching(self, height: float) -> FurnitureLayer:
+        """The pieces that are so high."""
+        high = [piece for piece in self.pieces if piece.height >= height]
+        return self if len(high) == len(self.pieces) else replace(self, pieces=high)
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """See the base class."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,10 @@ class ShapeLayer(CostmapLayer):
     shapes: Sequence[PlacedShape]
     floor_height: float
     robot_height: float
+
+    def reaching(self, height: float) -> ShapeLayer:
+        """Without the shapes that end below."""
+        return replace(self, floor_height=max(self.floor_height, height))
 
     def distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """See the base class."""
