@@ -29,8 +29,8 @@ LOOK_AHEAD = 1.5
 """Metres of the path ahead that must be free."""
 EVERY_POINT = 7
 """Of a depth image's points, one in so many is drawn."""
-PADDING = 0.04
-"""Metres by which the base's outline is grown: an arm may reach past it, and beams clear cells that posts half fill."""
+PADDING = 0.025
+"""Metres by which the outline of base and arm is grown: beams clear cells that posts half fill."""
 ARRIVED = 0.30
 """Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
 
@@ -53,7 +53,11 @@ class ExploreAndMap(Skill):
     }
     DECLARATION = Declaration(
         effects=("mapped()",),
-        recovery={"time_limit": "ExploreAndMap with more max_time", "no_image": "ExploreAndMap again"},
+        recovery={
+            "time_limit": "ExploreAndMap with more max_time",
+            "no_image": "ExploreAndMap again",
+            "start_blocked": "DriveOnHeading or BackUp, then ExploreAndMap again",
+        },
     )
 
     def execute(self) -> Steps:
@@ -98,18 +102,26 @@ class ExploreAndMap(Skill):
         yield skills.base.park()
         overhangs = Overhangs(slam.grid.resolution)
         self._pictured: Pose2D | None = None
-        useless = np.zeros((0, 2))
+        # How high something is that the lidar has seen is not known: the arm keeps clear of all of it.
+        above = skills.footprint().above
+        corners = above.corners * (1.0 + PADDING / np.linalg.norm(above.corners, axis=1, keepdims=True))
+        self._outline = Footprint(corners, above.turning_drift)
+        useless, moved = np.zeros((0, 2)), False
         while skills.clock.now() < end:
             grid, costmap = self._look(overhangs)
             views: list[FrontierView] = yield self.compute(
                 "exploration", explorer.tour, grid, costmap, self._pose, useless
             )
+            if not views and not moved and costmap.clearance_at(self._pose) <= 0.0:
+                text = "too little around the base is known to be free to drive from where it stands"
+                raise SkillFailure("start_blocked", text)
             if not views:
                 return True
             for view in views:
                 path = yield self.compute("global_planning", self._plan, view.pose, costmap)
                 if isinstance(path, Path2D):
                     self.feedback_message = f"{view.gain:.1f} m² unknown in view, {path.length:.1f} m away"
+                    moved = True
                     if not (yield from self._drive(path, view, overhangs, end)):
                         useless = np.vstack([useless, view.pose.xy])
                     break
@@ -153,9 +165,9 @@ class ExploreAndMap(Skill):
                 raise SkillFailure("no_image", f"what hangs over the floor cannot be seen: {error}") from error
             overhangs.add(view.cloud().points[::EVERY_POINT], view.viewpoint)
         grid = skills.algorithms.slam.grid
-        corners = np.array(skills.base.description.footprint)
-        footprint = Footprint(corners * (1.0 + PADDING / np.linalg.norm(corners, axis=1, keepdims=True)))
-        return grid, skills.algorithms.costmap.of_grid(overhangs.drawn_on(grid), footprint)
+        if not grid.data.size:
+            raise SkillFailure("start_blocked", "the lidar has seen nothing yet that a map could be drawn of")
+        return grid, skills.algorithms.costmap.of_grid(overhangs.drawn_on(grid), self._outline)
 
     @property
     def _pose(self) -> Pose2D:

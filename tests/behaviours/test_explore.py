@@ -80,3 +80,15 @@ def test_time_that_is_up_is_told_and_the_map_is_saved_all_the_same(tmp_path: Pat
         assert execution.tree_status == "FAILURE"
         assert opened.skills.failures[-1].error_code == "time_limit"
         assert (read_map(file).data == FREE).sum() > 1000
+
+
+@pytest.mark.parametrize(
+    ("range_max", "words"), [("70 cm", "seen nothing yet"), ("1.5 m", "too little around the base")]
+)
+def test_a_lidar_that_sees_too_little_to_drive_is_told_and_no_finished_map(range_max: str, words: str) -> None:
+    with session(seed=2, settings=[f"robot.parts.lidar.set.range_max={range_max}"]) as opened:
+        execution = opened.run(tree_of("<ExploreAndMap/>"))
+        assert execution.tree_status == "FAILURE"
+        failure = opened.skills.failures[-1]
+        assert failure.error_code == "start_blocked"
+        assert words in failure.why
