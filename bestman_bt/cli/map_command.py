@@ -14,6 +14,10 @@ from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.map_file import read_map
 
+_AROUND = 0.5
+"""Metres that a picture shows around what is known."""
+_UNKNOWN_COLOUR = (0.80, 0.84, 0.88)
+
 verbs = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
@@ -73,6 +77,7 @@ def _facts(grid: OccupancyGrid) -> dict[str, Any]:
 
 
 def _picture(grid: OccupancyGrid, path: Path, title: str) -> None:
+    """What is known of a map, and a little around it: maps often lie in far more that nobody has seen."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -82,9 +87,14 @@ def _picture(grid: OccupancyGrid, path: Path, title: str) -> None:
     x, y = grid.origin.tolist()
     extent = (x, x + columns * grid.resolution, y, y + rows * grid.resolution)
     known = 1.0 - grid.data.clip(FREE, OCCUPIED) / OCCUPIED
-    image = np.where((grid.data == UNKNOWN)[..., None], [0.80, 0.84, 0.88], known[..., None])
-    figure, axes = plt.subplots(figsize=(8.0, 0.8 + 7.2 * rows / columns), dpi=110)
+    image = np.where((grid.data == UNKNOWN)[..., None], _UNKNOWN_COLOUR, known[..., None])
+    known_cells = np.argwhere(grid.data != UNKNOWN)
+    shown = known_cells if len(known_cells) else np.array([[0, 0], [rows - 1, columns - 1]])
+    left, bottom = grid.to_points(shown.min(axis=0)) - _AROUND
+    right, top = grid.to_points(shown.max(axis=0)) + _AROUND
+    figure, axes = plt.subplots(figsize=(8.0, 0.8 + 7.2 * (top - bottom) / (right - left)), dpi=110)
     axes.imshow(image, origin="lower", extent=extent, interpolation="nearest")
+    axes.set(xlim=(left, right), ylim=(bottom, top), facecolor=_UNKNOWN_COLOUR)
     axes.set_title(title)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")

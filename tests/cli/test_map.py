@@ -31,6 +31,17 @@ def test_a_map_is_told_and_drawn(bestman_bt: Command, folder: Path) -> None:
     assert {(0, 0, 0), (255, 255, 255)} <= set(map(tuple, pixels.tolist()))
 
 
+def test_a_picture_shows_what_is_known_of_a_map_that_is_mostly_unknown(bestman_bt: Command, folder: Path) -> None:
+    data = np.full((400, 400), -1, dtype=np.int8)
+    data[200:240, 200:280] = 0
+    for name, known in (("small", data), ("nothing", np.full((400, 400), -1, dtype=np.int8))):
+        write_map(OccupancyGrid(known, 0.05, np.array([-10.0, -10.0])), folder / f"{name}.yaml")
+        assert bestman_bt("map", "show", f"{name}.yaml", "--png", f"{name}.png").code == 0
+    pixels = np.asarray(Image.open(folder / "small.png").convert("RGB"))
+    floor = pixels[pixels.shape[0] // 4 : -pixels.shape[0] // 4, pixels.shape[1] // 4 : -pixels.shape[1] // 4] == 255
+    assert floor.all()
+
+
 @pytest.mark.parametrize(("text", "words"), [(None, "no such file"), ("image: gone.pgm\n", "resolution")])
 def test_a_wrong_map_is_wrong_input(bestman_bt: Command, folder: Path, text: str | None, words: str) -> None:
     if text is not None:
