@@ -247,5 +247,5 @@ class BaseController:
     def _observe(self, seen: PlacedScan) -> None:
         self._gate.observe(seen.scan, self.base_from_lidar, seen.odometry)
         self._follower.observe(seen.scan, seen.map_from_lidar)
-        if not self._where.lost:
+        if seen.fits:
             self.layer.update(seen.scan, seen.map_from_lidar)

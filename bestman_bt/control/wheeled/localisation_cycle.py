@@ -36,11 +36,15 @@ class LocalisationCycleParameters:
 
 @dataclass(frozen=True)
 class PlacedScan:
-    """A scan, where the odometry was when it was taken, and where the lidar is believed to have been on the map."""
+    """A scan, where the odometry was when it was taken, and where the lidar is believed to have been on the map.
+
+    ``fits``: whether the localisation took it: what one that was refused shows has no place on the map.
+    """
 
     scan: LaserScan
     odometry: Pose2D
     map_from_lidar: Pose2D
+    fits: bool
 
 
 class LocalisationCycle:
@@ -129,11 +133,12 @@ class LocalisationCycle:
             scan, base_from_lidar = self._lidar.scan(), self._lidar.base_from_lidar
             estimate = self.localizer.correct(scan, base_from_lidar)
             self._scans_at_rest += 1
-            if estimate.match is not None and estimate.match.accepted:
+            fits = estimate.match is not None and estimate.match.accepted
+            if fits:
                 self._refused_scans, self.lost = 0, False
             else:
                 self._refused_scans += 1
-            self._seen(PlacedScan(scan, odometry, estimate.pose @ base_from_lidar))
+            self._seen(PlacedScan(scan, odometry, estimate.pose @ base_from_lidar, fits))
         self._world.base = BasePose(estimate.pose, estimate.position_std, estimate.heading_std, self._clock.now())
 
     def _reset(self, believed: BasePose) -> None:

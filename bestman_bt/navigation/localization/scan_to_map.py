@@ -2,7 +2,9 @@
 
 The match gives a pose and its covariance (from the Gauss-Newton normal matrix); the filter weighs it against the
 odometry. Walls are exact; a piece of furniture is off as a whole, so all hits on it together count as one measurement
-with that error, not as many independent ones.
+with that error, not as many independent ones. Beams that end before what the map has in their way have met something
+unknown, a door that was shut or people all around: they say nothing against the pose (``z_short`` of the beam model,
+Thrun, Burgard and Fox 2005, section 6.3). Those that pass through a wall of the map do.
 """
 
 from __future__ import annotations
@@ -36,10 +38,11 @@ class ScanToMapParameters:
     of a beam. ``wall_std``, ``furniture_std``: error of a wall and of a piece of furniture as a whole. ``slip``,
     ``turn_slip``, ``turn_shift``, ``drift``: see ``OdometryNoise``; ``dragged_turn_slip``, ``dragged_turn_shift``: of a
     base that drags its wheels in turns. A match is refused with less than ``min_inlier_ratio`` of the hits
-    explained, or when it lies more than ``max_deviation`` standard deviations from the prediction; if it explains
-    ``sure_inlier_ratio`` of the hits all the same, the wheels have slipped, and the variances grow by ``surprise``
-    until it is believed. Nothing is matched where the pose is less certain than ``unknown_std``: a place that fits is
-    then no more than one of many.
+    explained, unless most others end more than ``early_by`` metres before the map: then ``min_seen_ratio`` of the hits
+    will do if they are ``min_consistent_ratio`` of those that do not end early. It is also refused when it lies more
+    than ``max_deviation`` standard deviations from the prediction; if it explains ``sure_inlier_ratio`` of the hits all
+    the same, the wheels have slipped, and the variances grow by ``surprise`` until it is believed. Nothing is matched
+    where the pose is less certain than ``unknown_std``: a place that fits is then no more than one of many.
     """
 
     iterations: int = 8
@@ -58,6 +61,9 @@ class ScanToMapParameters:
     dragged_turn_slip: float = 0.02
     dragged_turn_shift: float = 0.005
     min_inlier_ratio: float = 0.35
+    min_seen_ratio: float = 0.15
+    min_consistent_ratio: float = 0.8
+    early_by: float = 0.15
     max_deviation: float = 4.5
     sure_inlier_ratio: float = 0.6
     surprise: float = 4.0
@@ -118,8 +124,9 @@ class ScanToMap(Localizer):
             return self._refused(ScanMatch(False, 0.0, math.inf, "nothing in the map is in view"))
         # A board of a shelf before a wall is not that wall.
         boards = within(self._open_furniture, estimate.pose.apply(hits))
-        matched, information, inliers, residual = self._match(hits, boards, estimate.pose, visible)
-        if inliers < p.min_inlier_ratio:
+        matched, information, on_map, residual = self._match(hits, boards, estimate.pose, visible)
+        inliers = float(on_map.mean())
+        if inliers < p.min_inlier_ratio and not self._is_hidden(scan, matched @ base_from_lidar, on_map):
             text = f"only {inliers:.0%} of the hits lie on something in the map"
             return self._refused(ScanMatch(False, inliers, residual, text))
         innovation = difference(matched, estimate.pose)
@@ -147,10 +154,22 @@ class ScanToMap(Localizer):
         _, seen = cast_rays(self._segments, map_from_lidar, scan.angles[::2])
         return np.unique(seen[seen >= 0])
 
+    def _is_hidden(self, scan: LaserScan, map_from_lidar: Pose2D, on_map: NDArray[np.bool_]) -> bool:
+        """Whether something unknown hides the map from most beams, and what is seen of it speaks for the pose.
+
+        ``on_map``: the hits (N,) that lie on something in the map.
+        """
+        p = self._parameters
+        hit = np.isfinite(scan.ranges)
+        expected, _ = cast_rays(self._segments, map_from_lidar, scan.angles[hit])
+        early = ~on_map & (scan.ranges[hit] < expected - p.early_by)
+        seen = float(on_map.mean())
+        return seen >= p.min_seen_ratio and seen >= p.min_consistent_ratio * float(np.mean(~early))
+
     def _match(
         self, hits: NDArray[np.float64], boards: NDArray[np.bool_], pose: Pose2D, visible: NDArray[np.intp]
-    ) -> tuple[Pose2D, NDArray[np.float64], float, float]:
-        """The pose that fits best, its information matrix (3, 3), the inlier ratio and the residual.
+    ) -> tuple[Pose2D, NDArray[np.float64], NDArray[np.bool_], float]:
+        """The pose that fits best, its information matrix (3, 3), which hits (N,) lie on the map, and their residual.
 
         ``boards``: hits (N,) that lie on furniture of which the map has no lines.
         """
@@ -189,9 +208,8 @@ class ScanToMap(Localizer):
             if k >= 3 and moved < 1e-5:
                 break
         matched = Pose2D(x, y, wrap_angle(theta))
-        count = int(inlier.sum())
-        residual = math.sqrt(float(np.mean(residuals[inlier] ** 2))) if count else math.inf
-        return matched, information, count / len(hits), residual
+        residual = math.sqrt(float(np.mean(residuals[inlier] ** 2))) if inlier.any() else math.inf
+        return matched, information, inlier, residual
 
 
 def _nearest(

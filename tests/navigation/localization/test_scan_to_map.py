@@ -118,6 +118,42 @@ def test_odometry_alone_makes_the_estimate_less_certain(kitchen):
     assert 0.001 < first.heading_std < second.heading_std
 
 
+def boards_around(pose, places):
+    """Upright boards of 1.6 m: each so many radians to the left of ahead and 75 cm away, across the way there."""
+    boards = []
+    for angle in places:
+        middle = pose @ Pose2D(0.75 * math.cos(angle), 0.75 * math.sin(angle), angle + math.pi / 2)
+        boards.append(middle.apply(np.array([[-0.8, 0.0], [0.8, 0.0]])).ravel())
+    return np.array(boards)
+
+
+def test_where_most_beams_end_before_the_map_the_others_tell_the_pose(kitchen):
+    rng = np.random.default_rng(11)
+    for truth in (Pose2D(0.0, 0.0, 0.3), Pose2D(2.3, -0.3, -0.5), Pose2D(0.3, 0.4, 2.0)):
+        hidden = np.vstack([kitchen.lidar_segments(), boards_around(truth, (-0.1, 2.0, -2.2))])
+        localizer = localizer_at(kitchen, Pose2D(truth.x + 0.01, truth.y - 0.01, truth.theta + 0.005))
+        for _ in range(10):
+            estimate = localizer.correct(scan_at(truth, hidden, rng), BASE_FROM_LIDAR)
+        position, heading = errors(estimate.pose, truth)
+        assert estimate.match.accepted, estimate.match
+        assert estimate.match.inlier_ratio < 0.35
+        assert position < 0.01
+        assert heading < math.radians(0.3)
+
+
+def test_a_wrong_pose_is_not_believed_because_most_beams_end_before_the_map(kitchen):
+    rng = np.random.default_rng(12)
+    accepted = []
+    for _ in range(40):
+        truth = Pose2D(*rng.uniform([-0.6, -1.9, -3.1], [1.1, 2.1, 3.1]))
+        away = Pose2D(float(rng.uniform(0.4, 0.8)), 0.0, float(rng.uniform(-0.5, 0.5)))
+        hidden = np.vstack([kitchen.lidar_segments(), boards_around(truth, (-0.1, 2.0, -2.2))])
+        localizer = localizer_at(kitchen, truth @ Pose2D(0.0, 0.0, float(rng.uniform(-3.1, 3.1))) @ away)
+        estimate = localizer.correct(scan_at(truth, hidden, rng), BASE_FROM_LIDAR)
+        accepted.append(estimate.match.accepted)
+    assert sum(accepted) == 0
+
+
 def test_a_scan_from_elsewhere_is_refused_and_the_estimate_stays(kitchen):
     rng = np.random.default_rng(6)
     localizer = localizer_at(kitchen, Pose2D(0.0, 0.0, 0.0))
