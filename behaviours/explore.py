@@ -30,7 +30,7 @@ LOOK_AHEAD = 1.5
 EVERY_POINT = 7
 """Of a depth image's points, one in so many is drawn."""
 PADDING = 0.025
-"""Metres by which the outline of base and arm is grown: beams clear cells that posts half fill."""
+"""Metres by which the base's outline is grown: beams clear cells that posts half fill."""
 ARRIVED = 0.30
 """Metres from a goal where all that is to be seen from it has been: the base need not come to rest there."""
 
@@ -102,10 +102,7 @@ class ExploreAndMap(Skill):
         yield skills.base.park()
         overhangs = Overhangs(slam.grid.resolution)
         self._pictured: Pose2D | None = None
-        # How high something is that the lidar has seen is not known: the arm keeps clear of all of it.
-        above = skills.footprint().above
-        corners = above.corners * (1.0 + PADDING / np.linalg.norm(above.corners, axis=1, keepdims=True))
-        self._outline = Footprint(corners, above.turning_drift)
+        self._outline = self._grown(skills.footprint())
         useless, moved = np.zeros((0, 2)), False
         while skills.clock.now() < end:
             grid, costmap = self._look(overhangs)
@@ -127,6 +124,13 @@ class ExploreAndMap(Skill):
                     break
                 useless = np.vstack([useless, view.pose.xy])
         return False
+
+    def _grown(self, footprint: Footprint) -> Footprint:
+        """The outline of base and arm as one: how high something is that the lidar has seen is not known."""
+        corners = footprint.corners * (1.0 + PADDING / np.linalg.norm(footprint.corners, axis=1, keepdims=True))
+        above = footprint.above.corners
+        reaching = np.column_stack([above, np.zeros(len(above))])
+        return Footprint(corners, footprint.turning_drift).carrying([reaching], margin=0.0).above
 
     def _drive(self, path: Path2D, view: FrontierView, overhangs: Overhangs, end: float) -> StepsTo[bool]:
         """Drive until there is nothing more to see from the goal; whether that is so, on the way or there."""
