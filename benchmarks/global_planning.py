@@ -146,7 +146,7 @@ def draw(asked: Question, planners: dict[str, GlobalPlanner], file: Path) -> Non
         path = planner.plan(start, goal, costmap)
         if isinstance(path, Path2D):
             axes.plot(*path.points.T, color=colour, label=f"{name}, {path.length:.1f} m", lw=1.8, zorder=8)
-    axes.legend(loc="upper right", title="from yellow to green")
+    figure.legend(loc="outside lower center", ncols=len(planners), fontsize=8, frameon=False)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     FigureCanvasAgg(figure)
