@@ -247,20 +247,54 @@ class Costmap:
 
         Zero or negative where it touches one or leaves the costmap. What stands out above counts where it meets.
         """
-        outline = self.footprint.outline(self.resolution / 2)
-        cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
-        points = np.stack(
-            [
-                poses[:, 0, None] + cos * outline[:, 0] - sin * outline[:, 1],
-                poses[:, 1, None] + sin * outline[:, 0] + cos * outline[:, 1],
-            ],
-            axis=-1,
-        )
+        points = _outlines(self.footprint.outline(self.resolution / 2), poses)
         around = self.distance_at(points).min(axis=1)
         inside = self.distance_at(poses[:, :2]) - self.footprint.inscribed_radius
         clearance: NDArray[np.float64] = np.minimum(around, inside)
-        return clearance if self.above is None else np.minimum(clearance, self.above.footprint_clearance(poses))
+        return clearance if self.tall is None else np.minimum(clearance, self.overhang_clearance(poses))
+
+    def overhang_clearance(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Metres, at least, between what stands out above and the next tall obstacle; infinite where nothing does.
+
+        An arm may reach across a thin wall, to where it is free again, and around a post: discs on and within the
+        outline are looked at, and nothing is interpolated, as that hides walls between cells. Up to 2 cm of room may so
+        be overlooked.
+        """
+        if self.tall is None:
+            return np.full(len(poses), np.inf)
+        discs = self.footprint.discs_above
+        clearance: NDArray[np.float64] = (self._at_least(_outlines(discs[:, :2], poses)) - discs[:, 2]).min(axis=1)
+        return clearance
+
+    def _at_least(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A lower bound of the distance to what is tall at points (..., 2): that of each cell around, less the way."""
+        assert self.tall is not None
+        rows, columns = self.tall.shape
+        x, y = np.moveaxis((points - self.origin) / self.resolution - 0.5, -1, 0)
+        inside = (x >= -0.5) & (x < columns - 0.5) & (y >= -0.5) & (y < rows - 0.5)
+        column = np.clip(x.astype(np.intp), 0, columns - 2)
+        row = np.clip(y.astype(np.intp), 0, rows - 2)
+        flat, corner = self.tall.ravel(), row * columns + column
+        bound = np.full(x.shape, -np.inf)
+        for down in (0, 1):
+            for right in (0, 1):
+                way = self.resolution * np.hypot(x - column - right, y - row - down)
+                np.maximum(bound, flat[corner + down * columns + right] - way, out=bound)
+        distance: NDArray[np.float64] = np.where(inside, bound, -1.0)
+        return distance
 
     def clearance_at(self, pose: Pose2D) -> float:
         """Metres between the footprint at ``pose`` and the next obstacle, as ``footprint_clearance``."""
         return float(self.footprint_clearance(np.array([[pose.x, pose.y, pose.theta]]))[0])
+
+
+def _outlines(outline: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (M, 2) of an outline at ``poses`` (N, 3), (N, M, 2)."""
+    cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
+    return np.stack(
+        [
+            poses[:, 0, None] + cos * outline[:, 0] - sin * outline[:, 1],
+            poses[:, 1, None] + sin * outline[:, 0] + cos * outline[:, 1],
+        ],
+        axis=-1,
+    )

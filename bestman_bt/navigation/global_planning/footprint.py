@@ -17,6 +17,8 @@ _STANDS_OUT = 2e-3
 """Metres beyond the base's outline below which nothing stands out: both are measured from meshes."""
 _ROUNDED = 2e-3
 """Metres by which corners of the outline above may be cut off; its margin is far more."""
+DISCS = 0.0125
+"""Metres from one disc on the outline above to the next."""
 _AROUND = np.array([[math.cos(turn), math.sin(turn)] for turn in np.arange(8) * math.pi / 4]) / math.cos(math.pi / 8)
 
 
@@ -60,12 +62,9 @@ class Footprint:
 
         ``margin``: metres that they may sway, each way.
         """
-        edges = np.roll(self.corners, -1, axis=0) - self.corners
-        normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
-        offsets = np.einsum("ij,ij->i", normals, self.corners)
         reach, height, outside = 0.0, math.inf, [self.corners]
         for body in bodies:
-            beyond = body[:, :2] @ normals.T - offsets
+            beyond = self._beyond(body[:, :2])
             out = beyond.max(axis=1)
             if len(body) == 0 or out.max() <= _STANDS_OUT:
                 continue
@@ -82,6 +81,36 @@ class Footprint:
     def above(self) -> Footprint:
         """What must keep clear of all that reaches up to the overhang; the base itself where there is none."""
         return self if self.overhang is None else Footprint(self.overhang.corners, self.turning_drift)
+
+    @cached_property
+    def discs_above(self) -> NDArray[np.float64]:
+        """Discs (N, 3) over all of ``above`` that stands out: x, y and radius, metres.
+
+        Those on the outline reach half the way to the next one. Those within stay a little off the outline: next to the
+        sides of the base they take no room.
+        """
+        outline = self.above.outline(DISCS)
+        low, high = self.above.corners.min(axis=0), self.above.corners.max(axis=0)
+        x, y = (np.arange(low[axis], high[axis], DISCS) for axis in (0, 1))
+        within = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        radius = -self.above._beyond(within).max(axis=1) - DISCS
+        discs = np.vstack(
+            [np.column_stack([outline, np.full(len(outline), DISCS / 2)]), np.column_stack([within, radius])]
+        )
+        discs = discs[(discs[:, 2] > 0.0) & (self._beyond(discs[:, :2]).max(axis=1) > 0.0)]
+        # The larger ones hold most of the others.
+        discs = discs[np.argsort(-discs[:, 2], kind="stable")]
+        apart = np.linalg.norm(discs[:, None, :2] - discs[None, :, :2], axis=-1)
+        held = np.tril(apart + discs[:, None, 2] <= discs[None, :, 2] + _ROUNDED, -1).any(axis=1)
+        kept: NDArray[np.float64] = discs[~held]
+        return kept
+
+    def _beyond(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Metres (N, sides) that points (N, 2) lie beyond the line of each side; negative within."""
+        edges = np.roll(self.corners, -1, axis=0) - self.corners
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+        beyond: NDArray[np.float64] = points @ normals.T - np.einsum("ij,ij->i", normals, self.corners)
+        return beyond
 
     @cached_property
     def inscribed_radius(self) -> float:

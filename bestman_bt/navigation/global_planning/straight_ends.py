@@ -84,14 +84,16 @@ class StraightEnds:
         best: tuple[int, NDArray[np.float64], bool] | None = None
         for direction in (-1.0, 1.0):
             poses = self._straight(start, direction)
-            base = self.costmap.without_overhang.footprint_clearance(poses)
+            base, free = (
+                self.costmap.without_overhang.footprint_clearance(poses),
+                self.costmap.overhang_clearance(poses),
+            )
             # A base that stands inside a margin may leave it as long as it does not come nearer to anything. An arm
             # came to where it is by shapes, not by outlines: it may be as deep inside one as it is, above its boards.
             passable = (base > 0.0) | _rising(base, bool(base[0] > -self.parameters.max_overlap))
             if self.costmap.above is not None:
-                above = self.costmap.above.footprint_clearance(poses)
-                passable &= (above > 0.0) | _rising(above, True)
-            index = self._end(poses, self.costmap.footprint_clearance(poses), passable)
+                passable &= (free > 0.0) | _rising(self.costmap.above.footprint_clearance(poses), True)
+            index = self._end(poses, np.minimum(base, free), passable)
             if index is not None and (best is None or index < best[0]):
                 best = index, poses[index, :2], direction < 0.0
         if best is not None:

@@ -125,7 +125,8 @@ class ObstacleLayer:
         reach = math.ceil(INFLUENCE / costmap.resolution)
         top, left = max(0, int(row.min()) - reach), max(0, int(column.min()) - reach)
         window = np.s_[top : int(row.max()) + reach + 1, left : int(column.max()) + reach + 1]
-        taken = np.ones(costmap.distance[window].shape, dtype=np.uint8)
+        height, width = costmap.distance[window].shape
+        taken = np.ones((height, width), dtype=np.uint8)
         taken[row - top, column - left] = 0
         _, labels = cv2.distanceTransformWithLabels(taken, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_PIXEL)
         # Which cell with a mark is the nearest one tells the grid; how far its marks are, their middle does.
@@ -133,7 +134,6 @@ class ObstacleLayer:
         count = np.bincount(at, minlength=int(labels.max()) + 1)
         sums = np.column_stack([np.bincount(at, points[:, axis], len(count)) for axis in (0, 1)])
         middles = sums / np.maximum(count, 1)[:, None]
-        height, width = taken.shape
         y, x = np.mgrid[top : top + height, left : left + width]
         nearest = middles[labels]
         away = np.hypot(

@@ -34,7 +34,7 @@ class SelfFilter:
         self._slack = slack
 
     @cached_property
-    def _hulls(self) -> dict[str, tuple[NDArray[np.float64], ...]]:
+    def _hulls(self) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
         return link_hulls(self._robot)
 
     def mask(
