@@ -263,7 +263,9 @@ class Costmap:
         if self.tall is None:
             return np.full(len(poses), np.inf)
         discs = self.footprint.discs_above
-        clearance: NDArray[np.float64] = (self._at_least(_outlines(discs[:, :2], poses)) - discs[:, 2]).min(axis=1)
+        clearance: NDArray[np.float64] = (self._at_least(_outlines(discs[:, :2], poses)) - discs[:, 2]).min(
+            axis=1, initial=np.inf
+        )
         return clearance
 
     def _at_least(self, points: NDArray[np.float64]) -> NDArray[np.float64]:

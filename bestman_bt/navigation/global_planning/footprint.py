@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from bestman_bt.messages.frozen_array import frozen_array
 
-_STANDS_OUT = 2e-3
-"""Metres beyond the base's outline below which nothing stands out: both are measured from meshes."""
 _ROUNDED = 2e-3
 """Metres by which corners of the outline above may be cut off; its margin is far more."""
 DISCS = 0.0125
@@ -60,17 +58,18 @@ class Footprint:
     def carrying(self, bodies: Iterable[NDArray[np.float64]], margin: float) -> Footprint:
         """The same base with ``bodies`` above it, each the convex hull of points (N, 3), metres in the base frame.
 
-        ``margin``: metres that they may sway, each way.
+        ``margin``: metres that they may sway, each way; what stands out by less counts as the base, whose own margins
+        hold for it.
         """
         reach, height, outside = 0.0, math.inf, [self.corners]
         for body in bodies:
             beyond = self._beyond(body[:, :2])
             out = beyond.max(axis=1)
-            if len(body) == 0 or out.max() <= _STANDS_OUT:
+            if len(body) == 0 or out.max() <= margin:
                 continue
             reach = max(reach, float(out.max()))
             height = min(height, *(_lowest_beyond(side, body[:, 2]) for side in beyond.T))
-            outside.append((body[out > 0.0, None, :2] + margin * _AROUND).reshape(-1, 2))
+            outside.append((body[out > margin, None, :2] + margin * _AROUND).reshape(-1, 2))
         if len(outside) == 1:
             return replace(self, overhang=None)
         hull = cv2.convexHull(np.concatenate(outside).astype(np.float32), clockwise=False)
@@ -86,8 +85,8 @@ class Footprint:
     def discs_above(self) -> NDArray[np.float64]:
         """Discs (N, 3) over all of ``above`` that stands out: x, y and radius, metres.
 
-        Those on the outline reach half the way to the next one. Those within stay a little off the outline: next to the
-        sides of the base they take no room.
+        Those on the outline reach half the way to the next one, those within stay a little off it. None lies next to
+        the base, so that where it may stand before something high does not depend on how well they are measured.
         """
         outline = self.above.outline(DISCS)
         low, high = self.above.corners.min(axis=0), self.above.corners.max(axis=0)
@@ -97,7 +96,7 @@ class Footprint:
         discs = np.vstack(
             [np.column_stack([outline, np.full(len(outline), DISCS / 2)]), np.column_stack([within, radius])]
         )
-        discs = discs[(discs[:, 2] > 0.0) & (self._beyond(discs[:, :2]).max(axis=1) > 0.0)]
+        discs = discs[(discs[:, 2] > 0.0) & (self._beyond(discs[:, :2]).max(axis=1) > DISCS)]
         # The larger ones hold most of the others.
         discs = discs[np.argsort(-discs[:, 2], kind="stable")]
         apart = np.linalg.norm(discs[:, None, :2] - discs[None, :, :2], axis=-1)
