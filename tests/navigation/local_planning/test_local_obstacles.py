@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.navigation.global_planning import Footprint
+from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, LocalObstacles, MotionLimits, safe_share
+from bestman_bt.navigation.local_planning.footprint_check import FootprintCheck
 from bestman_bt.navigation.local_planning.jerk_limit import JerkLimit
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 
@@ -115,3 +116,25 @@ def test_the_jerk_limit_reaches_a_velocity_without_passing_it_and_within_its_bou
     assert np.abs(np.diff(v)).max() / dt <= 0.6 + 1e-9
     assert np.abs(np.diff(v, 2)).max() / dt**2 <= 2 * 2.0 + 1e-6  # the last step lands on the velocity
     assert np.abs(np.diff(w, 2)).max() / dt**2 <= 2 * 10.0 + 1e-6
+
+
+def test_what_only_the_lidar_sees_counts_as_high_and_a_low_table_of_the_map_does_not(kitchen):
+    beside = np.array([[x, y, z] for x in (0.0, 0.1) for y in (0.1, 0.5) for z in (0.9, 1.2)])
+    arm = SQUARE.carrying([beside], 0.01)
+    obstacles, pose = LocalObstacles(), Pose2D(2.5, -0.9, 0.0)
+    obstacles.use_costmap(Costmap.from_map(kitchen, arm))
+    obstacles.update(scan_of(np.vstack([kitchen.walls, disc(2.5, 0.2)]), pose), pose)
+    x, y = np.array([3.1, 2.5], np.float32), np.array([-0.9, 0.0], np.float32)
+    assert obstacles.distance.at(x, y).max() < 0.1
+    table, post = obstacles.distance.tall.at(x, y)
+    assert table > 0.4
+    assert post < 0.1
+    check, still = FootprintCheck(arm), np.zeros(1, np.float32)
+    beside_the_table = np.array([3.4], np.float32), np.array([-0.3 + 0.42], np.float32)
+    beside_the_post = np.array([2.5], np.float32), np.array([0.2 - 0.22 - 0.42], np.float32)
+    away = still + np.float32(math.pi)
+    assert check.clearance(obstacles.distance, *beside_the_table, away)[0] > 0.0
+    assert check.clearance(obstacles.distance, *beside_the_post, away)[0] > 0.0
+    assert check.clearance(obstacles.distance, *beside_the_post, still)[0] < 0.0
+    assert check.touches(obstacles.distance, *beside_the_post, still, 0.0)[0][0]
+    assert not check.touches(obstacles.distance, *beside_the_post, away, 0.0)[0][0]
