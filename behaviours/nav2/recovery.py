@@ -30,7 +30,7 @@ class AreErrorCodesPresent(SkillCondition):
 class WouldAPlannerRecoveryHelp(AreErrorCodesPresent):
     """Whether planning failed for a reason that may go away: something is in the way, and not the goal off the map."""
 
-    CODES: ClassVar = ("no_path", "start_blocked", "goal_blocked")
+    CODES: ClassVar = ("no_path", "start_blocked", "goal_blocked", "arm_in_the_way")
 
 
 class WouldAControllerRecoveryHelp(AreErrorCodesPresent):
