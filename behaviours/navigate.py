@@ -21,6 +21,8 @@ DETOUR = 1.5
 """Metres that another path may be longer to be taken at once; for a longer one, who stands in the way may go away."""
 NEAR = 2.0
 """Metres before something on the path at which the base stops and waits where there is no other path."""
+SUDDEN = 1.2
+"""Metres: what the path meets nearer than that has come there. It may come so near that the lidar no longer sees it."""
 WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 8.0
 """Seconds that it waits for a path that is not much longer, and for any path at all."""
 PASSING = ("blocked", "tolerance", "path_blocked", "disconnected")
@@ -99,6 +101,8 @@ class NavigateTo(Skill):
                 return found
             if ahead < NEAR and not handle.done:
                 yield base.park()
+                if ahead < SUDDEN:
+                    most += yield from self._back_up()
                 return (yield from self._wait_for_path(goal, known, most))
 
     def _wait_for_path(self, goal: Pose2D, known: Costmap, most: float) -> StepsTo[Path2D]:
@@ -135,15 +139,21 @@ class NavigateTo(Skill):
         """Let time pass and forget what was seen; the first and every second time back up, too, where there is room."""
         skills, base = self.skills, self.skills.base
         yield skills.computation.submit(lambda: None, PAUSE)
-        room = 0.0 if attempt % 2 else self._room_behind()
         try:
-            if room > 0.0:
-                yield base.drive(-room)
+            if attempt % 2 == 0:
+                yield from self._back_up()
             base.layer.clear()
             yield base.park()
         except SkillFailure as failure:
             if failure.code not in PASSING:
                 raise
+
+    def _back_up(self) -> StepsTo[float]:
+        """Straight back as far as is free; metres."""
+        room = self._room_behind()
+        if room > 0.0:
+            yield self.skills.base.drive(-room)
+        return room
 
     def _room_behind(self) -> float:
         """Metres that the base can back up, up to ``BACK_UP``."""

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
+from bestman_bt.configuration import load_run
 from bestman_bt.runtime import Session, session
+from hal.pybullet import GroundTruth
 from tests.behaviours.at_the_table import AT_THE_TABLE
+from tests.behaviours.driving import BEFORE_THE_DOORWAY
+from tests.behaviours.truth import THINGS, known_world
 
 
 @pytest.fixture
@@ -21,4 +27,17 @@ def at_table() -> Iterator[Session]:
 def bystander() -> Iterator[Session]:
     """One robot for all tests of a module that leave the world as it is."""
     with session(seed=1, settings=AT_THE_TABLE) as opened:
+        yield opened
+
+
+@pytest.fixture
+def kitchen_with(tmp_path: Path) -> Iterator[Callable[..., tuple[Session, GroundTruth]]]:
+    """Opens sessions in a kitchen without things, before its doorway, with what is added to its scene file."""
+    with ExitStack() as stack:
+
+        def opened(*added: str) -> tuple[Session, GroundTruth]:
+            scene = tmp_path / "changed.yaml"
+            scene.write_text("\n".join([THINGS.strip(), BEFORE_THE_DOORWAY, *added, "goals: {}\n"]))
+            return stack.enter_context(known_world(load_run(tree="navigate", scene=scene, robot="diff_panda", seed=1)))
+
         yield opened

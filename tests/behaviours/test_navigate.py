@@ -2,50 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from bestman_bt.configuration import load_run
 from bestman_bt.engine import RUNNING, SUCCESS
-from bestman_bt.messages import Pose2D
-from bestman_bt.runtime import Session
-from hal.pybullet import GroundTruth
 from hal.pybullet.reading_line import SensorFault
 from hal.pybullet.wheel_motors import WheelMotors
 from tests.behaviours.at_the_table import fastest, tick, tree_of
-from tests.behaviours.truth import THINGS, audited, known_world, succeeds, why_not
+from tests.behaviours.driving import BEHIND_THE_DOORWAY, at, to
+from tests.behaviours.truth import audited, succeeds, why_not
 
-START = "robot_start: {x: [-1.3, -1.3], y: [0.0, 0.0], yaw: [0.0, 0.0]}"
-BEHIND_THE_DOORWAY = "1.2;0.0;0.0"
 CHAIR = "unmapped: {chair: {model: chair, at: [0.5, 0.1, 20 deg]}}"
 DOOR = "unmapped: {new_door: {model: wide_door, at: [0, 0, 0]}}"
 STANDING = "walkers: {count: 1, way_points: [[0.1, 0.0], [0.1, 0.3]], speed: [5 cm/s, 5 cm/s]}"
 CROSSING = "walkers: {count: 1, way_points: [[0.7, -1.5], [0.7, 1.5]], speed: [0.6 m/s, 0.6 m/s]}"
-
-
-@pytest.fixture
-def kitchen_with(tmp_path: Path) -> Iterator[Callable[..., tuple[Session, GroundTruth]]]:
-    """Opens sessions in a kitchen without things, with what is added to its scene file."""
-    with ExitStack() as stack:
-
-        def opened(*added: str) -> tuple[Session, GroundTruth]:
-            scene = tmp_path / "changed.yaml"
-            scene.write_text("\n".join([THINGS.strip(), START, *added, "goals: {}\n"]))
-            return stack.enter_context(known_world(load_run(tree="navigate", scene=scene, robot="diff_panda", seed=1)))
-
-        yield opened
-
-
-def to(goal: str, replans: int = 3) -> str:
-    return f'<NavigateTo goal="{goal}" max_replans="{replans}"/>'
-
-
-def at(truth: GroundTruth, goal: str) -> bool:
-    return truth.base_pose().to_pose2d().distance_to(Pose2D(*map(float, goal.split(";")))) < 0.02
 
 
 def test_a_chair_that_the_map_does_not_have_is_driven_around(kitchen_with) -> None:
