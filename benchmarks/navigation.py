@@ -66,7 +66,12 @@ def run(asked: argparse.Namespace) -> tuple[dict[str, Any], dict[str, Any]]:
         details["walkers"] |= {f"{key}_dynamic": details["walkers"][key] for key in ("reached_rate", "contacts")}
     figures: dict[str, Any] = {"seed": asked.seed}
     figures |= {key: details.get(name, {}).get(key) for name, keys in KEYS.items() for key in keys}
-    worlds = {"drives": asked.worlds, "walkers": asked.worlds, "slam": asked.apartments, "localisation": asked.episodes}
+    worlds = {
+        "drives": min(asked.worlds, asked.goals),
+        "walkers": min(asked.worlds, asked.walker_goals),
+        "slam": asked.apartments,
+        "localisation": asked.episodes,
+    }
     figures["seeds"] = {name: [asked.seed, asked.seed + worlds[name] - 1] for name in details}
     return figures, details
 
