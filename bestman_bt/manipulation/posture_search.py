@@ -26,7 +26,8 @@ class PostureSearchParameters:
     between the links. ``home_reach``, ``home_height``: of the tool from the shoulder, in shares of the arm's reach.
     ``carry_box``, ``beside_box``: (x, y, z) half extents around their middle, in shares of the reach, where the tool
     may be; ``hidden_weight``: metres of radius that a table hidden in full counts for; ``table``: its corners in the
-    base frame; ``travel_weight``: metres of radius per radian that the farthest joint is away from home.
+    base frame; ``overhang_weight``: metres of radius per metre beyond the base's outline; ``travel_weight``: metres of
+    radius per radian that the farthest joint is away from home.
     """
 
     samples: int = 150
@@ -37,6 +38,7 @@ class PostureSearchParameters:
     carry_box: tuple[float, float, float] = (0.3, 0.3, 0.2)
     beside_box: tuple[float, float, float] = (0.15, 0.1, 0.15)
     hidden_weight: float = 1.0
+    overhang_weight: float = 2.0
     travel_weight: float = 0.03
     table: tuple[tuple[float, float, float], ...] = (
         (0.45, -0.5, 0.75),
@@ -50,8 +52,9 @@ class PostureSearchParameters:
 class PostureSearch:
     """Searches by inverse kinematics from random tool poses, hand down; the random numbers are the caller's.
 
-    A posture counts by the radius around the base's axis that arm and hand need, the share of a table before the base
-    that they hide from the first camera, and, at home, by its distance from singularities and joint limits.
+    A posture counts by the radius around the base's axis that arm and hand need, how far they stand out beyond the base
+    while it drives, the share of a table before it that they hide from the first camera, and, at home, by its distance
+    from singularities and joint limits.
     """
 
     def __init__(self, robot: RobotModel, arm: str = "arm", parameters: PostureSearchParameters | None = None) -> None:
@@ -105,6 +108,18 @@ class PostureSearch:
         """How far arm and hand reach from the base's axis, metres."""
         return max(float(np.hypot(points[:, 0], points[:, 1]).max()) for points in self._points(positions, {}))
 
+    def stands_out(self, positions: Array) -> float:
+        """How far arm and hand stand out beyond the outline of the robot's first base, metres; 0 without a base."""
+        base = next(iter(self.robot.bases.values()), None)
+        if base is None:
+            return 0.0
+        corners = np.array(base.footprint)
+        sides = np.roll(corners, -1, axis=0) - corners
+        normals = np.column_stack([sides[:, 1], -sides[:, 0]]) / np.linalg.norm(sides, axis=1)[:, None]
+        limits = (normals * corners).sum(axis=1)
+        beyond = (float((points[:, :2] @ normals.T - limits).max()) for points in self._points(positions, {}))
+        return max(0.0, *beyond)
+
     def hidden(self, positions: Array, head: dict[str, float]) -> float:
         """The share of the table that arm and hand hide from the first camera; ``head``: joints that carry it."""
         camera = next(iter(self.robot.cameras.values()), None)
@@ -116,7 +131,8 @@ class PostureSearch:
     def _cost(self, positions: Array, home: Array, head: dict[str, float]) -> float:
         p = self.parameters
         travel = float(np.abs(positions - home).max())
-        return self.radius(positions) + p.hidden_weight * self.hidden(positions, head) + p.travel_weight * travel
+        room = self.radius(positions) + p.overhang_weight * self.stands_out(positions)
+        return room + p.hidden_weight * self.hidden(positions, head) + p.travel_weight * travel
 
     def _best(
         self, tools: Iterator[Pose], cost: Callable[[Array], float], rng: np.random.Generator, name: str

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,14 @@ def test_carry_needs_less_room_than_home_and_hides_less_of_the_table(search: Pos
     assert_free_and_looking_down(search, carry)
     assert search.radius(carry) < search.radius(home) - 0.1
     assert search.hidden(carry, HEAD) < search.hidden(home, HEAD)
+
+
+def test_what_stands_out_beyond_the_base_less_is_preferred(search: PostureSearch, home: np.ndarray) -> None:
+    assert search.stands_out(home) == pytest.approx(0.25, abs=0.03)
+    careless = PostureSearch(search.robot, parameters=replace(search.parameters, overhang_weight=0.0))
+    careful = PostureSearch(search.robot, parameters=replace(search.parameters, overhang_weight=10.0))
+    beside = [each.carry_beside(np.random.default_rng(2), home, HEAD) for each in (careless, careful)]
+    assert search.stands_out(beside[1]) < search.stands_out(beside[0]) - 0.05
 
 
 def test_carry_beside_is_beside_and_lower(search: PostureSearch, home: np.ndarray) -> None:
