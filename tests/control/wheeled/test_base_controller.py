@@ -194,6 +194,7 @@ def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     localizer.reset(Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2), base.odometry(), 0.002, 0.002)
     first = simulated.wait(simulated.base.drive(1.5), limit=15.0)
     assert first.error.code is ControlErrorCode.LOST
+    assert len(simulated.base.layer.points) == 0  # walls that stand elsewhere on the map are no obstacles
     simulated.robot.clock.sleep(1.0)
     before = simulated.true_pose
     again = simulated.wait(simulated.base.drive(0.5), limit=15.0)
