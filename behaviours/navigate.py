@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until
-from bestman_bt.control import ControlHandle
+from bestman_bt.control import READING_ERRORS, ControlHandle
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
 from bestman_bt.world_model import BasePose
@@ -57,7 +57,7 @@ class NavigateTo(Skill):
         for attempt in range(most + 1):
             try:
                 yield from self._drive(goal)
-            except SkillFailure as failure:
+            except (SkillFailure, *READING_ERRORS) as failure:
                 if failure.code not in PASSING or attempt == most:
                     raise
                 self.feedback_message = f"{failure}; recovery {attempt + 1} of {most}"
@@ -144,7 +144,7 @@ class NavigateTo(Skill):
                 yield from self._back_up()
             base.layer.clear()
             yield base.park()
-        except SkillFailure as failure:
+        except (SkillFailure, *READING_ERRORS) as failure:
             if failure.code not in PASSING:
                 raise
 

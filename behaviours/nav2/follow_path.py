@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import SERVER, named, without_meaning
 from behaviours.skill import Awaitable, Skill, SkillFailure, Steps
-from bestman_bt.control import ControlHandle
+from bestman_bt.control import READING_ERRORS, ControlHandle
 from bestman_bt.messages import Path2D
 from bestman_bt.world_model import BasePose
 
@@ -45,7 +45,7 @@ class FollowPath(Skill):
             path: Path2D | None = self.get_input("path")
             if path is not None and not self._drive.done and self._is_new(path):
                 self._drive.handle = self._follow(path)
-        except SkillFailure as failure:
+        except (SkillFailure, *READING_ERRORS) as failure:
             self.on_halted()
             return self.explain(failure.code, str(failure))
         return super().on_running()

@@ -8,6 +8,7 @@ import numpy as np
 
 from behaviours.context import DRIVEN
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.sensing.joint_state import JointStateError
 from bestman_bt.world_model import HeldObject
 from tests.behaviours.driving import at, to
 from tests.behaviours.truth import audited, succeeds, why_not
@@ -61,3 +62,18 @@ def test_a_drive_past_a_wall_keeps_the_arm_off_it(kitchen_with) -> None:
     assert succeeds(session, f"<Sequence>{to('1.2;0.0;0.0')}{to('-1.3;0.0;0.0')}</Sequence>")
     assert at(truth, "-1.3;0.0;0.0")
     assert audited(session).collisions == ()
+
+
+def test_encoders_that_are_silent_when_a_drive_begins_cost_time_and_no_more(kitchen_with, monkeypatch) -> None:
+    session, truth = kitchen_with()
+    positions, silent = session.skills.joints.positions, iter([True])
+
+    def sometimes():
+        if next(silent, False):
+            raise JointStateError("the arm tells no positions")
+        return positions()
+
+    monkeypatch.setattr(session.skills.joints, "positions", sometimes)
+    assert succeeds(session, to("-0.9;0.0;0.0"))
+    assert at(truth, "-0.9;0.0;0.0")
+    assert next(silent, None) is None
