@@ -2,7 +2,7 @@
 
 from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, PlanningFailureReason
 from bestman_bt.navigation.global_planning.costmap import Costmap, CostmapParameters
-from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.footprint import Footprint, Overhang
 from bestman_bt.navigation.global_planning.grid_astar import GridAStar, GridAStarParameters
 from bestman_bt.navigation.global_planning.grid_search import areas_of_disc, shortest_length
 from bestman_bt.navigation.global_planning.hybrid_astar import HybridAStar, HybridAStarParameters
@@ -23,6 +23,7 @@ __all__ = [
     "HybridAStarParameters",
     "LayeredCostmap",
     "LayeredCostmapParameters",
+    "Overhang",
     "PRMParameters",
     "PlanningFailure",
     "PlanningFailureReason",
