@@ -22,6 +22,12 @@ from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.room import Room
 from bestman_bt.navigation.global_planning.straight_ends import StraightEnds, StraightEndsParameters
 
+_ASIDE = (0.0, 1.0, 0.5, 1.5)
+"""How far beside a way the base is driven through narrow places, the first that passes: as shares of how far the middle
+of what stands out above it is beside its own. Ways over cells are rarely in the middle of a gap themselves."""
+_AHEAD = 4
+"""Points of a way over which its direction is measured."""
+
 
 @dataclass(frozen=True)
 class PolylineParameters(StraightEndsParameters):
@@ -65,10 +71,14 @@ class PolylinePlanner(GlobalPlanner):
         for turns_everywhere in self.TURNS_EVERYWHERE:
             room = Room(costmap, turning_distance, self._parameters.slack, turns_everywhere)
             way = self.way(exit_point, approach, room)
-            middle = None if way is None else self._polyline(np.vstack([exit_point, way, approach]), room)
-            if middle is not None:
-                points, reverse = _joined(start.xy, middle, goal.xy, backwards)
-                return Path2D(points, goal, reverse)
+            if way is None:
+                continue
+            shares = (0.0,) if turns_everywhere or costmap.tall is None else _ASIDE
+            for aside in (-share * _middle_above(costmap) for share in shares):
+                middle = self._polyline(np.vstack([exit_point, _beside(way, aside), approach]), room)
+                if middle is not None:
+                    points, reverse = _joined(start.xy, middle, goal.xy, backwards)
+                    return Path2D(points, goal, reverse)
         return PlanningFailure.no_path(start, goal)
 
     def _polyline(self, points: NDArray[np.float64], room: Room) -> NDArray[np.float64] | None:
@@ -113,6 +123,22 @@ class PolylinePlanner(GlobalPlanner):
             pieces.append(points[kept[i] : kept[j]] if as_found[j] and i == j - 1 else points[kept[i]][None])
             j = i
         return np.vstack(pieces[::-1])
+
+
+def _middle_above(costmap: Costmap) -> float:
+    """Metres to the left of the base's middle at which the middle of all that stands out above it is."""
+    return float(np.ptp(costmap.footprint.above.corners[:, 1]) / 2 + costmap.footprint.above.corners[:, 1].min())
+
+
+def _beside(way: NDArray[np.float64], aside: float) -> NDArray[np.float64]:
+    """A way (N, 2) so many metres to the left of another, as seen along it."""
+    if aside == 0.0 or len(way) < 2:
+        return way
+    index = np.arange(len(way))
+    along = way[np.minimum(index + _AHEAD, len(way) - 1)] - way[np.maximum(index - _AHEAD, 0)]
+    left = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.linalg.norm(along, axis=1), 1e-9)[:, None]
+    shifted: NDArray[np.float64] = way + aside * left
+    return shifted
 
 
 def _densified(vertices: NDArray[np.float64], spacing: float) -> NDArray[np.float64]:

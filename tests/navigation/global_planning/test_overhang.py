@@ -39,10 +39,10 @@ WIDE = BASE.carrying([BESIDE * (1.0, 1.5, 1.0)], 0.01)
 START, GOAL = Pose2D(1.0, 1.0, 1.0), Pose2D(5.0, 1.2, -1.0)
 
 
-def two_rooms(height: float, doorway: float) -> Costmap:
-    """6 by 4 m, cut by two screens with a doorway between them, for the wide arm."""
+def two_rooms(height: float, doorway: float, footprint: Footprint = WIDE) -> Costmap:
+    """6 by 4 m, cut by two screens with a doorway between them."""
     screens = [(3.0, 2.0 + side * (doorway / 2 + 1.0), 0.1, 2.0) for side in (-1.0, 1.0)]
-    return Costmap.from_map(walls(*room(6.0, 4.0)), WIDE, crates(height, *screens))
+    return Costmap.from_map(walls(*room(6.0, 4.0)), footprint, crates(height, *screens))
 
 
 def test_a_base_without_overhang_has_one_field_for_everything(costmap):
@@ -127,6 +127,16 @@ def test_a_field_for_the_arm_belongs_to_a_footprint_with_one():
 def test_a_doorway_that_is_wide_enough_for_base_and_arm_is_passed_clear_of_both(planner):
     costmap = two_rooms(1.5, 0.9)
     path = planner.plan(START, GOAL, costmap)
+    assert isinstance(path, Path2D), path
+    assert costmap.footprint_clearance(swept(path)).min() > 0.0
+
+
+@pytest.mark.parametrize("name", ["grid_astar", "theta_star"])
+@pytest.mark.parametrize("there_and_back", [1, -1])
+def test_where_the_arm_leaves_no_room_in_the_middle_the_base_passes_beside_it(name, there_and_back):
+    costmap = two_rooms(1.5, 0.6, ARM)
+    assert costmap.clearance_at(Pose2D(3.0, 2.0, 0.0)) < 0.0
+    path = PLANNERS[name].plan(*(START, GOAL)[::there_and_back], costmap)
     assert isinstance(path, Path2D), path
     assert costmap.footprint_clearance(swept(path)).min() > 0.0
 
