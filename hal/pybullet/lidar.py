@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bestman_bt.messages import LaserScan
-from bestman_bt.robot_model import LidarModel
+from bestman_bt.messages import LaserScan, Pose
+from bestman_bt.robot_model import LidarModel, joints_above
 from hal.api import Lidar
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.reading_line import ReadingLine
@@ -13,7 +14,10 @@ from hal.pybullet.simulation import Simulation
 
 
 class SimulatedLidar(Lidar):
-    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing. ``line.fault``: it fails."""
+    """Casts its beams when asked; a beam that the robot's own body blocks sees nothing. ``line.fault``: it fails.
+
+    One that is built into a base looks out through a slot: its beams begin where they leave the outline of the base.
+    """
 
     def __init__(self, name: str, model: LidarModel, rng: np.random.Generator) -> None:
         super().__init__(name)
@@ -34,21 +38,36 @@ class SimulatedLidar(Lidar):
     def attach(self, simulation: Simulation) -> None:
         """Scan in this simulation."""
         reader = simulation.client.reader(ReadPurpose.SENSOR)
-        self.line.attach(simulation, lambda: self._cast(simulation, reader))
+        starts = np.full(self._model.beams, self._model.range_min)
+        if not joints_above(simulation.model, self._model.frame) & set(simulation.joint_names):
+            lidar = simulation.link_pose(reader, self._model.frame)
+            for base in simulation.model.bases.values():
+                base_from_lidar = simulation.link_pose(reader, base.frame).inverse() @ lidar
+                starts = np.maximum(starts, self._leaving(np.array(base.footprint), base_from_lidar))
+        self.line.attach(simulation, lambda: self._cast(simulation, reader, starts))
 
     def detach(self) -> None:
         """Let go."""
         self.line.detach()
 
-    def _cast(self, simulation: Simulation, reader: Reader) -> LaserScan:
+    def _leaving(self, outline: NDArray[np.float64], base_from_lidar: Pose) -> NDArray[np.float64]:
+        """Metres along each beam (N,) to where it leaves a convex outline (M, 2); 0 where it begins beyond it."""
+        edges = np.roll(outline, -1, axis=0) - outline
+        normals = np.column_stack([edges[:, 1], -edges[:, 0]])
+        room = np.einsum("ij,ij->i", normals, outline) - normals @ base_from_lidar.position[:2]
+        towards = (self._directions @ base_from_lidar.rotation.T)[:, :2] @ normals.T
+        exits = np.where(towards > 0.0, room / np.where(towards > 0.0, towards, 1.0), np.inf).min(axis=1)
+        return np.where(room.min() > 0.0, exits, 0.0)
+
+    def _cast(self, simulation: Simulation, reader: Reader, nearest: NDArray[np.float64]) -> LaserScan:
         model = self._model
         pose = simulation.link_pose(reader, model.frame)
         directions = self._directions @ pose.rotation.T
-        starts = pose.position + directions * model.range_min
+        starts = pose.position + directions * nearest[:, None]
         ends = pose.position + directions * model.range_max
         hits = reader.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1)
         bodies, _, shares, _, _ = (np.array(column) for column in zip(*hits, strict=True))
-        ranges = model.range_min + shares * (model.range_max - model.range_min)
+        ranges = nearest + shares * (model.range_max - nearest)
         ranges = ranges + self._rng.standard_normal(model.beams) * model.noise
         seen = (
             (bodies >= 0)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Pose
+from bestman_bt.messages import Pose, Pose2D
 from hal.api import Camera, JointGroup, Lidar
 from hal.pybullet import GroundTruth, PyBulletRobot
 from hal.pybullet.camera import render
@@ -97,6 +97,18 @@ def test_the_lidar_does_not_see_its_own_robot(robot_model, empty_world) -> None:
     model = dataclasses.replace(robot_model, lidars={"lidar": near_sighted})
     with PyBulletRobot(model, empty_world, seed=2) as robot:
         assert not np.isfinite(robot.part("lidar", Lidar).scan().ranges).any()
+
+
+def test_a_lidar_in_a_base_sees_what_is_a_finger_away_from_the_base(robot_model, empty_world) -> None:
+    front = max(x for x, _ in robot_model.bases["base"].footprint)
+    gap = 0.02
+    start = Pose2D(2.95 - front - gap, 0.0, 0.0)  # the wall's face is at 2.95 m
+    exact = dataclasses.replace(robot_model.lidars["lidar"], noise=0.0)
+    model = dataclasses.replace(robot_model, lidars={"lidar": exact})
+    with PyBulletRobot(model, dataclasses.replace(empty_world, robot_start=start), seed=2) as robot:
+        scan = robot.part("lidar", Lidar).scan()
+        ahead = scan.ranges[np.abs(scan.angles) < 0.1] * np.cos(scan.angles[np.abs(scan.angles) < 0.1])
+        assert ahead == pytest.approx(front + gap, abs=0.005)
 
 
 def test_each_image_has_noise_of_its_own(robot) -> None:
