@@ -35,8 +35,8 @@ class VelocityGate:
         self.held_by = ""
 
     def use_footprint(self, footprint: Footprint) -> None:
-        """What is driven from now on, and what stands out above: people, and what only the lidar knows, may be tall."""
-        self.outline = FootprintMotion(footprint.above, 0.0)
+        """What is driven from now on; people are as high as what stands out above it."""
+        self.outline = FootprintMotion(footprint, 0.0)
         self._give_way = GiveWay(footprint.above)
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:

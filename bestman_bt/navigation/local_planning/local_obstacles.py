@@ -87,9 +87,7 @@ class LocalObstacles:
         distance, tall = self._mapped, self._tall
         if marked.any():
             cells = cv2.distanceTransform((~marked).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-            seen = (cells - np.float32(0.5)) * np.float32(p.resolution)
-            distance = np.minimum(distance, seen)
-            tall = None if tall is None else np.minimum(tall, seen)  # nobody knows how high it is
+            distance = np.minimum(distance, (cells - np.float32(0.5)) * np.float32(p.resolution))
         origin = self._layer.origin
         above = None if tall is None else DistanceGrid(tall, origin, p.resolution)
         self.distance = DistanceGrid(distance, origin, p.resolution, above)

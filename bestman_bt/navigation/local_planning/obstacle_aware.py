@@ -106,7 +106,7 @@ class ObstacleAwareFollower(PathFollower):
         self._use_outlines(limits)
 
     def _use_outlines(self, limits: MotionLimits) -> None:
-        self._motion = FootprintMotion(limits.footprint.above, self._common.margin)  # what is seen may be tall
+        self._motion = FootprintMotion(limits.footprint, self._common.margin)
         self._check = FootprintCheck(limits.footprint)
         self._begin(limits, Critics(self._common.critics, limits.footprint, limits.vy > 0.0))
 

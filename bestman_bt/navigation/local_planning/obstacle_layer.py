@@ -115,7 +115,11 @@ class ObstacleLayer:
         self._collect()
 
     def on(self, costmap: Costmap) -> Costmap:
-        """The costmap with what stands around, too; the same one where there is nothing."""
+        """The costmap with what stands around, too; the same one where there is nothing.
+
+        A lidar does not tell how high a thing is. Most of what was moved are chairs and boxes, lower than an arm: they
+        are kept from the base, and not from what stands out above it.
+        """
         column, row = np.floor((self.points - costmap.origin) / costmap.resolution).astype(np.intp).T
         rows, columns = costmap.distance.shape
         inside = (column >= 0) & (row >= 0) & (column < columns) & (row < rows)
@@ -141,10 +145,9 @@ class ObstacleLayer:
             costmap.origin[1] + (y + 0.5) * costmap.resolution - nearest[..., 1],
         )
         margin = self._parameters.resolution / 2 + costmap.parameters.clearance
-        distance = _nearer(costmap.distance, window, away - margin)
-        # Nobody knows how high it is.
-        tall = None if costmap.tall is None else _nearer(costmap.tall, window, away - margin)
-        return replace(costmap, distance=distance, tall=tall)
+        distance = np.array(costmap.distance)
+        distance[window] = np.minimum(distance[window], away - margin)
+        return replace(costmap, distance=distance)
 
     def _clear_by_rays(self, scan: LaserScan, map_from_lidar: Pose2D) -> None:
         """Believe a cell that a beam passes through a little less in what was in it."""
@@ -184,15 +187,6 @@ class ObstacleLayer:
         row, column = np.divmod(np.flatnonzero(self.marked), self._cells)
         resolution = self._parameters.resolution
         self.points = np.column_stack([column, row]) * resolution + np.array(self.origin or (0.0, 0.0)) + resolution / 2
-
-
-def _nearer(
-    field: NDArray[np.float64], window: tuple[slice, slice], distance: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """A field (rows, columns) in whose ``window`` something is at a ``distance``."""
-    nearer = np.array(field)
-    nearer[window] = np.minimum(nearer[window], distance)
-    return nearer
 
 
 def _shifted(grid: NDArray[np.int8], rows: int, columns: int) -> NDArray[np.int8]:

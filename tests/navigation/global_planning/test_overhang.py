@@ -108,14 +108,23 @@ def test_cells_of_a_grid_are_as_high_as_the_arm():
 
 
 @pytest.mark.parametrize("beside", [0.23, 0.27, 0.31, 0.36, 0.41])
-def test_what_only_the_lidar_has_seen_is_as_high_as_the_arm(beside):
+def test_a_post_within_the_outline_above_is_noticed_if_it_is_high(beside):
+    poses = Pose2D(2.0, 2.0, 0.0), Pose2D(2.0, 2.0, math.pi)
+    for height, touches in ((1.5, True), (0.8, False)):
+        post = crates(height, (2.05, 2.0 + beside, 0.025, 0.025))
+        costmap = Costmap.from_map(walls(*room(4.0, 4.0)), WIDE, post)
+        assert (costmap.clearance_at(poses[0]) < 0.0) == touches
+        assert costmap.clearance_at(poses[1]) > 0.0
+
+
+def test_what_only_the_lidar_has_seen_is_kept_from_the_base_and_not_from_the_arm():
     costmap = Costmap.from_map(walls(*room(4.0, 4.0)), WIDE)
     layer = ObstacleLayer()
-    layer.points = np.array([[2.05, 2.0 + beside]])
+    layer.points = np.array([[2.05, 2.3]])
     seen = layer.on(costmap)
-    assert seen.without_overhang.clearance_at(Pose2D(2.0, 2.0, 0.0)) > 0.0
-    assert seen.clearance_at(Pose2D(2.0, 2.0, 0.0)) < 0.0
-    assert seen.clearance_at(Pose2D(2.0, 2.0, math.pi)) > 0.0
+    assert seen.distance_at(layer.points[0]) < 0.03
+    assert seen.clearance_at(Pose2D(2.0, 2.0, 0.0)) > 0.0
+    assert seen.clearance_at(Pose2D(2.0, 2.15, 0.0)) < 0.0
 
 
 def test_a_field_for_the_arm_belongs_to_a_footprint_with_one():

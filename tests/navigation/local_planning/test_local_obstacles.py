@@ -118,23 +118,23 @@ def test_the_jerk_limit_reaches_a_velocity_without_passing_it_and_within_its_bou
     assert np.abs(np.diff(w, 2)).max() / dt**2 <= 2 * 10.0 + 1e-6
 
 
-def test_what_only_the_lidar_sees_counts_as_high_and_a_low_table_of_the_map_does_not(kitchen):
+def test_an_arm_keeps_off_walls_and_passes_over_a_low_table_and_what_only_the_lidar_sees(kitchen):
     beside = np.array([[x, y, z] for x in (0.0, 0.1) for y in (0.1, 0.5) for z in (0.9, 1.2)])
     arm = SQUARE.carrying([beside], 0.01)
     obstacles, pose = LocalObstacles(), Pose2D(2.5, -0.9, 0.0)
     obstacles.use_costmap(Costmap.from_map(kitchen, arm))
     obstacles.update(scan_of(np.vstack([kitchen.walls, disc(2.5, 0.2)]), pose), pose)
-    x, y = np.array([3.1, 2.5], np.float32), np.array([-0.9, 0.0], np.float32)
-    assert obstacles.distance.at(x, y).max() < 0.1
-    table, post = obstacles.distance.tall.at(x, y)
-    assert table > 0.4
-    assert post < 0.1
     check, still = FootprintCheck(arm), np.zeros(1, np.float32)
-    beside_the_table = np.array([3.4], np.float32), np.array([-0.3 + 0.42], np.float32)
-    beside_the_post = np.array([2.5], np.float32), np.array([0.2 - 0.22 - 0.42], np.float32)
     away = still + np.float32(math.pi)
-    assert check.clearance(obstacles.distance, *beside_the_table, away)[0] > 0.0
-    assert check.clearance(obstacles.distance, *beside_the_post, away)[0] > 0.0
-    assert check.clearance(obstacles.distance, *beside_the_post, still)[0] < 0.0
-    assert check.touches(obstacles.distance, *beside_the_post, still, 0.0)[0][0]
-    assert not check.touches(obstacles.distance, *beside_the_post, away, 0.0)[0][0]
+
+    def clearance(x, y, theta):
+        return check.clearance(obstacles.distance, np.array([x], np.float32), np.array([y], np.float32), theta)[0]
+
+    assert clearance(3.4, -0.3 + 0.42, away) > 0.0  # beside the table
+    assert clearance(2.5, 0.2 - 0.22 - 0.42, still) > 0.0  # beside the post
+    assert clearance(2.5, 0.2 - 0.22 - 0.2, still) < 0.0
+    assert clearance(2.6, -2.4 + 0.42, still) > 0.0  # beside the wall
+    assert clearance(2.6, -2.4 + 0.42, away) < 0.03  # the margin of the followers
+    at_the_wall = np.array([2.6], np.float32), np.array([-2.4 + 0.42], np.float32)
+    assert check.touches(obstacles.distance, *at_the_wall, away, 0.03)[0][0]
+    assert not check.touches(obstacles.distance, *at_the_wall, still, 0.03)[0][0]

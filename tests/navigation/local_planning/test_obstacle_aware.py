@@ -50,7 +50,7 @@ class Drive:
         follower.configure(limits(costmap.footprint, sideways))
         path = GridAStar().plan(start, goal, costmap)
         follower.reset(path, costmap)
-        outline, noise = FootprintMotion(costmap.footprint.above, 0.0), np.random.default_rng(1)
+        outline, noise = FootprintMotion(costmap.footprint, 0.0), np.random.default_rng(1)
         self.pose, velocity, self.commands, self.poses, self.nearest = start, np.zeros(3), [], [], math.inf
         self.done, self.path = False, path
         for tick in range(int(seconds / DT)):
@@ -89,7 +89,9 @@ def test_a_box_on_the_path_is_gone_around_and_the_end_is_as_exact_as_ever(planne
 
 
 @pytest.mark.parametrize("planner", [MPPI, DWA])
-def test_an_arm_that_stands_out_keeps_clear_of_walls_and_of_what_the_map_lacks(planner, footprint, kitchen):
+def test_an_arm_that_stands_out_keeps_clear_of_walls_where_the_base_goes_around_what_the_map_lacks(
+    planner, footprint, kitchen
+):
     beside = np.array([[x, y, z] for x in (0.0, 0.1) for y in (0.2, 0.4) for z in (0.9, 1.2)])
     costmap, obstacle = Costmap.from_map(kitchen, footprint.carrying([beside], 0.01)), box(0.7, -0.75, 0.3, 0.3)
     follower = planner()
