@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import count
 from typing import ClassVar
 
 import numpy as np
@@ -31,6 +32,8 @@ BACK_UP = 0.8
 """Metres, at most: who waits for the robot goes on when it has gone."""
 PAUSE = 2.0
 """Seconds that what failed has to recover."""
+PEOPLE = 3
+"""How many recoveries one counts for where somebody walked about: who is in the way today goes on some time."""
 
 
 class NavigateTo(Skill):
@@ -47,20 +50,24 @@ class NavigateTo(Skill):
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path that is driven")}
     DECLARATION = Declaration(effects=("at({goal})",))
 
+    _walked_about = False
+
     def execute(self) -> Steps:
         """Drive there."""
         yield from self.drive_to(self.get_input("goal"))
 
     def drive_to(self, goal: Pose2D) -> Steps:
         """Drive to ``goal``, with recoveries; SkillFailure where they do not help."""
-        most = self.get_input("max_replans")
-        for attempt in range(most + 1):
+        most, spent = PEOPLE * self.get_input("max_replans"), 0
+        for attempt in count():
+            self._walked_about = False
             try:
                 yield from self._drive(goal)
             except (SkillFailure, *READING_ERRORS) as failure:
-                if failure.code not in PASSING or attempt == most:
+                spent += 1 if self._walked_about else PEOPLE
+                if failure.code not in PASSING or spent > most:
                     raise
-                self.feedback_message = f"{failure}; recovery {attempt + 1} of {most}"
+                self.feedback_message = f"{failure}; recovery {attempt + 1}"
             else:
                 return
             yield from self._recover(attempt)
@@ -88,6 +95,7 @@ class NavigateTo(Skill):
         skills, base = self.skills, self.skills.base
         while True:
             yield Until(handle, skills.clock.now, skills.clock.now() + CHECK_PERIOD)
+            self._walked_about |= bool(base.layer.moving)
             if handle.done:
                 yield handle
                 return None
@@ -114,6 +122,7 @@ class NavigateTo(Skill):
         begin, failure = clock.now(), None
         while True:
             path = yield from self._plan(goal, base.layer.on(known))
+            self._walked_about |= bool(base.layer.moving)
             waited = clock.now() - begin
             if isinstance(path, Path2D) and (path.length <= most or waited > WAIT_FOR_SHORT):
                 return path
