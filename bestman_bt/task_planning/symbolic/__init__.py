@@ -1,0 +1,39 @@
+"""Symbolic planning: facts, problems, and a planner for them."""
+
+from bestman_bt.task_planning.symbolic.facts import (
+    FactSyntaxError,
+    parse_conditions,
+    parse_fact,
+    parse_literals,
+)
+from bestman_bt.task_planning.symbolic.problem import (
+    Action,
+    Condition,
+    Fact,
+    Forall,
+    GoalError,
+    Literal,
+    Operator,
+    PlanningError,
+    Problem,
+    TaskPlan,
+    Unsolvable,
+)
+
+__all__ = [
+    "Action",
+    "Condition",
+    "Fact",
+    "FactSyntaxError",
+    "Forall",
+    "GoalError",
+    "Literal",
+    "Operator",
+    "PlanningError",
+    "Problem",
+    "TaskPlan",
+    "Unsolvable",
+    "parse_conditions",
+    "parse_fact",
+    "parse_literals",
+]

@@ -1,0 +1,128 @@
+"""Facts as text, in goals, declarations, leaves: ``on(mug, table) and not open(drawer_chest/drawer_3)``."""
+
+from __future__ import annotations
+
+import re
+
+from bestman_bt.task_planning.symbolic.problem import Condition, Fact, Forall, GoalError, Literal
+
+_TOKEN = re.compile(r"\s*(?:(?P<name>\{\w+\}|[A-Za-z0-9_][\w/.]*(?:-(?!>)[\w/.]+)*)|(?P<sign>->|[(),;:-]))")
+_WORDS = frozenset({"and", "not", "forall"})
+
+
+class FactSyntaxError(GoalError):
+    """Text that is no formula; ``column``: where, from 1."""
+
+    def __init__(self, text: str, at: int, what: str) -> None:
+        super().__init__(f"column {at + 1} of {text!r}: {what}")
+        self.column = at + 1
+
+
+def parse_conditions(text: str) -> tuple[Condition, ...]:
+    """Facts, joined by ``and`` or ``;``; also ``not`` and ``forall c - container: behind({place}, c) -> open(c)``.
+
+    Raises FactSyntaxError.
+    """
+    return _Parser(text).conditions()
+
+
+def parse_literals(text: str) -> tuple[Literal, ...]:
+    """As ``parse_conditions``, without ``forall``: what effects and states are made of."""
+    literals = []
+    for condition in parse_conditions(text):
+        if isinstance(condition, Forall):
+            raise FactSyntaxError(text, text.find("forall"), "forall is accepted in conditions only")
+        literals.append(condition)
+    return tuple(literals)
+
+
+def parse_fact(text: str) -> Fact:
+    """One fact, not negated."""
+    literals = parse_literals(text)
+    if len(literals) != 1 or literals[0].negated:
+        raise FactSyntaxError(text, 0, "one fact is expected")
+    return literals[0].fact
+
+
+class _Parser:
+    """A recursive descent over the tokens (kind, text, column)."""
+
+    def __init__(self, text: str) -> None:
+        self._text = text
+        self._tokens: list[tuple[str, int]] = []
+        self._next = 0
+        at = 0
+        end = len(text.rstrip())
+        while at < end:
+            match = _TOKEN.match(text, at)
+            if match is None:
+                at += len(text[at:]) - len(text[at:].lstrip())
+                raise FactSyntaxError(text, at, f"{text[at]!r} is not part of a fact")
+            group = match.lastgroup or ""
+            self._tokens.append((match[group], match.start(group)))
+            at = match.end()
+        self._tokens.append(("", end))
+
+    def conditions(self) -> tuple[Condition, ...]:
+        found: list[Condition] = []
+        while self._peek():
+            found.append(self._forall() if self._peek() == "forall" else self._literal())
+            if self._peek() and not self._take_if("and", ";"):
+                self._fail("'and' is expected between facts")
+        return tuple(found)
+
+    def _forall(self) -> Forall:
+        self._take("forall")
+        name = self._name("a variable")
+        self._take("-")
+        kind = self._name("a type")
+        self._take(":")
+        given = self._fact()
+        self._take("->")
+        then = self._literal()
+        values = {name: f"{{{name}}}"}
+        return Forall(values[name], kind, given.bound(values), then.bound(values))
+
+    def _literal(self) -> Literal:
+        negated = False
+        while self._take_if("not"):
+            negated = not negated
+        if self._take_if("("):
+            literal = self._literal()
+            self._take(")")
+            return ~literal if negated else literal
+        return Literal(self._fact(), negated)
+
+    def _fact(self) -> Fact:
+        predicate = self._name("a fact")
+        arguments: list[str] = []
+        if self._take_if("("):
+            while not self._take_if(")"):
+                if arguments:
+                    self._take(",")
+                arguments.append(self._name("a name"))
+        return Fact(predicate, tuple(arguments))
+
+    def _name(self, what: str) -> str:
+        token = self._peek()
+        if not token or not (token[0].isalnum() or token[0] in "_{") or token in _WORDS:
+            self._fail(f"{what} is expected")
+        self._next += 1
+        return token
+
+    def _peek(self) -> str:
+        return self._tokens[self._next][0]
+
+    def _take_if(self, *tokens: str) -> bool:
+        if self._peek() in tokens:
+            self._next += 1
+            return True
+        return False
+
+    def _take(self, token: str) -> None:
+        if not self._take_if(token):
+            self._fail(f"{token!r} is expected")
+
+    def _fail(self, what: str) -> None:
+        token, at = self._tokens[self._next]
+        raise FactSyntaxError(self._text, at, f"{what}, not {token!r}" if token else f"{what}, not the end")

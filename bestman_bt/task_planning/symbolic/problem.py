@@ -1,0 +1,202 @@
+"""Planning problems: STRIPS with types, negative conditions, action costs, and ADL's ``forall``."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+
+class PlanningError(Exception):
+    """No plan came about; the text says why."""
+
+
+class GoalError(PlanningError):
+    """A goal that does not make sense: a name that nothing has, a contradiction, text that is no formula."""
+
+
+class Unsolvable(PlanningError):
+    """No plan reaches the goal. ``missing``: the facts that nothing brings about."""
+
+    def __init__(self, why: str, missing: tuple[Literal, ...] = ()) -> None:
+        super().__init__(why)
+        self.missing = missing
+
+
+@dataclass(frozen=True, order=True)
+class Fact:
+    """``on(mug, table)``. In an operator, ``{object}`` among the arguments stands for its parameter."""
+
+    predicate: str
+    arguments: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.predicate}({', '.join(self.arguments)})" if self.arguments else self.predicate
+
+    def bound(self, values: Mapping[str, str]) -> Fact:
+        """The fact with ``values`` in the places of the parameters; ``values``: ``{"{object}": "mug"}``."""
+        return Fact(self.predicate, tuple(values.get(argument, argument) for argument in self.arguments))
+
+
+@dataclass(frozen=True, order=True)
+class Literal:
+    """A fact, or that it does not hold."""
+
+    fact: Fact
+    negated: bool = False
+
+    def __str__(self) -> str:
+        return f"not {self.fact}" if self.negated else str(self.fact)
+
+    def __invert__(self) -> Literal:
+        return Literal(self.fact, not self.negated)
+
+    def bound(self, values: Mapping[str, str]) -> Literal:
+        """As ``Fact.bound``."""
+        return Literal(self.fact.bound(values), self.negated)
+
+    def holds_in(self, state: Collection[Fact]) -> bool:
+        """Whether it holds where exactly the facts of ``state`` do."""
+        return (self.fact in state) != self.negated
+
+
+@dataclass(frozen=True)
+class Forall:
+    """``forall c - container: behind({place}, c) -> open(c)``.
+
+    ``given`` never changes, so that grounding leaves a conjunction of literals. ``variable`` is written with braces.
+    """
+
+    variable: str
+    type: str
+    given: Fact
+    then: Literal
+
+    def __str__(self) -> str:
+        given, then = (str(part).replace(self.variable, self.variable[1:-1]) for part in (self.given, self.then))
+        return f"forall {self.variable[1:-1]} - {self.type}: {given} -> {then}"
+
+    def bound(self, values: Mapping[str, str]) -> Forall:
+        """As ``Fact.bound``."""
+        return Forall(self.variable, self.type, self.given.bound(values), self.then.bound(values))
+
+
+Condition = Literal | Forall
+"""What a pre-condition may be."""
+
+
+@dataclass(frozen=True)
+class Operator:
+    """An ability as a planner sees it; its facts name its parameters: ``on({object}, {place})``.
+
+    ``parameters``: name → type, in order. ``pre``: must hold at the start; ``hold``: from the start to the end.
+    ``cost``: more than 0. ``parts``: of the robot that it keeps busy.
+    """
+
+    name: str
+    parameters: Mapping[str, str] = field(default_factory=dict, hash=False)
+    pre: tuple[Condition, ...] = ()
+    hold: tuple[Condition, ...] = ()
+    add: tuple[Fact, ...] = ()
+    delete: tuple[Fact, ...] = ()
+    cost: float = 1.0
+    parts: tuple[str, ...] = ()
+
+    @property
+    def effects(self) -> tuple[Literal, ...]:
+        """What it brings about, then what it undoes."""
+        return (*(Literal(fact) for fact in self.add), *(Literal(fact, negated=True) for fact in self.delete))
+
+
+@dataclass(frozen=True)
+class Action:
+    """An operator with things of the world for its parameters; everything in it is ground.
+
+    ``pre`` has the hold-conditions, too: what must hold all the way must hold at the start.
+    """
+
+    operator: Operator = field(repr=False)
+    arguments: tuple[str, ...]
+    pre: frozenset[Literal] = field(compare=False, repr=False)
+    hold: frozenset[Literal] = field(compare=False, repr=False)
+    add: frozenset[Fact] = field(compare=False, repr=False)
+    delete: frozenset[Fact] = field(compare=False, repr=False)
+
+    def __str__(self) -> str:
+        return f"{self.name}({', '.join(self.arguments)})"
+
+    @property
+    def name(self) -> str:
+        """The operator's name: that of the node which carries it out."""
+        return self.operator.name
+
+    @property
+    def ports(self) -> dict[str, str]:
+        """Port → value of the node which carries it out."""
+        return dict(zip(self.operator.parameters, self.arguments, strict=True))
+
+    @property
+    def cost(self) -> float:
+        """The operator's cost."""
+        return self.operator.cost
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The parts of the robot that it keeps busy."""
+        return self.operator.parts
+
+    def broken_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
+        """The pre-conditions that do not hold, sorted; none: it can be done."""
+        return tuple(sorted(literal for literal in self.pre if not literal.holds_in(state)))
+
+    def applied_to(self, state: Iterable[Fact]) -> frozenset[Fact]:
+        """The state afterwards; what it both undoes and brings about holds, as in PDDL."""
+        return (frozenset(state) - self.delete) | self.add
+
+
+@dataclass(frozen=True)
+class Problem:
+    """``objects``: name → type. ``state``: all that holds. ``goal``: all that shall hold.
+
+    ``supertypes``: type → the more general one, where there is one. ``instruction``: the goal in the user's words, if
+    it came so.
+    """
+
+    objects: Mapping[str, str] = field(hash=False)
+    state: frozenset[Fact]
+    goal: tuple[Literal, ...]
+    operators: tuple[Operator, ...]
+    supertypes: Mapping[str, str] = field(default_factory=dict, hash=False)
+    instruction: str = ""
+
+    def is_a(self, name: str, kind: str) -> bool:
+        """Whether an object is of a type, or of one below it."""
+        own: str | None = self.objects[name]
+        while own is not None and own != kind:
+            own = self.supertypes.get(own)
+        return own == kind or (kind == "object" and "object" not in self.objects.values())
+
+    def of_type(self, kind: str) -> list[str]:
+        """The names of all objects of a type, in their order."""
+        return [name for name in self.objects if self.is_a(name, kind)]
+
+    def unmet_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
+        """The parts of the goal that do not hold."""
+        return tuple(literal for literal in self.goal if not literal.holds_in(state))
+
+
+@dataclass(frozen=True)
+class TaskPlan:
+    """Actions one after the other; ``cost``: their sum."""
+
+    actions: tuple[Action, ...]
+
+    @property
+    def cost(self) -> float:
+        """The sum of the actions' costs."""
+        return sum(action.cost for action in self.actions)
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    def __str__(self) -> str:
+        return "\n".join(str(action) for action in self.actions)

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.task_planning.symbolic import (
+    Fact,
+    FactSyntaxError,
+    Forall,
+    Literal,
+    parse_conditions,
+    parse_fact,
+    parse_literals,
+)
+
+
+def test_a_goal_is_facts_joined_by_and():
+    assert parse_literals("on(mug, table/top) and not open(drawer_chest/drawer_3)") == (
+        Literal(Fact("on", ("mug", "table/top"))),
+        Literal(Fact("open", ("drawer_chest/drawer_3",)), negated=True),
+    )
+
+
+def test_declarations_separate_facts_by_semicolons_and_name_parameters_in_braces():
+    assert parse_literals("on({object},{place}); hand_empty;") == (
+        Literal(Fact("on", ("{object}", "{place}"))),
+        Literal(Fact("hand_empty")),
+    )
+
+
+def test_names_may_have_hyphens_and_dots():
+    assert parse_fact("on(mug-2, shelf.a)") == Fact("on", ("mug-2", "shelf.a"))
+
+
+def test_parentheses_and_double_negation_are_understood():
+    assert parse_literals("not (not hand_empty)") == (Literal(Fact("hand_empty")),)
+
+
+def test_forall_binds_its_variable():
+    (condition,) = parse_conditions("forall c - container: behind({place}, c) -> open(c)")
+    assert condition == Forall("{c}", "container", Fact("behind", ("{place}", "{c}")), Literal(Fact("open", ("{c}",))))
+    assert str(condition) == "forall c - container: behind({place}, c) -> open(c)"
+
+
+def test_what_is_printed_parses_again():
+    text = "on(mug, table) and not open(drawer) and hand_empty"
+    assert " and ".join(map(str, parse_literals(text))) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "words"),
+    [
+        ("on(mug table)", 8, "',' is expected, not 'table'"),
+        ("on(mug, table", 14, "not the end"),
+        ("on(mug) open(x)", 9, "'and' is expected"),
+        ("on(mug) & open(x)", 9, "'&' is not part of a fact"),
+        ("and on(mug)", 1, "a fact is expected"),
+        ("not", 4, "a fact is expected"),
+        ("on(not, table)", 4, "a name is expected"),
+    ],
+)
+def test_what_is_no_fact_is_told_with_its_column(text, column, words):
+    with pytest.raises(FactSyntaxError, match=f"column {column} ") as raised:
+        parse_literals(text)
+    assert words in str(raised.value)
+    assert raised.value.column == column
+
+
+def test_effects_know_no_forall():
+    with pytest.raises(FactSyntaxError, match="forall"):
+        parse_literals("forall c - container: behind(x, c) -> open(c)")
