@@ -1,11 +1,14 @@
 """Symbolic planning: facts, problems, and a planner for them."""
 
+from bestman_bt.task_planning.symbolic.binding import instantiate
 from bestman_bt.task_planning.symbolic.facts import (
     FactSyntaxError,
     parse_conditions,
     parse_fact,
     parse_literals,
 )
+from bestman_bt.task_planning.symbolic.grounding import ground, reachable_actions
+from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner, SymbolicPlannerParameters
 from bestman_bt.task_planning.symbolic.problem import (
     Action,
     Condition,
@@ -31,9 +34,14 @@ __all__ = [
     "Operator",
     "PlanningError",
     "Problem",
+    "SymbolicPlanner",
+    "SymbolicPlannerParameters",
     "TaskPlan",
     "Unsolvable",
+    "ground",
+    "instantiate",
     "parse_conditions",
     "parse_fact",
     "parse_literals",
+    "reachable_actions",
 ]

@@ -27,11 +27,11 @@ def parse_conditions(text: str) -> tuple[Condition, ...]:
 
 
 def parse_literals(text: str) -> tuple[Literal, ...]:
-    """As ``parse_conditions``, without ``forall``: what effects and states are made of."""
+    """As ``parse_conditions``, without ``forall``: what goals and states are made of."""
     literals = []
     for condition in parse_conditions(text):
         if isinstance(condition, Forall):
-            raise FactSyntaxError(text, text.find("forall"), "forall is accepted in conditions only")
+            raise FactSyntaxError(text, text.find("forall"), "forall is not accepted here")
         literals.append(condition)
     return tuple(literals)
 
@@ -77,11 +77,15 @@ class _Parser:
         self._take("-")
         kind = self._name("a type")
         self._take(":")
-        given = self._fact()
-        self._take("->")
-        then = self._literal()
+        start, then, given = self._next, self._literal(), None
+        if self._peek() == "->":
+            if then.negated:
+                self._next = start
+                self._fail("a fact that is not negated is expected before '->'")
+            self._take("->")
+            given, then = then.fact, self._literal()
         values = {name: f"{{{name}}}"}
-        return Forall(values[name], kind, given.bound(values), then.bound(values))
+        return Forall(values[name], kind, given, then).bound(values)
 
     def _literal(self) -> Literal:
         negated = False

@@ -61,27 +61,28 @@ class Literal:
 
 @dataclass(frozen=True)
 class Forall:
-    """``forall c - container: behind({place}, c) -> open(c)``.
+    """``forall c - container: behind({place}, c) -> open(c)``, or ``forall p - place: not near(p)``.
 
     ``given`` never changes, so that grounding leaves a conjunction of literals. ``variable`` is written with braces.
     """
 
     variable: str
     type: str
-    given: Fact
+    given: Fact | None
     then: Literal
 
     def __str__(self) -> str:
-        given, then = (str(part).replace(self.variable, self.variable[1:-1]) for part in (self.given, self.then))
-        return f"forall {self.variable[1:-1]} - {self.type}: {given} -> {then}"
+        text = f"{self.then}" if self.given is None else f"{self.given} -> {self.then}"
+        return f"forall {self.variable[1:-1]} - {self.type}: {text.replace(self.variable, self.variable[1:-1])}"
 
     def bound(self, values: Mapping[str, str]) -> Forall:
         """As ``Fact.bound``."""
-        return Forall(self.variable, self.type, self.given.bound(values), self.then.bound(values))
+        given = self.given.bound(values) if self.given is not None else None
+        return Forall(self.variable, self.type, given, self.then.bound(values))
 
 
 Condition = Literal | Forall
-"""What a pre-condition may be."""
+"""What pre-conditions and effects are made of."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,7 @@ class Operator:
     """An ability as a planner sees it; its facts name its parameters: ``on({object}, {place})``.
 
     ``parameters``: name → type, in order. ``pre``: must hold at the start; ``hold``: from the start to the end.
+    ``add``, ``delete``: hold, and no longer hold, afterwards; ``each``: the same for all things of a type.
     ``cost``: more than 0. ``parts``: of the robot that it keeps busy.
     """
 
@@ -98,13 +100,14 @@ class Operator:
     hold: tuple[Condition, ...] = ()
     add: tuple[Fact, ...] = ()
     delete: tuple[Fact, ...] = ()
+    each: tuple[Forall, ...] = ()
     cost: float = 1.0
     parts: tuple[str, ...] = ()
 
     @property
-    def effects(self) -> tuple[Literal, ...]:
+    def effects(self) -> tuple[Condition, ...]:
         """What it brings about, then what it undoes."""
-        return (*(Literal(fact) for fact in self.add), *(Literal(fact, negated=True) for fact in self.delete))
+        return (*map(Literal, self.add), *(Literal(fact, negated=True) for fact in self.delete), *self.each)
 
 
 @dataclass(frozen=True)

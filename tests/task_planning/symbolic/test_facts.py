@@ -65,6 +65,12 @@ def test_what_is_no_fact_is_told_with_its_column(text, column, words):
     assert raised.value.column == column
 
 
-def test_effects_know_no_forall():
+def test_forall_may_come_without_a_condition():
+    (effect,) = parse_conditions("forall p - place: not near(p)")
+    assert effect == Forall("{p}", "place", None, Literal(Fact("near", ("{p}",)), negated=True))
+    assert str(effect) == "forall p - place: not near(p)"
+
+
+def test_goals_know_no_forall():
     with pytest.raises(FactSyntaxError, match="forall"):
         parse_literals("forall c - container: behind(x, c) -> open(c)")

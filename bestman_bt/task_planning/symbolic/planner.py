@@ -1,0 +1,57 @@
+"""The embedded planner: greedy search with helpful actions, then weighted A* for a cheaper plan, as in LAMA."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.symbolic.grounding import GroundProblem, ground
+from bestman_bt.task_planning.symbolic.heuristics import RelaxedPlan
+from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic.search import best_first, without_needless
+
+
+@dataclass(frozen=True)
+class SymbolicPlannerParameters:
+    """How long is searched, counted in states that are estimated: equal problems give equal plans.
+
+    ``max_evaluations``: for a first plan. ``improvement``: for cheaper ones, with the ``weights`` of the estimate, one
+    after the other.
+    """
+
+    max_evaluations: int = 20_000
+    improvement: int = 100
+    weights: tuple[float, ...] = (3.0, 1.0)
+
+
+class SymbolicPlanner(TaskPlanner):
+    """Plans for typed objects, negative conditions, ``forall`` over what never changes, and action costs.
+
+    Richter and Westphal, "The LAMA planner", 2010: a greedy search finds a plan, weighted A* with ever smaller weights
+    and the best cost as bound looks for cheaper ones.
+    """
+
+    def __init__(self, parameters: SymbolicPlannerParameters | None = None) -> None:
+        self.parameters = parameters or SymbolicPlannerParameters()
+
+    def plan(self, problem: Problem) -> TaskPlan:
+        """As ``TaskPlanner.plan``; PlanningError where the search ends before it knows."""
+        grounded = ground(problem)
+        relaxed = RelaxedPlan(grounded)
+        found = best_first(grounded, math.inf, self.parameters.max_evaluations, relaxed)
+        if found.actions is None:
+            if found.exhausted:
+                unmet = problem.unmet_in(problem.state)
+                raise Unsolvable(f"no order of actions leads to {' and '.join(map(str, unmet))}", unmet)
+            raise PlanningError(f"no plan among the first {found.evaluations} states")
+        best = without_needless(grounded, found.actions)
+        for weight in self.parameters.weights:
+            better = best_first(grounded, weight, self.parameters.improvement, relaxed, _cost(grounded, best))
+            if better.actions is not None:
+                best = without_needless(grounded, better.actions)
+        return TaskPlan(tuple(grounded.actions[number] for number in best))
+
+
+def _cost(problem: GroundProblem, actions: tuple[int, ...]) -> float:
+    return sum(problem.actions[number].cost for number in actions)

@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.task_planning.symbolic import (
+    Fact,
+    Forall,
+    GoalError,
+    Literal,
+    Operator,
+    PlanningError,
+    Problem,
+    SymbolicPlanner,
+    SymbolicPlannerParameters,
+    Unsolvable,
+    instantiate,
+    parse_conditions,
+    parse_fact,
+    parse_literals,
+)
+
+
+def operator(name, parameters, pre="", effects="", cost=1.0, hold=""):
+    found = parse_conditions(effects)
+    literals = [one for one in found if isinstance(one, Literal)]
+    return Operator(
+        name,
+        parameters,
+        pre=parse_conditions(pre),
+        hold=parse_conditions(hold),
+        add=tuple(one.fact for one in literals if not one.negated),
+        delete=tuple(one.fact for one in literals if one.negated),
+        each=tuple(one for one in found if isinstance(one, Forall)),
+        cost=cost,
+    )
+
+
+PICK = operator(
+    "Pick",
+    {"object": "thing", "place": "place"},
+    "on({object}, {place}); hand_empty; forall c - container: behind({place}, c) -> open(c)",
+    "holding({object}); not on({object}, {place}); not hand_empty; forall p - place: not near(p); near({place})",
+    cost=3,
+)
+PUT = operator(
+    "Put",
+    {"object": "thing", "place": "place"},
+    "holding({object}); forall c - container: behind({place}, c) -> open(c)",
+    "on({object}, {place}); hand_empty; not holding({object}); forall p - place: not near(p); near({place})",
+    cost=3,
+)
+OPEN = operator("Open", {"container": "container"}, "not open({container}); hand_empty", "open({container})", cost=4)
+CLOSE = operator("Close", {"container": "container"}, "open({container}); hand_empty", "not open({container})", cost=2)
+
+
+def kitchen(goal, state="on(mug, drawer); on(cup, table); hand_empty", operators=(PICK, PUT, OPEN, CLOSE)):
+    objects = {"mug": "thing", "cup": "thing", "table": "place", "drawer": "place", "front": "container"}
+    facts = frozenset(one.fact for one in parse_literals(state + "; behind(drawer, front)"))
+    return Problem(objects, facts, parse_literals(goal), operators)
+
+
+def planned(problem, **parameters):
+    plan = SymbolicPlanner(SymbolicPlannerParameters(**parameters)).plan(problem)
+    state = problem.state
+    for action in plan.actions:
+        assert action.broken_in(state) == ()
+        state = action.applied_to(state)
+    assert problem.unmet_in(state) == ()
+    return [str(action) for action in plan.actions]
+
+
+def test_it_opens_the_drawer_takes_the_mug_and_closes_it():
+    assert planned(kitchen("on(mug, table) and not open(front)")) == [
+        "Open(front)",
+        "Pick(mug, drawer)",
+        "Put(mug, table)",
+        "Close(front)",
+    ]
+
+
+def test_a_goal_that_holds_already_needs_no_action():
+    assert planned(kitchen("on(cup, table) and not open(front)")) == []
+
+
+def test_two_things_change_places_with_one_hand():
+    plan = planned(kitchen("on(mug, table) and on(cup, drawer) and not open(front)"))
+    assert sorted(plan) == sorted(
+        ["Open(front)", "Pick(mug, drawer)", "Put(mug, table)", "Pick(cup, table)", "Put(cup, drawer)", "Close(front)"]
+    )
+
+
+def test_an_effect_on_all_things_of_a_type_does_not_undo_what_the_action_brings_about():
+    problem = kitchen("near(table)", "on(cup, table); hand_empty; near(drawer)")
+    action = instantiate(problem, PICK, ["cup", "table"])
+    assert Fact("near", ("drawer",)) in action.delete
+    assert Fact("near", ("table",)) in action.applied_to(problem.state)
+    assert planned(problem) == ["Pick(cup, table)"]
+
+
+def test_a_cheaper_plan_is_looked_for():
+    long_way = [operator(f"Step{i}", {}, f"at{i}", f"at{i + 1}; not at{i}", cost=1) for i in range(3)]
+    leap = operator("Leap", {}, "at0", "at3; not at0", cost=5)
+    problem = Problem({}, frozenset({Fact("at0")}), (Literal(Fact("at3")),), (leap, *long_way))
+    assert planned(problem) == ["Step0()", "Step1()", "Step2()"]
+
+
+def test_what_must_hold_all_the_way_must_hold_at_the_start():
+    carry = operator("Carry", {"object": "thing"}, hold="holding({object})", effects="carried({object})")
+    problem = kitchen("carried(cup)", operators=(PICK, PUT, carry))
+    assert planned(problem) == ["Pick(cup, table)", "Carry(cup)"]
+
+
+def test_equality_keeps_two_parameters_apart():
+    swap = Operator(
+        "Swap",
+        {"a": "thing", "b": "thing"},
+        pre=(Literal(Fact("=", ("{a}", "{b}")), negated=True),),
+        add=(Fact("swapped", ("{a}", "{b}")),),
+    )
+    assert planned(kitchen("swapped(mug, cup)", operators=(swap,))) == ["Swap(mug, cup)"]
+    with pytest.raises(Unsolvable):
+        planned(kitchen("swapped(mug, mug)", operators=(swap,)))
+
+
+def test_what_nothing_brings_about_is_told():
+    with pytest.raises(Unsolvable, match=r"nothing brings about that on\(mug, table\)") as raised:
+        planned(kitchen("on(mug, table) and on(cup, table)", operators=(PICK, PUT, CLOSE)))
+    assert raised.value.missing == (Literal(parse_fact("on(mug, table)")),)
+
+
+def test_a_dead_end_behind_the_relaxation_is_unsolvable_too():
+    burn = operator("Burn", {}, "match", "light; not match")
+    keep = kitchen("light and match", "match", (burn,))
+    with pytest.raises(Unsolvable, match="no order of actions leads to light"):
+        planned(keep)
+
+
+def test_a_contradictory_goal_is_refused():
+    with pytest.raises(GoalError, match="contradicts itself: open"):
+        planned(kitchen("open(front) and on(cup, table) and not open(front)"))
+
+
+def test_the_search_ends_by_count():
+    with pytest.raises(PlanningError, match="no plan among the first 1 states"):
+        planned(kitchen("on(mug, table) and not open(front)"), max_evaluations=1)
+
+
+def test_equal_problems_give_equal_plans():
+    goal = "on(mug, table) and on(cup, drawer) and not open(front)"
+    assert planned(kitchen(goal)) == planned(kitchen(goal))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["mug"], r"Pick takes \(object, place\), got \(mug\)"),
+        (["mug", "moon"], "place is 'moon', and nothing is called so"),
+        (["table", "table"], "object should be a thing, table is a place"),
+    ],
+)
+def test_wrong_arguments_of_an_action_are_told(arguments, words):
+    with pytest.raises(PlanningError, match=words):
+        instantiate(kitchen(""), PICK, arguments)
