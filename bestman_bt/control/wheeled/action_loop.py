@@ -158,7 +158,7 @@ class ActionLoop:
             action.driven.swept.advance(pose.xy)
             people = self._layer.moving if action.driven.mapped else ()
         monitored = self._gate.command(
-            command.twist, action.speed, velocity, pose, self._where.odometry, people, period
+            command.twist, action.speed, velocity, pose, self._where.odometry, people, self._layer.walkers, period
         )
         if monitored.action is MonitorAction.BUMPED:
             self._halt(ControlErrorCode.BLOCKED, monitored.text)

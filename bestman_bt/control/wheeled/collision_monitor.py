@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.control.wheeled.near_points import NearPoints
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
+from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import FootprintMotion, braking_time, safe_share
 from hal.api import BaseDescription, Bumper
 
@@ -25,6 +26,9 @@ STANDING = 0.02
 """m/s and rad/s below which a base has nothing to brake."""
 CREEP = 0.005
 """m/s and rad/s below which going on is not worth it."""
+BEFORE = 0.15
+"""Metres around the disc that stands for a person within which hits are that person's."""
+NOBODY: NDArray[np.float64] = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -81,10 +85,14 @@ class CollisionMonitor:
         self._parameters = p = parameters or CollisionMonitorParameters()
         self._description, self._bumpers = description, bumpers
         footprint = footprint_of(description)
-        self._motion = FootprintMotion(footprint, p.margin)
+        self._motion = self._above = FootprintMotion(footprint, p.margin)
         self._wide = FootprintMotion(footprint, p.slowdown_margin)
         self._points = NearPoints(p.same_surface)
         self._stamp, self._equal = -math.inf, 0
+
+    def use_footprint(self, footprint: Footprint) -> None:
+        """What is driven from now on: an arm that stands out above is kept from whoever is tall."""
+        self._above = FootprintMotion(footprint.above, self._parameters.margin)
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
         """Take in a scan, taken where the odometry is ``odometry``."""
@@ -92,8 +100,13 @@ class CollisionMonitor:
         self._stamp = scan.stamp
         self._points.update(scan, base_from_lidar, odometry)
 
-    def limit(self, wanted: Twist2D, velocity: Twist2D, odometry: Pose2D) -> MonitoredCommand:
-        """What of ``wanted`` may be driven by a base that moves at ``velocity`` (measured), both in the base frame."""
+    def limit(
+        self, wanted: Twist2D, velocity: Twist2D, odometry: Pose2D, tall: NDArray[np.float64] = NOBODY
+    ) -> MonitoredCommand:
+        """What of ``wanted`` may be driven by a base that moves at ``velocity`` (measured), both in the base frame.
+
+        ``tall``: (N, 3) discs around people, x, y and radius in metres, in the base frame.
+        """
         p = self._parameters
         if not p.enabled:
             return MonitoredCommand(wanted, MonitorAction.NONE)
@@ -102,13 +115,14 @@ class CollisionMonitor:
             return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, text)
         pressed = self._pressed(odometry)
         points = self._points.around(odometry)
+        people = _within(points, tall)
         moving = max(math.hypot(velocity.vx, velocity.vy), abs(velocity.wz)) > STANDING
         if moving:
             # What the base does now may differ from what is wanted next: it must be able to stop out of that, too.
-            time, index, share = self._contact(points, velocity)
+            time, index, share = self._contact(points, people, velocity)
             if share < 1.0 and time < p.reaction + self._braking(velocity) / 4.0:
                 return MonitoredCommand(Twist2D(), MonitorAction.STOP, True, self._words(points[index], "is too close"))
-        time, index, share = self._contact(points, wanted)
+        time, index, share = self._contact(points, people, wanted)
         if pressed is not None and time == 0.0:
             return MonitoredCommand(
                 Twist2D(), MonitorAction.BUMPED, True, self._words(pressed, "presses on the bumper")
@@ -131,10 +145,17 @@ class CollisionMonitor:
                 return MonitoredCommand(_scaled(wanted, p.slowdown_speed / speed), MonitorAction.SLOWDOWN, False, text)
         return MonitoredCommand(wanted, MonitorAction.NONE)
 
-    def _contact(self, points: NDArray[np.float64], twist: Twist2D) -> tuple[float, int, float]:
+    def _contact(
+        self, points: NDArray[np.float64], people: NDArray[np.intp], twist: Twist2D
+    ) -> tuple[float, int, float]:
         """Seconds until a twist touches something, which point that is, and the share of it that stops in time."""
         reaction, braking = self._parameters.reaction, self._braking(twist)
-        time, index = self._motion.contact(points, twist, reaction + braking / 2.0 + 0.05)
+        horizon = reaction + braking / 2.0 + 0.05
+        time, index = self._motion.contact(points, twist, horizon)
+        if len(people):
+            sooner, person = self._above.contact(points[people], twist, horizon)
+            if sooner < time:
+                time, index = sooner, int(people[person])
         return time, index, safe_share(time, reaction, braking)
 
     def _braking(self, twist: Twist2D) -> float:
@@ -154,6 +175,14 @@ class CollisionMonitor:
     def _words(self, point: NDArray[np.float64], what: str) -> str:
         gap = max(0.0, float(self._motion.distance(point)) + self._parameters.margin)
         return f"something {100 * gap:.0f} cm {_side(point)} {what}"
+
+
+def _within(points: NDArray[np.float64], discs: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Which points (N, 2) lie within, or right before, one of ``discs`` (M, 3)."""
+    if not len(discs):
+        return np.zeros(0, dtype=np.intp)
+    away = np.linalg.norm(points[:, None] - discs[None, :, :2], axis=-1) - discs[:, 2]
+    return np.flatnonzero((away < BEFORE).any(axis=1))
 
 
 def _side(point: NDArray[np.float64]) -> str:

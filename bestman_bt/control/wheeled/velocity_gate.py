@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitoredCommand
 from bestman_bt.control.wheeled.motion_limits import footprint_of
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
@@ -51,12 +53,13 @@ class VelocityGate:
         pose: Pose2D,
         odometry: Pose2D,
         people: Sequence[MovingObstacle],
+        tall: Sequence[MovingObstacle],
         period: float,
     ) -> MonitoredCommand:
         """Have the base drive what of ``twist`` may be driven, for ``period`` seconds.
 
         ``most``: m/s, for this action. ``velocity``: measured, in the base frame. ``pose``: in the frame of
-        ``people``, who walk.
+        ``people``, who walk and are given way, and of all who are ``tall``: they are kept from the arm, too.
         """
         limits = self._base.description
         speed = min(limit for limit in (limits.max_vx, self.speed_limit, most) if limit is not None)
@@ -70,7 +73,9 @@ class VelocityGate:
         self._share = min(self._give_way.share(pose, wanted, people), self._share + RISE * period)
         wanted = Twist2D(self._share * wanted.vx, self._share * wanted.vy, self._share * wanted.wz)
         self.waits = speed == 0.0 or self._share < REST
-        monitored = self._monitor.limit(wanted, velocity, odometry)
+        discs = np.array([(disc.x, disc.y, disc.radius) for disc in tall]).reshape(-1, 3)
+        discs[:, :2] = pose.inverse().apply(discs[:, :2])
+        monitored = self._monitor.limit(wanted, velocity, odometry, discs)
         self.held_by = monitored.text or _words(velocity)
         if monitored.brake:
             self._base.stop()

@@ -53,6 +53,8 @@ class MovingObstacles:
         self._parameters = parameters or MovingObstaclesParameters()
         self._tracks: list[_Track] = []
         self.moving: list[MovingObstacle] = []
+        self.walkers: list[MovingObstacle] = []
+        """Those that move and those that have moved before they came to stand."""
 
     def update(
         self, hits: NDArray[np.float64], lidar: NDArray[np.float64], range_min: float, stamp: float
@@ -75,9 +77,12 @@ class MovingObstacles:
             if index not in cluster_of.values():
                 self._tracks.append(_Track(disc, stamp))
                 cluster_of[len(self._tracks) - 1] = index
-        self.moving = []
+        self.moving, self.walkers = [], []
         for index, track in enumerate(self._tracks):
-            if not track.moves(p):
+            moves = track.moves(p)
+            if track.has_moved:
+                self.walkers.append(track.obstacle())
+            if not moves:
                 continue
             self.moving.append(track.obstacle())
             if index in cluster_of:
@@ -111,7 +116,7 @@ class _Track:
         self.radius = float(disc[2])
         self.first = self.state[:2].copy()
         self.seen = self._stamp = stamp
-        self._moves = False
+        self._moves = self.has_moved = False
 
     def predict(self, stamp: float, acceleration: float) -> None:
         dt = max(0.0, stamp - self._stamp)
@@ -138,6 +143,7 @@ class _Track:
         sigma = math.sqrt(float(np.trace(self.covariance[2:, 2:])) / 2.0)
         far = float(np.linalg.norm(self.state[:2] - self.first)) > p.min_distance
         self._moves = far and p.min_speed < speed < p.max_speed and speed > p.min_sigma * sigma
+        self.has_moved |= self._moves
         return self._moves
 
     def obstacle(self) -> MovingObstacle:

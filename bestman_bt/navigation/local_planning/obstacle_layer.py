@@ -63,6 +63,11 @@ class ObstacleLayer:
         return self._tracks.moving
 
     @property
+    def walkers(self) -> list[MovingObstacle]:
+        """What moves, and what has moved before it came to stand: people, who are tall."""
+        return self._tracks.walkers
+
+    @property
     def origin(self) -> tuple[float, float] | None:
         """Metres in the map frame, the outer corner of cell (0, 0); None before the first scan."""
         return (

@@ -132,6 +132,20 @@ def test_what_is_too_close_to_be_seen_is_remembered_until_it_would_be_seen_again
     assert monitor.limit(Twist2D(0.3), Twist2D(), back).action is MonitorAction.NONE
 
 
+def test_an_arm_that_stands_out_is_kept_from_people_and_passes_over_what_stands_still():
+    base = Footprint(np.array(CORNERS))
+    arm = np.array([[x, y, z] for x in (0.2, 0.4) for y in (-0.1, 0.1) for z in (0.9, 1.1)])
+    monitor = CollisionMonitor(BASE)
+    monitor.use_footprint(base.carrying([arm], 0.0))
+    legs = np.column_stack([np.full(41, 0.46), np.linspace(-0.1, 0.1, 41)])
+    monitor.observe(scan_of(legs, Pose2D(), 0.0), Pose2D(), Pose2D())
+    wanted, person = Twist2D(0.25), np.array([[0.6, 0.0, 0.15]])
+    beside_it = np.array([[0.6, 1.5, 0.15]])
+    assert monitor.limit(wanted, Twist2D(), Pose2D(), person).twist.vx < 0.2
+    assert monitor.limit(wanted, Twist2D(), Pose2D(), beside_it).twist == wanted
+    assert monitor.limit(wanted, Twist2D(), Pose2D()).twist == wanted
+
+
 def test_moving_away_from_what_is_close_is_free_and_towards_it_is_not():
     wall = wall_ahead(0.5)
     monitor = CollisionMonitor(BASE, parameters=CollisionMonitorParameters(margin=0.25))

@@ -87,3 +87,15 @@ def test_hits_far_away_mark_nothing(layer, kitchen):
     pose = Pose2D(-3.2, 0.0, 0.0)
     layer.update(scan_of(np.vstack([kitchen.walls, post(2.2, 0.0)]), pose), pose)
     assert not len(layer.points)
+
+
+def test_who_has_walked_and_stands_now_counts_as_a_person_and_what_always_stood_does_not(layer, kitchen):
+    pose, noise = Pose2D(0.3, 0.2, 0.0), np.random.default_rng(4)
+    for number in range(60):
+        now = 0.1 * number
+        walked = -0.9 + 0.5 * min(now, 2.5)
+        scan = scan_of(np.vstack([kitchen.walls, post(1.3, 0.9), post(1.5, walked, 0.15)]), pose, now)
+        ranges = scan.ranges + 0.01 * noise.standard_normal(360)
+        layer.update(LaserScan(ranges, -math.pi, 2 * math.pi / 360, 0.45, 8.0, now), pose)
+    assert not layer.moving
+    assert [(walker.x, walker.y) for walker in layer.walkers] == [pytest.approx((1.5, 0.35), abs=0.1)]
