@@ -1,0 +1,25 @@
+"""From plans to behavior trees."""
+
+from bestman_bt.task_planning.builders.backchain import BackchainBuilder, BackchainBuilderParameters
+from bestman_bt.task_planning.builders.base import TreeBuilder
+from bestman_bt.task_planning.builders.plan_tree import PlanTree
+from bestman_bt.task_planning.builders.reactive import ReactiveBuilder, ReactiveBuilderParameters
+from bestman_bt.task_planning.builders.regression import kernels, next_step
+from bestman_bt.task_planning.builders.sequence import SequenceBuilder, SequenceBuilderParameters
+from bestman_bt.task_planning.builders.steps import Step, steps_one_by_one, steps_side_by_side
+
+__all__ = [
+    "BackchainBuilder",
+    "BackchainBuilderParameters",
+    "PlanTree",
+    "ReactiveBuilder",
+    "ReactiveBuilderParameters",
+    "SequenceBuilder",
+    "SequenceBuilderParameters",
+    "Step",
+    "TreeBuilder",
+    "kernels",
+    "next_step",
+    "steps_one_by_one",
+    "steps_side_by_side",
+]

@@ -1,0 +1,91 @@
+"""A tree that carries out a plan, as XML that needs no other file, and as nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from bestman_bt.configuration.data import data_root
+from bestman_bt.engine import NodeRegistry, Tree, XmlDocument, XmlElement, load_tree, tree_to_xml
+from bestman_bt.engine.xml.document import XmlItem, XmlText
+from bestman_bt.task_planning.builders.steps import Step
+from bestman_bt.task_planning.symbolic import Action, Literal, TaskPlan
+
+ABILITIES_FILE = "subtrees/abilities.xml"
+"""Where the shipped abilities are, in the folder of trees."""
+TREE_ID = "CarryOutPlan"
+
+
+@dataclass(frozen=True)
+class PlanTree:
+    """``element``: the root node of the tree; the abilities that it calls are in ``ABILITIES_FILE`` or leaves."""
+
+    plan: TaskPlan
+    element: XmlElement
+
+    def document(self) -> XmlDocument:
+        """The tree alone; it includes the abilities."""
+        tree = XmlElement("BehaviorTree", {"ID": TREE_ID}, [self.element])
+        include = XmlElement("include", {"path": ABILITIES_FILE})
+        root = XmlElement("root", {"BTCPP_format": "4", "main_tree_to_execute": TREE_ID}, [include, tree])
+        return XmlDocument([_indented(root)], 'version="1.0" encoding="UTF-8"')
+
+    def load(self, registry: NodeRegistry, **options: Any) -> Tree:
+        """Nodes that can be ticked; ``options`` as of ``engine.load_tree``. Raises TreeLoadError."""
+        return load_tree(self.document().to_xml(), registry, search_path=[data_root() / "trees"], **options)
+
+    def xml(self, registry: NodeRegistry) -> str:
+        """A file of its own, with everything in it that it calls. Raises TreeLoadError."""
+        return tree_to_xml(self.load(registry))
+
+
+class Writer:
+    """Makes the elements of one tree; ``leaves``: abilities that are leaves, all others are subtrees."""
+
+    def __init__(self, leaves: Iterable[str] = ()) -> None:
+        self._leaves = frozenset(leaves)
+        self._names: dict[str, int] = {}
+
+    def node(self, tag: str, name: str, children: Iterable[XmlElement] = (), **attributes: str) -> XmlElement:
+        """A control node, decorator or leaf."""
+        return XmlElement(tag, {"name": self._unique(name), **attributes}, list(children))
+
+    def holds(self, name: str, literals: Iterable[Literal]) -> XmlElement:
+        """A condition leaf that asks for all of the literals."""
+        return self.node("Holds", name, fact=" and ".join(str(literal) for literal in sorted(literals)))
+
+    def step(self, number: int, step: Step) -> XmlElement:
+        """What carries out a step: one action, or several side by side."""
+        actions = [self.action(number, action) for action in step.actions]
+        if len(actions) == 1:
+            return actions[0]
+        return self.node("Parallel", f"{number}_side_by_side", actions, success_count="-1", failure_count="1")
+
+    def action(self, number: int, action: Action) -> XmlElement:
+        """The node of an action; where something must hold all the way, under a guard that halts it."""
+        name = f"{number}_{action.name}"
+        if action.name in self._leaves:
+            node = self.node(action.name, name, **action.ports)
+        else:
+            node = XmlElement("SubTree", {"ID": action.name, "name": self._unique(name), **action.ports})
+        if not action.hold:
+            return node
+        return self.node(
+            "ReactiveSequence", f"{number}_guarded", [self.holds(f"{number}_may_go_on", action.hold), node]
+        )
+
+    def _unique(self, name: str) -> str:
+        """Paths name nodes in logs and reports: no name twice."""
+        count = self._names[name] = self._names.get(name, 0) + 1
+        return name if count == 1 else f"{name}_again_{count}"
+
+
+def _indented(element: XmlElement, depth: int = 0) -> XmlElement:
+    """The element with each of those inside it on a line of its own."""
+    content: list[XmlItem] = []
+    for child in element.children:
+        content += [XmlText("\n" + "    " * (depth + 1)), _indented(child, depth + 1)]
+    if content:
+        content.append(XmlText("\n" + "    " * depth))
+    return XmlElement(element.tag, element.attributes, content)

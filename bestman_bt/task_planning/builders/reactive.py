@@ -1,0 +1,58 @@
+"""Regressed kernels as a tree: before each action the robot asks anew what is left to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bestman_bt.engine import XmlElement
+from bestman_bt.task_planning.builders.base import TreeBuilder
+from bestman_bt.task_planning.builders.plan_tree import Writer
+from bestman_bt.task_planning.builders.regression import kernel, kernels
+from bestman_bt.task_planning.builders.steps import steps_one_by_one, steps_side_by_side
+from bestman_bt.task_planning.symbolic import Literal, TaskPlan
+
+
+@dataclass(frozen=True)
+class ReactiveBuilderParameters:
+    """``attempts``: how many actions may fail before the tree does. ``rounds``: actions that may be done, per step.
+
+    ``parallel``: whether independent actions of different parts go side by side.
+    """
+
+    attempts: int = 3
+    rounds: int = 4
+    parallel: bool = True
+
+
+class ReactiveBuilder(TreeBuilder):
+    """PLANEX (Fikes, Hart, Nilsson 1972) as a behavior tree.
+
+    Round by round it does the last step whose kernel is believed. So it skips what is true already, redoes what was
+    undone, and fails where no kernel holds: then the plan does not help any more. Kernels are asked between actions and
+    not while one runs, for an action's effects show before it is done (an object is held before the arm is back); what
+    must hold all the way is asked at each tick.
+    """
+
+    def __init__(self, parameters: ReactiveBuilderParameters | None = None) -> None:
+        self.parameters = parameters or ReactiveBuilderParameters()
+
+    def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
+        """Retries around rounds; a round is a staircase of IfThenElse: the last step's kernel is asked first."""
+        parameters = self.parameters
+        steps = steps_side_by_side(plan) if parameters.parallel else steps_one_by_one(plan)
+        otherwise = writer.node("AlwaysFailure", "no_step_is_ready")
+        table = kernels(steps, goal)
+        for number, step in enumerate(steps, 1):
+            for part in (step, *step.alone):
+                ready, do = writer.holds(f"{number}_is_ready", kernel(part, table[number])), writer.step(number, part)
+                otherwise = writer.node("IfThenElse", f"{number}_if_ready", [ready, do, otherwise])
+        a_round = writer.node(
+            "Fallback",
+            "done_or_stuck",
+            [writer.holds("goal", goal), writer.node("Inverter", "on_unless_it_fails", [otherwise])],
+        )
+        rounds = writer.node(
+            "RetryUntilSuccessful", "round_by_round", [a_round], num_attempts=str(parameters.rounds * len(steps))
+        )
+        attempt = writer.node("Sequence", "reach_the_goal", [rounds, writer.holds("goal_reached", goal)])
+        return writer.node("RetryUntilSuccessful", "attempts", [attempt], num_attempts=str(parameters.attempts))

@@ -1,0 +1,35 @@
+"""One action after the other, each of them only if what it needs is believed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bestman_bt.engine import XmlElement
+from bestman_bt.task_planning.builders.base import TreeBuilder
+from bestman_bt.task_planning.builders.plan_tree import Writer
+from bestman_bt.task_planning.builders.steps import steps_one_by_one, steps_side_by_side
+from bestman_bt.task_planning.symbolic import Literal, TaskPlan
+
+
+@dataclass(frozen=True)
+class SequenceBuilderParameters:
+    """``parallel``: whether independent actions of different parts go side by side."""
+
+    parallel: bool = True
+
+
+class SequenceBuilder(TreeBuilder):
+    """The plan as it stands: it fails with its first action that fails or is not ready. Good for replanning."""
+
+    def __init__(self, parameters: SequenceBuilderParameters | None = None) -> None:
+        self.parameters = parameters or SequenceBuilderParameters()
+
+    def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
+        """A Sequence: is it ready, do it, and so on; at last, does the goal hold."""
+        steps = steps_side_by_side(plan) if self.parameters.parallel else steps_one_by_one(plan)
+        children: list[XmlElement] = []
+        for number, step in enumerate(steps, 1):
+            if step.pre:
+                children.append(writer.holds(f"{number}_is_ready", step.pre))
+            children.append(writer.step(number, step))
+        return writer.node("Sequence", "plan", [*children, writer.holds("goal", goal)])

@@ -1,0 +1,200 @@
+"""A tree without a robot: its abilities change a set of facts, as they are declared to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from bestman_bt.configuration.data import data_root
+from bestman_bt.engine import (
+    FAILURE,
+    RUNNING,
+    SUCCESS,
+    Condition,
+    ManualClock,
+    Node,
+    NodeRegistry,
+    PortInformation,
+    StatefulAction,
+    Tree,
+    XmlDocument,
+    XmlElement,
+    load_tree,
+)
+from bestman_bt.task_planning.builders.plan_tree import ABILITIES_FILE
+from bestman_bt.task_planning.symbolic import (
+    Action,
+    Fact,
+    Literal,
+    Operator,
+    PlanningError,
+    Problem,
+    instantiate,
+    parse_literals,
+)
+
+MAX_TICKS = 10_000
+"""Ticks after which a tree counts as one that does not end."""
+
+
+@dataclass
+class SymbolicWorld:
+    """What holds, and what is done to it. ``done``: actions that succeeded; ``told``: why others failed, by path."""
+
+    problem: Problem
+    state: frozenset[Fact] = field(init=False)
+    done: list[Action] = field(default_factory=list)
+    told: list[tuple[str, str]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.state = self.problem.state
+
+    def believed(self) -> frozenset[Fact]:
+        """What conditions see."""
+        return self.state
+
+    def begin(self, action: Action) -> tuple[Literal, ...]:
+        """The pre-conditions of an action that do not hold now."""
+        return action.broken_in(self.state)
+
+    def finish(self, action: Action) -> str:
+        """Let an action that ran take effect; why it fails, or nothing."""
+        self.state = action.applied_to(self.state)
+        self.done.append(action)
+        return ""
+
+    @property
+    def reached(self) -> bool:
+        """Whether the goal holds."""
+        return not self.problem.unmet_in(self.state)
+
+
+class SimulatedAbility(StatefulAction):
+    """Stands for an ability: runs for a tick, then changes the world. The tree's context is a ``SymbolicWorld``."""
+
+    OPERATOR: ClassVar[Operator]
+
+    _action: Action
+
+    def on_start(self) -> int:
+        """FAILURE where a pre-condition does not hold."""
+        world: SymbolicWorld = self.context
+        try:
+            arguments = [str(self.get_input(port)) for port in self.OPERATOR.parameters]
+            self._action = instantiate(world.problem, self.OPERATOR, arguments)
+        except PlanningError as error:
+            return self._fail(str(error))
+        broken = world.begin(self._action)
+        return self._fail(f"it needs {' and '.join(map(str, broken))}") if broken else RUNNING
+
+    def on_running(self) -> int:
+        """SUCCESS, and the effects hold, unless the world has it otherwise."""
+        why = self.context.finish(self._action)
+        return self._fail(why) if why else SUCCESS
+
+    def _fail(self, why: str) -> int:
+        self.context.told.append((_path_of_ability(self), why))
+        return FAILURE
+
+
+class SimulatedHolds(Condition):
+    """``Holds`` for a ``SymbolicWorld``."""
+
+    INPUT_PORTS: ClassVar = {"fact": PortInformation(str, description="facts, joined by 'and'")}
+
+    def on_load(self) -> None:
+        """Read the facts."""
+        self._literals = parse_literals(str(self.attributes["fact"]))
+
+    def on_tick(self) -> int:
+        """SUCCESS where all of them hold."""
+        state = self.context.believed()
+        missing = [literal for literal in self._literals if not literal.holds_in(state)]
+        if missing:
+            self.context.told.append((self.path, f"{' and '.join(map(str, missing))} does not hold"))
+        return FAILURE if missing else SUCCESS
+
+
+@dataclass(frozen=True)
+class DryRun:
+    """``status``: of the tree; RUNNING where it did not end. ``why``: (node, words), the last failures, latest last."""
+
+    status: int
+    reached: bool
+    done: tuple[Action, ...]
+    why: tuple[tuple[str, str], ...]
+
+
+def dry_run(source: str | Path, world: SymbolicWorld, registry: NodeRegistry, max_ticks: int = MAX_TICKS) -> DryRun:
+    """Tick a tree to its end in a symbolic world. Raises TreeLoadError."""
+    tree = load_simulated(source, world, registry)
+    status = tree.tick_while_running(max_ticks=max_ticks)
+    if status == RUNNING:
+        tree.halt()
+    return DryRun(status, world.reached, tuple(world.done), tuple(world.told))
+
+
+def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegistry) -> Tree:
+    """The tree with all abilities replaced by simulated ones. Raises TreeLoadError.
+
+    ``source``: a file or XML text. ``registry``: what else it may name; it is not changed.
+    """
+    operators = world.problem.operators
+    simulated = NodeRegistry()
+    for info in registry:
+        if not info.builtin and info.name not in {"Holds", *(operator.name for operator in operators)}:
+            simulated.register(info.cls, info.name)
+    simulated.register(SimulatedHolds, "Holds")
+    leaves = [operator for operator in operators if operator.name in registry]
+    subtrees = [operator for operator in operators if operator.name not in registry]
+    for operator in leaves:
+        simulated.register(_leaf_of(operator), operator.name)
+    for operator in subtrees:
+        simulated.register(_leaf_of(operator), f"{operator.name}Simulated")
+    text = _with_stubs(source, subtrees)
+    folder = [Path(source).resolve().parent] if not _is_text(source) else []
+    search_path = [*folder, data_root() / "trees"]
+    return load_tree(text, simulated, context=world, clock=ManualClock(), search_path=search_path)
+
+
+def _leaf_of(operator: Operator) -> type[Node]:
+    """A leaf with the ports of an ability; other ports of the real one may be given and do nothing."""
+    ports = {name: PortInformation(str, description=kind) for name, kind in operator.parameters.items()}
+    made: dict[str, Any] = {"OPERATOR": operator, "INPUT_PORTS": ports, "__doc__": SimulatedAbility.__doc__}
+    return type(operator.name, (SimulatedAbility,), made)
+
+
+def _with_stubs(source: str | Path, subtrees: Sequence[Operator]) -> str:
+    """The file's XML with the definitions of abilities replaced."""
+    document = XmlDocument.parse(source) if _is_text(source) else XmlDocument.load(source)
+    names = {operator.name for operator in subtrees}
+    root = document.root
+    root.content = [item for item in root.content if not (isinstance(item, XmlElement) and _is_replaced(item, names))]
+    root.content += [_stub(operator) for operator in subtrees]
+    return document.to_xml()
+
+
+def _is_text(source: str | Path) -> bool:
+    return isinstance(source, str) and source.lstrip().startswith("<")
+
+
+def _is_replaced(element: XmlElement, names: Iterable[str]) -> bool:
+    match element.tag:
+        case "include":
+            return element.attributes.get("path") == ABILITIES_FILE
+        case "BehaviorTree":
+            return element.attributes.get("ID") in names
+        case _:
+            return False
+
+
+def _stub(operator: Operator) -> XmlElement:
+    ports = {name: f"{{{name}}}" for name in operator.parameters}
+    return XmlElement("BehaviorTree", {"ID": operator.name}, [XmlElement(f"{operator.name}Simulated", ports)])
+
+
+def _path_of_ability(leaf: Node) -> str:
+    """The path of the SubTree that a simulated leaf stands for, or of the leaf itself."""
+    return leaf.place.prefix.removesuffix("/") if leaf.place is not None and leaf.place.prefix else leaf.path

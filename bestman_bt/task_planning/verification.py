@@ -1,0 +1,202 @@
+"""Is a tree fit to be run by this robot, here? Checked before anything moves.
+
+Ports, names and types; nothing but abilities; what the robot has; who needs the same part at a time; hints on what is
+out of reach; at last a dry run on facts.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from bestman_bt.configuration.data import data_root
+from bestman_bt.engine import (
+    RUNNING,
+    SUCCESS,
+    Node,
+    NodeRegistry,
+    Parallel,
+    ParallelAll,
+    SubTree,
+    Tree,
+    TreeLoadError,
+    load_tree,
+)
+from bestman_bt.engine import Problem as Fault
+from bestman_bt.registry import suggestion
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.task_planning.builders.steps import depend
+from bestman_bt.task_planning.reach import highest_reach, widest_grasp
+from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
+from bestman_bt.task_planning.symbolic import Action, Operator, PlanningError, Problem, instantiate
+from bestman_bt.world_model import WorldModel
+
+_HARMLESS = frozenset({"AlwaysSuccess", "AlwaysFailure", "Holds"})
+"""Leaves beside the abilities that a tree of a plan may have."""
+
+
+def verify(
+    source: str | Path,
+    problem: Problem,
+    registry: NodeRegistry,
+    robot: RobotModel | None = None,
+    world: WorldModel | None = None,
+) -> list[Fault]:
+    """Everything that is wrong with a tree for a problem; warnings are hints, all else is a reason not to run it.
+
+    ``source``: a file or XML text. ``robot``: whose capabilities count; ``world``: what it believes, for hints.
+    """
+    try:
+        tree = load_tree(source, registry, search_path=[data_root() / "trees"])
+    except TreeLoadError as error:
+        return list(error.problems)
+    check = _Check(tree, problem, robot)
+    faults = [*check.nodes(), *check.branches()]
+    if not faults:
+        faults += _dry_run(source, problem, registry)
+    if robot is not None and world is not None:
+        faults += _hints(tree, check.actions, robot, world)
+    return faults
+
+
+class _Check:
+    """``actions``: what the nodes of abilities do, once ``nodes`` has looked at them."""
+
+    def __init__(self, tree: Tree, problem: Problem, robot: RobotModel | None) -> None:
+        self.tree = tree
+        self.problem = problem
+        self.operators = {operator.name: operator for operator in problem.operators}
+        self.robot = robot
+        self.actions: dict[Node, Action] = {}
+
+    def nodes(self) -> Iterator[Fault]:
+        """Each node of the tree but those inside abilities."""
+        for node in self.tree.nodes:
+            if node.place is not None and self.operators.keys() & set(node.place.ancestors):
+                continue
+            operator = self.operators.get(node.type_id)
+            if operator is not None:
+                yield from self._ability(node, operator)
+            elif not isinstance(node, SubTree) and not node.children and node.type_id not in _HARMLESS:
+                yield _fault(node, "", "it is no ability", suggestion(node.type_id, list(self.operators)))
+
+    def branches(self) -> Iterator[Fault]:
+        """What goes side by side must not need the same part, nor touch what the other needs."""
+        for node in self.tree.nodes:
+            if not isinstance(node, (Parallel, ParallelAll)):
+                continue
+            branches = [self._below(child) for child in node.nodes_below()]
+            for index, branch in enumerate(branches):
+                for other in branches[index + 1 :]:
+                    yield from self._conflicts(node, branch, other)
+
+    def _ability(self, node: Node, operator: Operator) -> Iterator[Fault]:
+        faults = []
+        for port, kind in operator.parameters.items():
+            value = node.attributes.get(port)
+            if value is None:
+                faults.append(_fault(node, port, f"is missing; it takes a {kind}"))
+            elif "{" in str(value):
+                faults.append(_fault(node, port, f"{value} is known only at run time: it cannot be checked"))
+            elif str(value) not in self.problem.objects:
+                faults.append(_fault(node, port, f"nothing is called {value!r}", self._closest(str(value), kind)))
+        yield from faults
+        yield from self._missing_parts(node, operator)
+        if faults:
+            return
+        try:
+            arguments = [str(node.attributes[port]) for port in operator.parameters]
+            self.actions[node] = instantiate(self.problem, operator, arguments)
+        except PlanningError as error:
+            yield _fault(node, "", str(error))
+
+    def _missing_parts(self, node: Node, operator: Operator) -> Iterator[Fault]:
+        if self.robot is None:
+            return
+        for part, needed in Counter(operator.parts).items():
+            present = _count(self.robot, part)
+            if present < needed:
+                yield _fault(node, "", f"it needs {needed} × {part}, and {self.robot.name} has {present}")
+
+    def _closest(self, name: str, kind: str) -> str:
+        return suggestion(name, self.problem.of_type(kind))
+
+    def _below(self, node: Node) -> list[Node]:
+        found = [node] if node in self.actions else []
+        for child in node.nodes_below():
+            found += self._below(child)
+        return found
+
+    def _conflicts(self, parallel: Node, branch: list[Node], other: list[Node]) -> Iterator[Fault]:
+        for first in branch:
+            for second in other:
+                one, two = self.actions[first], self.actions[second]
+                both = Counter(one.parts) + Counter(two.parts)
+                scarce = sorted(part for part, count in both.items() if count > self._available(part))
+                if scarce:
+                    yield _fault(parallel, "", f"{one} and {two} side by side both need the {scarce[0]}")
+                elif depend(one, two) and not set(one.parts) & set(two.parts):
+                    yield _fault(parallel, "", f"{one} and {two} side by side: one changes what the other needs")
+
+    def _available(self, part: str) -> int:
+        return 1 if self.robot is None else _count(self.robot, part)
+
+
+def _count(robot: RobotModel, part: str) -> int:
+    """How many of a kind of part, or of a name, a robot has."""
+    kinds = {"arm": robot.arms, "base": robot.bases, "hand": robot.grippers, "head": robot.joint_groups}
+    return len(kinds[part]) if part in kinds else int(part in robot.part_names)
+
+
+def _dry_run(source: str | Path, problem: Problem, registry: NodeRegistry) -> Iterator[Fault]:
+    world = SymbolicWorld(problem)
+    run = dry_run(source, world, registry)
+    missing = " and ".join(map(str, problem.unmet_in(world.state)))
+    if run.status == RUNNING:
+        yield Fault(_name(source), 0, "", "", "in a dry run it does not end")
+    elif run.status != SUCCESS:
+        node, why = run.why[-1] if run.why else ("", "it fails")
+        for path, words in reversed(run.why):
+            if words.startswith("it needs"):  # an ability says more than the condition that failed after it
+                node, why = path, words
+                break
+        yield Fault(_name(source), 0, node, "", f"in a dry run it fails here: {why}")
+    elif missing:
+        yield Fault(_name(source), 0, "", "", f"in a dry run the goal is not reached: {missing} does not hold")
+
+
+def _hints(tree: Tree, actions: dict[Node, Action], robot: RobotModel, world: WorldModel) -> Iterator[Fault]:
+    """Warnings on what is higher than the arm, or thicker than the open hand."""
+    reach, grasp = highest_reach(robot), widest_grasp(robot)
+    for node, action in actions.items():
+        if "arm" not in action.parts:
+            continue
+        for port, kind in action.operator.parameters.items():
+            name = action.ports[port]
+            if kind == "place" and (height := _height(world, name)) is not None and height > reach:
+                yield _fault(
+                    node, port, f"{name} is {height:.2f} m high, the arm gets to {reach:.2f} m", severity="warning"
+                )
+            belief = world.objects.get(name)
+            model = belief.model if belief is not None else world.models.get(name)
+            if kind == "object" and model is not None and min(model.size[:2]) > grasp:
+                message = f"{name} is {min(model.size[:2]):.3f} m thick, the hand opens {grasp:.3f} m"
+                yield _fault(node, port, message, severity="warning")
+
+
+def _height(world: WorldModel, place: str) -> float | None:
+    try:
+        _, surface = world.surface(place)
+    except KeyError:
+        return None
+    return float(surface.pose.position[2])
+
+
+def _name(source: str | Path) -> str:
+    return str(source) if isinstance(source, Path) or not source.lstrip().startswith("<") else "<text>"
+
+
+def _fault(node: Node, field: str, message: str, hint: str = "", severity: str = "error") -> Fault:
+    file = "" if node.place is None else node.place.file
+    return Fault(file, node.line, node.path, field, message, hint, severity)

@@ -1,0 +1,173 @@
+"""Trees of plans, ticked in symbolic worlds: what they do, skip, redo, and when they give up."""
+
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, NodeRegistry
+from bestman_bt.task_planning.builders import (
+    BackchainBuilder,
+    ReactiveBuilder,
+    SequenceBuilder,
+    TreeBuilder,
+    kernels,
+    next_step,
+    steps_one_by_one,
+    steps_side_by_side,
+)
+from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run, load_simulated
+from bestman_bt.task_planning.symbolic import PlanningError, Problem, parse_literals
+from tests.task_planning.disturbed_world import Upset
+from tests.task_planning.kitchen_domain import FETCH, FETCH_GOAL, facts, kitchen, plan_of
+
+ALL = [SequenceBuilder(), ReactiveBuilder(), BackchainBuilder()]
+RECOVERING = [ReactiveBuilder(), BackchainBuilder()]
+
+
+def run(builder: TreeBuilder, world: SymbolicWorld, plan: tuple[str, ...] = FETCH) -> int:
+    """The status in which the tree of a plan ends."""
+    tree = builder.build(plan_of(world.problem, *plan), world.problem.goal)
+    return dry_run(tree.document().to_xml(), world, NodeRegistry()).status
+
+
+def done(world: SymbolicWorld) -> tuple[str, ...]:
+    """What was done in a world."""
+    return tuple(map(str, world.done))
+
+
+@pytest.mark.parametrize("builder", ALL)
+def test_undisturbed_each_tree_does_the_plan_and_reaches_the_goal(builder: TreeBuilder) -> None:
+    world = SymbolicWorld(kitchen(FETCH_GOAL))
+    assert run(builder, world) == SUCCESS
+    assert done(world) == FETCH
+    assert world.reached
+
+
+@pytest.mark.parametrize("builder", ALL)
+def test_an_empty_plan_succeeds_where_the_goal_holds_and_only_there(builder: TreeBuilder) -> None:
+    assert run(builder, SymbolicWorld(kitchen("on(can, table)")), ()) == SUCCESS
+    assert run(builder, SymbolicWorld(kitchen("on(mug, table)")), ()) == FAILURE
+
+
+@pytest.mark.parametrize("builder", RECOVERING)
+def test_what_is_true_already_is_skipped(builder: TreeBuilder) -> None:
+    problem = kitchen(FETCH_GOAL)
+    world = SymbolicWorld(problem)
+    world.state = problem.state | facts("open(drawer_1)")
+    assert run(builder, world) == SUCCESS
+    assert done(world) == FETCH[1:]
+
+
+@pytest.mark.parametrize("builder", RECOVERING)
+def test_what_was_undone_is_redone(builder: TreeBuilder) -> None:
+    world = Upset(kitchen(FETCH_GOAL), after={"OpenContainer(drawer_1)": "not open(drawer_1)"})
+    assert run(builder, world) == SUCCESS
+    assert done(world) == (FETCH[0], *FETCH)
+
+
+@pytest.mark.parametrize("builder", RECOVERING)
+def test_an_action_that_fails_once_is_tried_again(builder: TreeBuilder) -> None:
+    world = Upset(kitchen(FETCH_GOAL), fails={"PickUp(mug, chest/drawer_1)"})
+    assert run(builder, world) == SUCCESS
+    assert done(world) == FETCH
+
+
+def test_a_sequence_notices_a_broken_pre_condition_before_the_skill_begins() -> None:
+    world = Upset(kitchen(FETCH_GOAL), after={"OpenContainer(drawer_1)": "not open(drawer_1)"})
+    assert run(SequenceBuilder(), world) == FAILURE
+    assert world.begun == ["OpenContainer(drawer_1)"]
+    assert world.told[-1] == ("2_is_ready", "open(drawer_1) does not hold")
+
+
+@pytest.mark.parametrize("builder", ALL)
+def test_a_tree_fails_where_its_plan_does_not_help_any_more(builder: TreeBuilder) -> None:
+    elsewhere = "not on(mug, chest/drawer_1) and on(mug, chest/drawer_2)"
+    world = Upset(kitchen(FETCH_GOAL), after={"OpenContainer(drawer_1)": elsewhere})
+    assert run(builder, world) == FAILURE
+    assert world.begun == ["OpenContainer(drawer_1)"]
+
+
+@pytest.mark.parametrize("builder", ALL)
+def test_an_action_that_never_takes_effect_does_not_run_for_ever(builder: TreeBuilder) -> None:
+    class Stubborn(SymbolicWorld):
+        def finish(self, action: object) -> str:
+            self.done.append(action)  # type: ignore[arg-type]
+            return ""
+
+    world = Stubborn(kitchen(FETCH_GOAL))
+    assert run(builder, world) == FAILURE
+    assert 1 <= len(world.done) <= 50
+
+
+@pytest.mark.parametrize("builder", ALL)
+def test_a_broken_hold_condition_halts_the_action_that_runs(builder: TreeBuilder) -> None:
+    problem = kitchen(
+        "on(can, chest/drawer_1)", "open(drawer_1)", "holding(can)", without=("on(can, table)", "hand_empty")
+    )
+    world = Upset(problem)
+    tree = builder.build(plan_of(problem, "PutAt(can, chest/drawer_1)"), problem.goal)
+    ticked = load_simulated(tree.document().to_xml(), world, NodeRegistry())
+    assert ticked.tick_exactly_once() == RUNNING
+    world.state -= facts("open(drawer_1)")
+    assert ticked.tick_while_running(max_ticks=20) == FAILURE
+    assert world.done == []
+
+
+def test_actions_of_different_parts_that_do_not_depend_on_each_other_go_side_by_side() -> None:
+    plan = plan_of(kitchen("tucked"), "PickUp(can, table)", "TuckArm()", "GoTo(table)", "PutAt(can, table)")
+    assert [str(step) for step in steps_side_by_side(plan)] == [
+        "PickUp(can, table)",
+        "TuckArm() beside GoTo(table)",
+        "PutAt(can, table)",
+    ]
+
+
+def test_actions_that_need_what_the_other_changes_stay_in_order() -> None:
+    plan = plan_of(kitchen(FETCH_GOAL), *FETCH)
+    assert steps_side_by_side(plan) == steps_one_by_one(plan)
+
+
+def test_where_one_of_two_side_by_side_is_undone_only_that_one_is_redone() -> None:
+    world = Upset(kitchen("tucked and near(table)"), fails={"GoTo(table)"})
+    assert run(ReactiveBuilder(), world, ("TuckArm()", "GoTo(table)")) == SUCCESS
+    assert world.begun == ["TuckArm()", "GoTo(table)", "GoTo(table)"]
+
+
+def test_kernels_are_what_must_hold_for_the_rest_to_reach_the_goal() -> None:
+    problem = kitchen(FETCH_GOAL)
+    table = kernels(steps_one_by_one(plan_of(problem, *FETCH)), problem.goal)
+    assert table[-1] == frozenset(parse_literals(FETCH_GOAL))
+    assert table[2] == frozenset(parse_literals("holding(mug) and open(drawer_1)"))
+    assert next_step(table, problem.state) == 0
+    assert next_step(table, facts("on(mug, table)")) == 4
+    assert next_step(table, facts("hand_empty")) is None
+
+
+def test_a_plan_that_undoes_its_own_goal_is_refused() -> None:
+    problem = kitchen("open(drawer_1)")
+    with pytest.raises(PlanningError, match=r"CloseContainer\(drawer_1\) undoes open\(drawer_1\)"):
+        kernels(steps_one_by_one(plan_of(problem, "OpenContainer(drawer_1)", "CloseContainer(drawer_1)")), problem.goal)
+
+
+def test_back_chaining_stays_small_where_each_object_needs_a_drawer_of_its_own() -> None:
+    """Expanded afresh wherever something needs it, this plan of 24 actions would have millions of nodes."""
+    problem, actions = many_drawers(8)
+    world = SymbolicWorld(problem)
+    plan = plan_of(problem, *actions)
+    xml = BackchainBuilder().build(plan, problem.goal).document().to_xml()
+    assert xml.count("<SubTree") < 150
+    assert dry_run(xml, world, NodeRegistry()).status == SUCCESS
+
+
+def many_drawers(count: int) -> tuple[Problem, tuple[str, ...]]:
+    """Each thing from the table into a drawer of its own."""
+    goal = " and ".join(f"on(thing_{i}, chest/drawer_{i})" for i in range(count))
+    problem = kitchen(goal, *(f"on(thing_{i}, table)" for i in range(count)))
+    objects = {"table": "place"}
+    behind = []
+    actions: list[str] = []
+    for i in range(count):
+        objects |= {f"thing_{i}": "object", f"chest/drawer_{i}": "place", f"drawer_{i}": "container"}
+        behind.append(f"behind(chest/drawer_{i}, drawer_{i})")
+        actions += [f"OpenContainer(drawer_{i})", f"PickUp(thing_{i}, table)", f"PutAt(thing_{i}, chest/drawer_{i})"]
+    return Problem(objects, problem.state | facts(*behind), problem.goal, problem.operators), tuple(actions)

@@ -1,0 +1,32 @@
+"""Symbolic worlds in which something goes wrong on purpose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from bestman_bt.task_planning.simulation import SymbolicWorld
+from bestman_bt.task_planning.symbolic import Action, Literal, parse_literals
+
+
+@dataclass
+class Upset(SymbolicWorld):
+    """``after``: action → literals that come to hold once it has been done, the first time. ``fails``: the first time."""
+
+    after: dict[str, str] = field(default_factory=dict)
+    fails: set[str] = field(default_factory=set)
+    begun: list[str] = field(default_factory=list)
+
+    def begin(self, action: Action) -> tuple[Literal, ...]:
+        """Keeps what was begun, too."""
+        self.begun.append(str(action))
+        return super().begin(action)
+
+    def finish(self, action: Action) -> str:
+        """Fails or is undone, once."""
+        if str(action) in self.fails:
+            self.fails.remove(str(action))
+            return "it slipped"
+        super().finish(action)
+        for literal in parse_literals(self.after.pop(str(action), "")):
+            self.state = self.state - {literal.fact} if literal.negated else self.state | {literal.fact}
+        return ""
