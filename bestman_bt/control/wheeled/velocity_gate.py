@@ -40,6 +40,7 @@ class VelocityGate:
         """What is driven from now on; people are as high as what stands out above it."""
         self.outline = FootprintMotion(footprint, 0.0)
         self._give_way = GiveWay(footprint.above)
+        self._monitor.use_footprint(footprint)
 
     def observe(self, scan: LaserScan, base_from_lidar: Pose2D, odometry: Pose2D) -> None:
         """A new scan, for the monitor."""

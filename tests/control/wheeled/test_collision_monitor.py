@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from bestman_bt.control.wheeled import CollisionMonitor, CollisionMonitorParameters, MonitorAction
+from bestman_bt.control.wheeled.velocity_gate import VelocityGate
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.navigation.local_planning import FootprintMotion
+from bestman_bt.navigation.local_planning import FootprintMotion, MovingObstacle
 from hal.api import BaseDescription, Bumper, BumperReading, BumperZone
 
 CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
@@ -132,18 +134,31 @@ def test_what_is_too_close_to_be_seen_is_remembered_until_it_would_be_seen_again
     assert monitor.limit(Twist2D(0.3), Twist2D(), back).action is MonitorAction.NONE
 
 
-def test_an_arm_that_stands_out_is_kept_from_people_and_passes_over_what_stands_still():
-    base = Footprint(np.array(CORNERS))
+class RecordingBase:
+    """Remembers what its wheels are told."""
+
+    description = BASE
+
+    def set_velocity(self, vx: float, vy: float, wz: float) -> None:
+        self.told = Twist2D(vx, vy, wz)
+
+
+@pytest.mark.parametrize(
+    ("person", "lowest", "most"),
+    [(MovingObstacle(0.6, 0.0, 0.0, 0.0, 0.15), 0.1, 0.2), (MovingObstacle(0.6, 1.5, 0.0, 0.0, 0.15), 0.25, 0.25)],
+)
+def test_an_arm_that_stands_out_is_kept_from_people_and_passes_over_what_else_stands_there(person, lowest, most):
     arm = np.array([[x, y, z] for x in (0.2, 0.4) for y in (-0.1, 0.1) for z in (0.9, 1.1)])
-    monitor = CollisionMonitor(BASE)
-    monitor.use_footprint(base.carrying([arm], 0.0))
+    base = RecordingBase()
+    gate = VelocityGate(base, CollisionMonitor(BASE))
+    gate.use_footprint(Footprint(np.array(CORNERS)).carrying([arm], 0.0))
     legs = np.column_stack([np.full(41, 0.46), np.linspace(-0.1, 0.1, 41)])
-    monitor.observe(scan_of(legs, Pose2D(), 0.0), Pose2D(), Pose2D())
-    wanted, person = Twist2D(0.25), np.array([[0.6, 0.0, 0.15]])
-    beside_it = np.array([[0.6, 1.5, 0.15]])
-    assert monitor.limit(wanted, Twist2D(), Pose2D(), person).twist.vx < 0.2
-    assert monitor.limit(wanted, Twist2D(), Pose2D(), beside_it).twist == wanted
-    assert monitor.limit(wanted, Twist2D(), Pose2D()).twist == wanted
+    pose = Pose2D(2.0, 1.0, 0.5)
+    gate.observe(scan_of(legs, Pose2D(), 0.0), Pose2D(), Pose2D())
+    x, y = pose.apply(np.array([[person.x, person.y]]))[0]
+    tall = [dataclasses.replace(person, x=x, y=y)]
+    gate.command(Twist2D(0.25), None, Twist2D(), pose, Pose2D(), (), tall, DT)
+    assert lowest <= base.told.vx <= most
 
 
 def test_moving_away_from_what_is_close_is_free_and_towards_it_is_not():
