@@ -1,0 +1,46 @@
+"""Language models as planners: an instruction in words goes in, a checked plan comes out, or a refusal in words."""
+
+from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Message, Usage
+from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointParameters, HttpEndpoint
+from bestman_bt.task_planning.language.errors import (
+    EndpointNotSetError,
+    EndpointReplyError,
+    EndpointUnreachableError,
+    LanguageError,
+    LimitsExceededError,
+    NoValidAnswerError,
+    RefusedError,
+    TranscriptError,
+)
+from bestman_bt.task_planning.language.from_text import plan_from_text
+from bestman_bt.task_planning.language.goals import GoalReader
+from bestman_bt.task_planning.language.limits import PlanLimits
+from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters, Proposal
+from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
+
+__all__ = [
+    "ChatEndpoint",
+    "ChatReply",
+    "ChatRequest",
+    "EndpointAddress",
+    "EndpointNotSetError",
+    "EndpointParameters",
+    "EndpointReplyError",
+    "EndpointUnreachableError",
+    "GoalReader",
+    "HttpEndpoint",
+    "LanguageError",
+    "LanguagePlanner",
+    "LanguagePlannerParameters",
+    "LimitsExceededError",
+    "Message",
+    "NoValidAnswerError",
+    "PlanLimits",
+    "Proposal",
+    "RecordingEndpoint",
+    "RefusedError",
+    "ReplayEndpoint",
+    "TranscriptError",
+    "Usage",
+    "plan_from_text",
+]

@@ -1,0 +1,80 @@
+"""Whether an answer may become a tree: its goal makes sense, its steps can be done and reach it, within the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.language.conversation import FaultyAnswerError
+from bestman_bt.task_planning.language.limits import PlanLimits
+from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer
+from bestman_bt.task_planning.symbolic import (
+    Action,
+    GoalError,
+    Literal,
+    PlanningError,
+    Problem,
+    TaskPlan,
+    ground,
+    instantiate,
+)
+from bestman_bt.task_planning.symbolic.search import without_needless
+
+
+def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
+    """The problem with the goal of the answer, that of its own if it has one; raises FaultyAnswerError."""
+    if problem.goal:
+        return problem
+    domain = Domain(())
+    goal: list[Literal] = []
+    faults: list[str] = []
+    for number, text in enumerate(answer.goal):
+        try:
+            goal += domain.with_goal(problem, text).goal
+        except GoalError as error:
+            faults.append(f"goal[{number}]: {error}")
+    if not goal and not faults:
+        faults.append("goal: empty; say as facts what shall hold at the end, or give a refusal")
+    if faults:
+        raise FaultyAnswerError(faults)
+    return replace(problem, goal=tuple(dict.fromkeys(goal)))
+
+
+def checked_plan(problem: Problem, limits: PlanLimits, answer: PlanAnswer) -> tuple[Problem, TaskPlan]:
+    """The problem with its goal, and the plan without steps that the goal does not need; raises FaultyAnswerError."""
+    problem = checked_goal(problem, answer)
+    operators = {operator.name: operator for operator in limits.operators(problem)}
+    try:
+        actions = [instantiate(problem, operators[step.ability], step.values) for step in answer.plan]
+        faults = limits.faults(actions) or _run_through(problem, actions)
+        if not faults:
+            return problem, TaskPlan(_needed(problem, actions))
+    except PlanningError as error:
+        faults = [str(error)]
+    raise FaultyAnswerError(faults)
+
+
+def _run_through(problem: Problem, actions: Sequence[Action]) -> list[str]:
+    """Do the steps in thought, up to the first that cannot be done or leads back to where the plan has been."""
+    state = problem.state
+    been = {state: "the start"}
+    for number, action in enumerate(actions, start=1):
+        broken = action.broken_in(state)
+        if broken:
+            return [f"step {number}, {action}: it needs {' and '.join(map(str, broken))}, which does not hold then"]
+        state = action.applied_to(state)
+        if state in been:
+            return [f"step {number}, {action}: all is then as after {been[state]}; leave out what goes in a circle"]
+        been[state] = f"step {number}, {action}"
+    unmet = problem.unmet_in(state)
+    after = "the plan is empty, and" if not actions else "after the last step"
+    return [f"{after} the goal's {' and '.join(map(str, unmet))} does not hold"] if unmet else []
+
+
+def _needed(problem: Problem, actions: Sequence[Action]) -> tuple[Action, ...]:
+    """The steps without those that the goal does not need."""
+    grounded = ground(problem)
+    numbers = {action: number for number, action in enumerate(grounded.actions)}
+    kept = without_needless(grounded, [numbers[action] for action in actions])
+    return tuple(grounded.actions[number] for number in kept)

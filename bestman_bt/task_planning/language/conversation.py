@@ -1,0 +1,84 @@
+"""Ask, check, tell what is wrong, ask again: a bounded number of times."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from pydantic import ValidationError
+
+from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Message, Usage
+from bestman_bt.task_planning.language.errors import NoValidAnswerError, RefusedError
+from bestman_bt.task_planning.language.prompt import fault_message
+from bestman_bt.task_planning.language.schema import GoalAnswer, faults_of
+
+Answer = TypeVar("Answer", bound=GoalAnswer)
+Checked = TypeVar("Checked")
+
+_LONGEST_QUOTE = 2000
+_LOG = logging.getLogger(__name__)
+
+
+class FaultyAnswerError(Exception):
+    """An answer cannot be used: ``faults``, in words that the model can mend it by."""
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("; ".join(faults))
+        self.faults = tuple(faults)
+
+
+def ask_until_valid(
+    endpoint: ChatEndpoint,
+    request: ChatRequest,
+    model: type[Answer],
+    check: Callable[[Answer], Checked],
+    tries: int,
+) -> tuple[Checked, Usage]:
+    """The first answer that follows ``model`` and that ``check`` takes (it raises FaultyAnswerError), as ``check``
+    returns it. Raises RefusedError, NoValidAnswerError, and what the endpoint raises.
+    """
+    used: Usage | None = None
+    faults: tuple[str, ...] = ()
+    for number in range(1, tries + 1):
+        reply = endpoint.complete(request)
+        used = reply.usage if used is None else used + reply.usage
+        try:
+            checked = check(_parsed(reply, model))
+        except FaultyAnswerError as error:
+            faults = error.faults
+            _LOG.warning("answer %d of at most %d was not accepted: %s", number, tries, error)
+            request = request.followed_by(Message("assistant", _quoted(reply)), fault_message(faults))
+        else:
+            _LOG.info("answer %d was accepted: %s in all", number, used)
+            return checked, used
+    raise NoValidAnswerError(tries, faults)
+
+
+def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
+    if reply.refusal:
+        raise RefusedError(reply.refusal)
+    if not reply.complete:
+        raise FaultyAnswerError(["the answer was cut off at the limit of its length; give a shorter one"])
+    if reply.tools and not reply.text:
+        raise FaultyAnswerError([f"you called {', '.join(reply.tools[:3])}; there are no tools, answer in the message"])
+    try:
+        answer = model.model_validate_json(_without_fence(reply.text))
+    except ValidationError as error:
+        raise FaultyAnswerError(faults_of(error)) from None
+    if answer.refusal and answer.refusal.strip():
+        raise RefusedError(answer.refusal.strip())
+    return answer
+
+
+def _without_fence(text: str) -> str:
+    """The inside of the one code fence that models without a JSON mode like to put around their answer."""
+    lines = text.strip().splitlines()
+    fenced = len(lines) > 2 and lines[0] in ("```", "```json") and lines[-1] == "```"
+    return "\n".join(lines[1:-1]) if fenced else text
+
+
+def _quoted(reply: ChatReply) -> str:
+    """What the model said, as far as it is worth saying again."""
+    text = reply.text or "(no text)"
+    return text if len(text) <= _LONGEST_QUOTE else text[:_LONGEST_QUOTE] + "…"

@@ -1,0 +1,45 @@
+"""What can go wrong between an instruction in words and a checked plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from bestman_bt.task_planning.symbolic import PlanningError
+
+
+class LanguageError(PlanningError):
+    """No plan came from a language model; the text says why, and never holds the key."""
+
+
+class EndpointNotSetError(LanguageError):
+    """The environment does not say which endpoint to ask, or says it in a way that cannot be used."""
+
+
+class EndpointUnreachableError(LanguageError):
+    """No answer came within the tries and the time allowed."""
+
+
+class EndpointReplyError(LanguageError):
+    """The endpoint refused the question, or its answer breaks the protocol."""
+
+
+class TranscriptError(LanguageError):
+    """A recorded conversation cannot be read, or is not the one that is held now."""
+
+
+class RefusedError(LanguageError):
+    """The model says, in words, that it will not or cannot do what was asked."""
+
+
+class NoValidAnswerError(LanguageError):
+    """Every answer within the allowed tries had faults: ``faults``, those of the last one."""
+
+    def __init__(self, tries: int, faults: Sequence[str]) -> None:
+        self.tries = tries
+        self.faults = tuple(faults)
+        counted = f"{tries} tries" if tries > 1 else "one try"
+        super().__init__(f"no valid answer in {counted}; faults of the last one: {'; '.join(self.faults)}")
+
+
+class LimitsExceededError(LanguageError):
+    """The plan that was found for the goal goes beyond what the user allows."""

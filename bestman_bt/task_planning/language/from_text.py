@@ -1,0 +1,68 @@
+"""From an instruction in words to a checked plan, by any planner."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+
+from bestman_bt.registry import PLANNERS
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.language.chat import ChatEndpoint
+from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndpoint
+from bestman_bt.task_planning.language.errors import LimitsExceededError
+from bestman_bt.task_planning.language.goals import GoalReader
+from bestman_bt.task_planning.language.planner import (
+    LanguagePlanner,
+    LanguagePlannerParameters,
+    PlanCheck,
+    Proposal,
+)
+from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
+from bestman_bt.task_planning.symbolic import Problem, TaskPlan, instantiate
+
+
+def plan_from_text(
+    text: str,
+    problem: Problem,
+    planner: str = "language",
+    parameters: LanguagePlannerParameters | None = None,
+    *,
+    record: Path | None = None,
+    replay: Path | None = None,
+    further: PlanCheck | None = None,
+) -> Proposal:
+    """A plan for what ``text`` asks for, in the state of ``problem``.
+
+    ``planner``: ``language`` asks the model for the steps; any other name of the registry plans for the goal that the
+    model reads from the text, within the same limits. ``record``, ``replay``: a transcript to write, or to take the
+    answers from instead of an endpoint. ``further``: see LanguagePlanner. Raises LanguageError, or what the planner
+    raises; UnknownNameError for a planner that there is not.
+    """
+    made = PLANNERS.resolve(planner)
+    problem = replace(problem, instruction=text, goal=())
+    parameters = parameters or LanguagePlannerParameters()
+    with ExitStack() as files:
+        endpoint: ChatEndpoint
+        if replay is not None:
+            endpoint = ReplayEndpoint(replay)
+        else:
+            endpoint = HttpEndpoint(EndpointAddress.from_environment())
+        if record is not None:
+            endpoint = RecordingEndpoint(endpoint, files.enter_context(record.open("w", encoding="utf-8")))
+        if issubclass(made, LanguagePlanner):
+            return made(parameters, endpoint, further).propose(problem)
+        meant, usage = GoalReader(parameters, endpoint).read(problem)
+    return Proposal(meant, _within_limits(made(), meant, parameters, further), usage)
+
+
+def _within_limits(
+    planner: TaskPlanner, problem: Problem, parameters: LanguagePlannerParameters, further: PlanCheck | None
+) -> TaskPlan:
+    found = planner.plan(parameters.limits.applied_to(problem))
+    operators = {operator.name: operator for operator in problem.operators}
+    plan = TaskPlan(tuple(instantiate(problem, operators[one.name], one.arguments) for one in found.actions))
+    faults = parameters.limits.faults(plan.actions) or (further(problem, plan) if further is not None else ())
+    if faults:
+        raise LimitsExceededError("; ".join(faults))
+    return plan

@@ -1,0 +1,101 @@
+"""Conversations kept as JSON lines, one question with its answer each, and held again without an endpoint."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TextIO
+
+from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+
+from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest
+from bestman_bt.task_planning.language.errors import (
+    EndpointReplyError,
+    EndpointUnreachableError,
+    LanguageError,
+    TranscriptError,
+)
+
+_ENDED_BY = {error.__name__: error for error in (EndpointUnreachableError, EndpointReplyError)}
+
+
+class _Failure(BaseModel):
+    error: str
+    text: str
+
+
+class _Exchange(BaseModel):
+    model_config = ConfigDict(extra="forbid")
+
+    request: dict[str, Any]
+    reply: ChatReply | None = None
+    failure: _Failure | None = None
+
+
+class RecordingEndpoint(ChatEndpoint):
+    """Asks another endpoint and writes each question with its answer, or why there was none, to an open file."""
+
+    def __init__(self, endpoint: ChatEndpoint, file: TextIO) -> None:
+        self._endpoint = endpoint
+        self._file = file
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """See ChatEndpoint."""
+        try:
+            reply = self._endpoint.complete(request)
+        except (EndpointUnreachableError, EndpointReplyError) as error:
+            self._write(request, failure={"error": type(error).__name__, "text": str(error)})
+            raise
+        self._write(request, reply=asdict(reply))
+        return reply
+
+    def _write(self, request: ChatRequest, **outcome: object) -> None:
+        self._file.write(json.dumps({"request": asdict(request), **outcome}) + "\n")
+        self._file.flush()
+
+
+class ReplayEndpoint(ChatEndpoint):
+    """Gives the recorded answers in their order, to the recorded questions only.
+
+    Raises TranscriptError with file and line where the file is damaged, where another question is asked, and where more
+    are asked than were recorded.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._line = 0
+        try:
+            self._lines = path.read_text(encoding="utf-8").splitlines()
+        except (OSError, UnicodeDecodeError) as error:
+            raise TranscriptError(f"{path}: {error}") from error
+
+    def complete(self, request: ChatRequest) -> ChatReply:
+        """See ChatEndpoint."""
+        if self._line >= len(self._lines):
+            raise TranscriptError(f"{self._path}: the transcript ends after {self._line} questions; one more is asked")
+        self._line += 1
+        exchange = self._exchange(self._lines[self._line - 1])
+        self._compare(exchange.request, asdict(request))
+        if exchange.reply is not None:
+            return exchange.reply
+        failure = exchange.failure
+        if failure is None or failure.error not in _ENDED_BY:
+            raise self._error("neither a reply nor a known failure")
+        raised: LanguageError = _ENDED_BY[failure.error](failure.text)
+        raise raised
+
+    def _exchange(self, line: str) -> _Exchange:
+        try:
+            return TypeAdapter(_Exchange).validate_json(line)
+        except ValidationError as error:
+            raise self._error(str(error.errors(include_url=False)[0]["msg"])) from None
+
+    def _compare(self, recorded: dict[str, Any], asked: dict[str, Any]) -> None:
+        asked = json.loads(json.dumps(asked))
+        for name in sorted(recorded.keys() | asked.keys()):
+            if recorded.get(name) != asked.get(name):
+                raise self._error(f"another question was recorded: its {name} differ")
+
+    def _error(self, why: str) -> TranscriptError:
+        return TranscriptError(f"{self._path}:{self._line}: {why}")
