@@ -46,10 +46,6 @@ class PlanMonitor:
             return Outlook(True, None)
         return Outlook(False, self.plan.actions[ready])
 
-    def broken_after(self, count: int, state: Collection[Fact]) -> tuple[Literal, ...]:
-        """What the plan needs to go on after its first ``count`` actions and is not believed."""
-        return self._broken(self._kernels[count], state)
-
     @staticmethod
     def _broken(kernel: frozenset[Literal], state: Collection[Fact]) -> tuple[Literal, ...]:
         return tuple(sorted(literal for literal in kernel if not literal.holds_in(state)))

@@ -10,7 +10,7 @@ from bestman_bt.task_planning.symbolic import Action, Literal, parse_literals
 
 @dataclass
 class Upset(SymbolicWorld):
-    """``after``: action → literals that come to hold once it has been done, the first time. ``fails``: the first time."""
+    """``after``: action → literals that come to hold after the first time. ``fails``: actions that fail once."""
 
     after: dict[str, str] = field(default_factory=dict)
     fails: set[str] = field(default_factory=set)

@@ -52,8 +52,11 @@ class Writer:
         return XmlElement(tag, {"name": self._unique(name), **attributes}, list(children))
 
     def holds(self, name: str, literals: Iterable[Literal]) -> XmlElement:
-        """A condition leaf that asks for all of the literals."""
-        return self.node("Holds", name, fact=" and ".join(str(literal) for literal in sorted(literals)))
+        """A condition leaf that asks for all of the literals; none: one that always succeeds."""
+        literals = sorted(literals)
+        if not literals:
+            return self.node("AlwaysSuccess", name)
+        return self.node("Holds", name, fact=" and ".join(str(literal) for literal in literals))
 
     def step(self, number: int, step: Step) -> XmlElement:
         """What carries out a step: one action, or several side by side."""

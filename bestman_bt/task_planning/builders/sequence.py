@@ -1,4 +1,4 @@
-"""One action after the other, each of them only if what it needs is believed."""
+"""One action after the other, each of them only while the rest of the plan leads to the goal."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from bestman_bt.engine import XmlElement
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import Writer
+from bestman_bt.task_planning.builders.regression import kernels
 from bestman_bt.task_planning.builders.steps import steps_one_by_one, steps_side_by_side
 from bestman_bt.task_planning.symbolic import Literal, TaskPlan
 
@@ -19,7 +20,10 @@ class SequenceBuilderParameters:
 
 
 class SequenceBuilder(TreeBuilder):
-    """The plan as it stands: it fails with its first action that fails or is not ready. Good for replanning."""
+    """The plan as it stands; it fails with the first action that fails, or before one that would be in vain.
+
+    Before each action it asks for its kernel: a pre-condition of a later one that broke is noticed at once, too.
+    """
 
     def __init__(self, parameters: SequenceBuilderParameters | None = None) -> None:
         self.parameters = parameters or SequenceBuilderParameters()
@@ -28,8 +32,6 @@ class SequenceBuilder(TreeBuilder):
         """A Sequence: is it ready, do it, and so on; at last, does the goal hold."""
         steps = steps_side_by_side(plan) if self.parameters.parallel else steps_one_by_one(plan)
         children: list[XmlElement] = []
-        for number, step in enumerate(steps, 1):
-            if step.pre:
-                children.append(writer.holds(f"{number}_is_ready", step.pre))
-            children.append(writer.step(number, step))
+        for number, (step, kernel) in enumerate(zip(steps, kernels(steps, goal), strict=False), 1):
+            children += [writer.holds(f"{number}_is_ready", kernel), writer.step(number, step)]
         return writer.node("Sequence", "plan", [*children, writer.holds("goal", goal)])

@@ -1,0 +1,28 @@
+"""A tree that carries out a plan and, where that fails, reaches the goal by planning anew."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from bestman_bt.configuration.data import data_root
+from bestman_bt.engine import NodeRegistry, XmlElement, load_tree, tree_to_xml
+from bestman_bt.task_planning.builders.plan_tree import TREE_ID, PlanTree
+from bestman_bt.task_planning.symbolic import Literal
+
+PLAN_AND_EXECUTE_FILE = "plan_and_execute.xml"
+RUN_ID = "PlannedRun"
+
+
+def with_replanning(made: PlanTree, goal: Iterable[Literal], planner: str, builder: str, registry: NodeRegistry) -> str:
+    """A file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises TreeLoadError."""
+    facts = " and ".join(str(literal) for literal in goal)
+    as_planned = XmlElement("SubTree", {"ID": TREE_ID, "name": "as_planned"})
+    anew = XmlElement(
+        "SubTree", {"ID": "ReachGoal", "name": "anew", "goal": facts, "planner": planner, "builder": builder}
+    )
+    either = XmlElement("Fallback", {"name": "as_planned_or_anew"}, [as_planned, anew])
+    document = made.document()
+    document.root.attributes["main_tree_to_execute"] = RUN_ID
+    document.root.content.insert(0, XmlElement("include", {"path": PLAN_AND_EXECUTE_FILE}))
+    document.root.content.append(XmlElement("BehaviorTree", {"ID": RUN_ID}, [either]))
+    return tree_to_xml(load_tree(document.to_xml(), registry, search_path=[data_root() / "trees"]))
