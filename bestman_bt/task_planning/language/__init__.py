@@ -7,14 +7,12 @@ from bestman_bt.task_planning.language.errors import (
     EndpointReplyError,
     EndpointUnreachableError,
     LanguageError,
-    LimitsExceededError,
     NoValidAnswerError,
     RefusedError,
     TranscriptError,
 )
 from bestman_bt.task_planning.language.from_text import plan_from_text
 from bestman_bt.task_planning.language.goals import GoalReader
-from bestman_bt.task_planning.language.limits import PlanLimits
 from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters, Proposal
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
 
@@ -32,10 +30,8 @@ __all__ = [
     "LanguageError",
     "LanguagePlanner",
     "LanguagePlannerParameters",
-    "LimitsExceededError",
     "Message",
     "NoValidAnswerError",
-    "PlanLimits",
     "Proposal",
     "RecordingEndpoint",
     "RefusedError",

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.language.conversation import FaultyAnswerError
-from bestman_bt.task_planning.language.limits import PlanLimits
 from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer
+from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic import (
     Action,
     GoalError,

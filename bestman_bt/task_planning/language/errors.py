@@ -39,7 +39,3 @@ class NoValidAnswerError(LanguageError):
         self.faults = tuple(faults)
         counted = f"{tries} tries" if tries > 1 else "one try"
         super().__init__(f"no valid answer in {counted}; faults of the last one: {'; '.join(self.faults)}")
-
-
-class LimitsExceededError(LanguageError):
-    """The plan that was found for the goal goes beyond what the user allows."""

@@ -7,10 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from bestman_bt.registry import PLANNERS
-from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.language.chat import ChatEndpoint
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndpoint
-from bestman_bt.task_planning.language.errors import LimitsExceededError
 from bestman_bt.task_planning.language.goals import GoalReader
 from bestman_bt.task_planning.language.planner import (
     LanguagePlanner,
@@ -19,7 +17,8 @@ from bestman_bt.task_planning.language.planner import (
     Proposal,
 )
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
-from bestman_bt.task_planning.symbolic import Problem, TaskPlan, instantiate
+from bestman_bt.task_planning.limits import plan_within
+from bestman_bt.task_planning.symbolic import PlanningError, Problem
 
 
 def plan_from_text(
@@ -53,16 +52,8 @@ def plan_from_text(
         if issubclass(made, LanguagePlanner):
             return made(parameters, endpoint, further).propose(problem)
         meant, usage = GoalReader(parameters, endpoint).read(problem)
-    return Proposal(meant, _within_limits(made(), meant, parameters, further), usage)
-
-
-def _within_limits(
-    planner: TaskPlanner, problem: Problem, parameters: LanguagePlannerParameters, further: PlanCheck | None
-) -> TaskPlan:
-    found = planner.plan(parameters.limits.applied_to(problem))
-    operators = {operator.name: operator for operator in problem.operators}
-    plan = TaskPlan(tuple(instantiate(problem, operators[one.name], one.arguments) for one in found.actions))
-    faults = parameters.limits.faults(plan.actions) or (further(problem, plan) if further is not None else ())
+    plan = plan_within(made(), meant, parameters.limits)
+    faults = further(meant, plan) if further is not None else ()
     if faults:
-        raise LimitsExceededError("; ".join(faults))
-    return plan
+        raise PlanningError("; ".join(faults))
+    return Proposal(meant, plan, usage)

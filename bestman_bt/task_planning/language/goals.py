@@ -29,9 +29,8 @@ class GoalReader:
         GoalError where the limits name what there is not.
         """
         p = self.parameters
-        p.limits.check_names(problem)
         names = PlainNames.of(problem.objects)
-        told, limits = names.renamed(problem), p.limits.renamed(names.told)
+        told, limits = names.renamed(problem), p.limits.resolved(problem).renamed(names.told)
         request = ChatRequest(goal_messages(told, limits), json_schema(GoalAnswer))
         endpoint = self._endpoint or HttpEndpoint(EndpointAddress.from_environment())
         meant, usage = ask_until_valid(

@@ -10,10 +10,10 @@ from bestman_bt.task_planning.language.answers import checked_plan
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatRequest, Usage
 from bestman_bt.task_planning.language.conversation import FaultyAnswerError, ask_until_valid
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndpoint
-from bestman_bt.task_planning.language.limits import PlanLimits
 from bestman_bt.task_planning.language.names import PlainNames
 from bestman_bt.task_planning.language.prompt import plan_messages
 from bestman_bt.task_planning.language.schema import PlanAnswer, json_schema, plan_answer
+from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic import Problem, TaskPlan, instantiate
 
 PlanCheck = Callable[[Problem, TaskPlan], Sequence[str]]
@@ -63,9 +63,8 @@ class LanguagePlanner(TaskPlanner):
         limits name what there is not.
         """
         p, further = self.parameters, self._further
-        p.limits.check_names(problem)
         names = PlainNames.of(problem.objects)
-        told, limits = names.renamed(problem), p.limits.renamed(names.told)
+        told, limits = names.renamed(problem), p.limits.resolved(problem).renamed(names.told)
         model = plan_answer(told, limits)
 
         def check(answer: PlanAnswer) -> tuple[Problem, TaskPlan]:

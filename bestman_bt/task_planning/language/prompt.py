@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bestman_bt.task_planning.language.chat import Message
-from bestman_bt.task_planning.language.limits import PlanLimits
+from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.state import known_predicates
 from bestman_bt.task_planning.symbolic import Operator, Problem
 

@@ -11,7 +11,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from bestman_bt.registry import suggestion
-from bestman_bt.task_planning.language.limits import PlanLimits
+from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic import Operator, Problem
 
 MOST_FACTS = 40

@@ -1,0 +1,165 @@
+"""What the user allows a planner to do, whatever it is asked or told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+from urllib.parse import quote, unquote
+
+from bestman_bt.registry import suggestion
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.symbolic import (
+    Action,
+    Fact,
+    GoalError,
+    Literal,
+    Operator,
+    PlanningError,
+    Problem,
+    TaskPlan,
+    instantiate,
+)
+
+_ALLOWED = "allowed"
+_FORM = "steps=20; cost=40; only=PickUp, PutDown; without=knife, fridge/door"
+
+
+class LimitsExceededError(PlanningError):
+    """The plan that was found goes beyond what the user allows."""
+
+
+@dataclass(frozen=True)
+class PlanLimits:
+    """``max_actions``, ``max_cost``: of a whole plan. ``abilities``: the only ones that may be used (None: all).
+    ``forbidden``: objects, places and containers that no action may name.
+    """
+
+    max_actions: int = 30
+    max_cost: float = math.inf
+    abilities: frozenset[str] | None = None
+    forbidden: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        if self.max_actions < 1:
+            raise ValueError(f"max_actions is {self.max_actions}; 1 or more are accepted")
+        if self.abilities is not None and not self.abilities:
+            raise ValueError("abilities is empty; None allows all")
+        if not self.max_cost > 0.0:
+            raise ValueError(f"max_cost is {self.max_cost}; more than 0 is accepted")
+
+    @classmethod
+    def from_string(cls, text: str) -> PlanLimits:
+        """Read ``steps=20; cost=40; only=PickUp, PutDown; without=knife, fridge/door``, each of them optional.
+
+        Characters that would part the names are written as in addresses (``%2C``). Raises ValueError.
+        """
+        limits = cls()
+        for part in filter(None, (part.strip() for part in text.split(";"))):
+            key, _, value = (piece.strip() for piece in part.partition("="))
+            names = frozenset(unquote(name.strip()) for name in value.split(",") if name.strip())
+            match key:
+                case "steps" if value.isascii() and value.isdigit():
+                    limits = replace(limits, max_actions=int(value))
+                case "cost":
+                    limits = replace(limits, max_cost=float(value))
+                case "only" if names:
+                    limits = replace(limits, abilities=names)
+                case "without" if names:
+                    limits = replace(limits, forbidden=names)
+                case _:
+                    raise ValueError(f"{part!r} is no limit; the form is {_FORM}")
+        return limits
+
+    def to_string(self) -> str:
+        """The text that ``from_string`` reads; empty where nothing is limited but the steps as by default."""
+        default, parts = PlanLimits(), []
+        if self.max_actions != default.max_actions:
+            parts.append(f"steps={self.max_actions}")
+        if self.max_cost != default.max_cost:
+            parts.append(f"cost={self.max_cost!r}")
+        for key, names in (("only", self.abilities), ("without", self.forbidden)):
+            if names:
+                parts.append(f"{key}={', '.join(quote(name) for name in sorted(names))}")
+        return "; ".join(parts)
+
+    def resolved(self, problem: Problem) -> PlanLimits:
+        """The limits with the full names of things: ``fridge`` is all of the fridge, ``drawer_3`` each drawer_3.
+
+        GoalError, with the closest name, where a limit names what there is not: it would limit nothing.
+        """
+        known = {operator.name for operator in problem.operators}
+        for name in sorted((self.abilities or frozenset()) - known):
+            raise GoalError(f"the limits name an unknown ability {name!r}; {suggestion(name, sorted(known))}")
+        return replace(
+            self, forbidden=frozenset(full for name in sorted(self.forbidden) for full in _meant(name, problem))
+        )
+
+    def renamed(self, names: Mapping[str, str]) -> PlanLimits:
+        """The same for a world where things have other ``names``."""
+        return replace(self, forbidden=frozenset(names[name] for name in self.forbidden))
+
+    def operators(self, problem: Problem) -> tuple[Operator, ...]:
+        """The abilities that may be used."""
+        allowed = self.abilities
+        return tuple(operator for operator in problem.operators if allowed is None or operator.name in allowed)
+
+    def things(self, problem: Problem, kind: str) -> list[str]:
+        """The things of a type that may be named."""
+        return [name for name in problem.of_type(kind) if name not in self.forbidden]
+
+    def applied_to(self, problem: Problem) -> Problem:
+        """The problem in which no planner can break ``abilities`` and ``forbidden``: a thing is for use only where the
+        static fact ``allowed(thing)`` holds.
+        """
+        operators = self.operators(problem)
+        if not self.forbidden:
+            return replace(problem, operators=operators)
+        allowed = frozenset(Fact(_ALLOWED, (name,)) for name in problem.objects if name not in self.forbidden)
+        return replace(problem, operators=tuple(map(_guarded, operators)), state=problem.state | allowed)
+
+    def faults(self, actions: Collection[Action]) -> list[str]:
+        """Where a plan goes beyond the limits."""
+        faults = []
+        if len(actions) > self.max_actions:
+            faults.append(f"{len(actions)} steps; at most {self.max_actions} are allowed")
+        cost = math.fsum(action.cost for action in actions)
+        if cost > self.max_cost:
+            faults.append(f"the steps cost {cost:g}; at most {self.max_cost:g} is allowed")
+        for number, action in enumerate(actions, start=1):
+            if self.abilities is not None and action.name not in self.abilities:
+                faults.append(f"step {number}: {action.name} is not allowed")
+            faults += [f"step {number}: {name} may not be named" for name in self._forbidden_in(action.arguments)]
+        return faults
+
+    def _forbidden_in(self, names: Iterable[str]) -> list[str]:
+        return [name for name in names if name in self.forbidden]
+
+
+def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
+    """The plan of any planner for a problem, within limits.
+
+    Raises GoalError where the limits name what there is not, LimitsExceededError where the plan is longer or dearer
+    than allowed, and what the planner raises.
+    """
+    limits = limits.resolved(problem)
+    found = planner.plan(limits.applied_to(problem))
+    operators = {operator.name: operator for operator in problem.operators}
+    actions = tuple(instantiate(problem, operators[action.name], action.arguments) for action in found.actions)
+    faults = limits.faults(actions)
+    if faults:
+        raise LimitsExceededError("; ".join(faults))
+    return TaskPlan(actions)
+
+
+def _meant(name: str, problem: Problem) -> list[str]:
+    there = list(problem.objects)
+    meant = [full for full in there if full == name or full.startswith(f"{name}/") or full.endswith(f"/{name}")]
+    if not meant:
+        raise GoalError(f"the limits name an unknown thing {name!r}; {suggestion(name, there)}")
+    return meant
+
+
+def _guarded(operator: Operator) -> Operator:
+    allowed = tuple(Literal(Fact(_ALLOWED, (f"{{{parameter}}}",))) for parameter in operator.parameters)
+    return replace(operator, pre=(*operator.pre, *allowed))

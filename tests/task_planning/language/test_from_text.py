@@ -1,0 +1,109 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.registry import UnknownNameError
+from bestman_bt.task_planning.language import (
+    EndpointNotSetError,
+    LanguagePlannerParameters,
+    NoValidAnswerError,
+    RefusedError,
+    plan_from_text,
+)
+from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits
+from bestman_bt.task_planning.symbolic import Unsolvable
+from tests.task_planning.language.kitchen_problem import GOAL, INSTRUCTION, RIGHT, kitchen
+from tests.task_planning.language.misbehaving_server import Server, Way, says, serving
+
+PLAN = "OpenContainer(drawer)\nPickUp(mug, drawer/board)\nPutDown(mug, table)"
+
+
+def reads(goal: list[str], refusal: str | None = None) -> Way:
+    return says({"refusal": refusal, "goal": goal})
+
+
+def limited(**limits: object) -> LanguagePlannerParameters:
+    return LanguagePlannerParameters(limits=PlanLimits(**limits))  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def ask(monkeypatch: pytest.MonkeyPatch) -> Callable[[Server], None]:
+    def at(server: Server) -> None:
+        monkeypatch.setenv("BESTMAN_LLM_BASE_URL", server.base_url)
+        monkeypatch.setenv("BESTMAN_LLM_MODEL", "small")
+
+    return at
+
+
+def test_the_models_own_steps(ask: Callable[[Server], None]) -> None:
+    with serving(says(RIGHT)) as server:
+        ask(server)
+        proposal = plan_from_text(INSTRUCTION, kitchen())
+    assert str(proposal.plan) == PLAN
+
+
+def test_the_models_goal_and_the_symbolic_planners_steps(ask: Callable[[Server], None]) -> None:
+    with serving(reads(["on(mgu, table)"]), reads(GOAL)) as server:
+        ask(server)
+        proposal = plan_from_text(INSTRUCTION, kitchen(), "symbolic")
+    assert str(proposal.plan) == PLAN
+    assert [str(literal) for literal in proposal.problem.goal] == GOAL
+    assert proposal.usage.questions == 2
+    assert "plan" not in server.questions[0]["response_format"]["json_schema"]["schema"]["properties"]
+
+
+def test_a_goal_out_of_reach_is_told_by_the_planner(ask: Callable[[Server], None]) -> None:
+    with serving(reads(["on(can, table) and not on(can, counter) and behind(table, fridge)"])) as server:
+        ask(server)
+        with pytest.raises(Unsolvable, match=r"behind\(table, fridge\)"):
+            plan_from_text(INSTRUCTION, kitchen(), "symbolic")
+
+
+def test_limits_hold_for_the_symbolic_planners_steps(ask: Callable[[Server], None]) -> None:
+    with serving(reads(GOAL)) as server:
+        ask(server)
+        with pytest.raises(Unsolvable):
+            plan_from_text(INSTRUCTION, kitchen(), "symbolic", limited(forbidden=frozenset({"drawer"})))
+        with pytest.raises(LimitsExceededError, match="3 steps; at most 2 are allowed"):
+            plan_from_text(INSTRUCTION, kitchen(), "symbolic", limited(max_actions=2))
+        proposal = plan_from_text(INSTRUCTION, kitchen(), "symbolic", limited(forbidden=frozenset({"fridge"})))
+    assert str(proposal.plan) == PLAN
+    assert all("allowed" not in str(need) for action in proposal.plan.actions for need in action.pre)
+
+
+def test_a_refusal_and_a_model_that_finds_no_goal_end_without_a_plan(ask: Callable[[Server], None]) -> None:
+    with serving(reads([], "There is no mug in sight.")) as server:
+        ask(server)
+        with pytest.raises(RefusedError, match="There is no mug in sight"):
+            plan_from_text(INSTRUCTION, kitchen(), "symbolic")
+    with serving(reads([])) as server:
+        ask(server)
+        with pytest.raises(NoValidAnswerError, match="goal: empty"):
+            plan_from_text(INSTRUCTION, kitchen(), "symbolic")
+
+
+@pytest.mark.parametrize("planner", ["language", "symbolic"])
+def test_a_transcript_is_written_and_takes_the_place_of_the_endpoint(
+    ask: Callable[[Server], None], planner: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "talk.jsonl"
+    with serving(says(RIGHT) if planner == "language" else reads(GOAL)) as server:
+        ask(server)
+        recorded = plan_from_text(INSTRUCTION, kitchen(), planner, record=path)
+    monkeypatch.delenv("BESTMAN_LLM_BASE_URL")
+    assert plan_from_text(INSTRUCTION, kitchen(), planner, replay=path) == recorded
+
+
+def test_without_an_endpoint_the_missing_variables_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("BESTMAN_LLM_BASE_URL", raising=False)
+    monkeypatch.delenv("BESTMAN_LLM_MODEL", raising=False)
+    with pytest.raises(EndpointNotSetError, match="set BESTMAN_LLM_BASE_URL and BESTMAN_LLM_MODEL in the environment"):
+        plan_from_text(INSTRUCTION, kitchen())
+
+
+def test_an_unknown_planner_is_told_with_the_closest() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'language'"):
+        plan_from_text(INSTRUCTION, kitchen(), "langauge")

@@ -1,0 +1,80 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
+from bestman_bt.task_planning.symbolic import GoalError, Problem, SymbolicPlanner, Unsolvable, parse_literals
+from tests.task_planning.language.kitchen_problem import kitchen
+
+
+def fetching() -> Problem:
+    return replace(kitchen(), goal=parse_literals("on(mug, table)"))
+
+
+def test_without_limits_the_plan_is_the_planners() -> None:
+    assert plan_within(SymbolicPlanner(), fetching(), PlanLimits()) == SymbolicPlanner().plan(fetching())
+
+
+@pytest.mark.parametrize("text", ["without=drawer", "without=mug", "without=table", "only=PickUp, PutDown"])
+def test_what_may_not_be_used_is_not_in_the_way_of_any_planner(text: str) -> None:
+    with pytest.raises(Unsolvable):
+        plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string(text))
+
+
+@pytest.mark.parametrize(("text", "words"), [("steps=2", "3 steps; at most 2"), ("cost=8.5", "cost 9; at most 8.5")])
+def test_a_plan_that_is_too_long_or_too_dear_is_refused(text: str, words: str) -> None:
+    with pytest.raises(LimitsExceededError, match=words):
+        plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string(text))
+
+
+def test_the_actions_of_a_limited_plan_ask_for_facts_of_the_world_only() -> None:
+    plan = plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string("without=fridge"))
+    assert len(plan) == 3
+    assert all(need.fact.predicate in fetching().predicates for action in plan.actions for need in action.pre)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        PlanLimits(),
+        PlanLimits(max_actions=3, max_cost=7.25),
+        PlanLimits(abilities=frozenset({"PickUp", "PutDown"}), forbidden=frozenset({"a; b=c, d", "{goal}"})),
+    ],
+)
+def test_limits_survive_as_text(limits: PlanLimits) -> None:
+    text = limits.to_string()
+    assert PlanLimits.from_string(text) == limits
+    assert "{" not in text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("steps=many", "'steps=many' is no limit; the form is steps=20"),
+        ("steps=0", "max_actions is 0"),
+        ("cost=nan", "max_cost is nan"),
+        ("cost=-1", "max_cost is -1"),
+        ("cost=dear", "dear"),
+        ("only=", "'only=' is no limit"),
+        ("only=PickUp; slowly", "'slowly' is no limit"),
+    ],
+)
+def test_text_that_is_no_limit_is_refused(text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        PlanLimits.from_string(text)
+
+
+def test_a_limit_that_names_nothing_is_refused_with_the_closest_name() -> None:
+    with pytest.raises(GoalError, match="unknown thing 'frige'; did you mean 'fridge'"):
+        PlanLimits(forbidden=frozenset({"frige"})).resolved(kitchen())
+    with pytest.raises(GoalError, match="unknown ability 'Pickup'; did you mean 'PickUp'"):
+        plan_within(SymbolicPlanner(), fetching(), PlanLimits(abilities=frozenset({"Pickup"})))
+
+
+def test_furniture_stands_for_all_of_it_and_a_part_for_the_parts_of_that_name() -> None:
+    problem = kitchen(**{"chest/drawer_1": "container", "chest/top": "place", "desk/drawer_1": "container"})
+    assert PlanLimits.from_string("without=chest").resolved(problem).forbidden == {"chest/drawer_1", "chest/top"}
+    assert PlanLimits.from_string("without=drawer_1").resolved(problem).forbidden == {"chest/drawer_1", "desk/drawer_1"}
+    assert PlanLimits.from_string("without=drawer").resolved(problem).forbidden == {"drawer", "drawer/board"}
