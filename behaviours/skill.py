@@ -53,13 +53,18 @@ class Declaration:
     """What a skill needs and brings about, in terms of its ports: ``holding({object})``, ``at({goal})``.
 
     ``pre``: must hold at the start. ``hold``: must hold all the way. ``effects``: hold after success; ``not`` negates.
-    ``recovery``: error code → what a tree may try then, by the names of leaves.
+    ``recovery``: error code → what a tree may try then, by the names of leaves. ``parameters``: port → type (object,
+    place, container) of a leaf that task planners may order; None: it is a part of such abilities only. ``cost``: what
+    a planner counts it for. ``parts``: of the robot that it keeps busy: arm, base; the hand belongs to the arm.
     """
 
     pre: tuple[str, ...] = ()
     hold: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
     recovery: Mapping[str, str] = field(default_factory=dict)
+    parameters: Mapping[str, str] | None = None
+    cost: float = 1.0
+    parts: tuple[str, ...] = ()
 
 
 class OnRobot(Node):

@@ -149,6 +149,7 @@ BEHAVIOURS = Registry(
         "ArePosesNear": "behaviours.nav2.goals:ArePosesNear",
         "At": "behaviours.navigate:At",
         "BackUp": "behaviours.nav2.motions:BackUp",
+        "BelieveLocked": "behaviours.containers:BelieveLocked",
         "BelievedSurface": "behaviours.object_conditions:BelievedSurface",
         "CheckHeld": "behaviours.check_held:CheckHeld",
         "ClearCostmap": "behaviours.nav2.clear_costmap:ClearCostmap",
@@ -166,6 +167,7 @@ BEHAVIOURS = Registry(
         "DockAt": "behaviours.nav2.dock_at:DockAt",
         "DriveOnHeading": "behaviours.nav2.motions:DriveOnHeading",
         "EstimatePose": "behaviours.perceive:EstimatePose",
+        "ExecutePlan": "bestman_bt.task_planning.nodes:ExecutePlan",
         "ExploreAndMap": "behaviours.explore:ExploreAndMap",
         "FindCloseStand": "behaviours.close_stand:FindCloseStand",
         "FindFreePlace": "behaviours.tidying:FindFreePlace",
@@ -173,9 +175,11 @@ BEHAVIOURS = Registry(
         "FindOpenStand": "behaviours.open_stand:FindOpenStand",
         "FindPlacePose": "behaviours.place:FindPlacePose",
         "FindPushStand": "behaviours.push_stand:FindPushStand",
+        "FindRoomIn": "behaviours.room_in_drawer:FindRoomIn",
         "FindStandPose": "behaviours.stand:FindStandPose",
         "FindUntidy": "behaviours.tidying:FindUntidy",
         "FollowPath": "behaviours.nav2.follow_path:FollowPath",
+        "FoundOn": "behaviours.search:FoundOn",
         "GlobalUpdatedGoal": "behaviours.nav2.goals:GlobalUpdatedGoal",
         "GoalOnSurface": "behaviours.place_in:GoalOnSurface",
         "GoalReached": "behaviours.nav2.goals:GoalReached",
@@ -183,6 +187,7 @@ BEHAVIOURS = Registry(
         "GoalUpdater": "behaviours.nav2.goals:GoalUpdater",
         "Grasp": "behaviours.grasp:Grasp",
         "Holding": "behaviours.grasp:Holding",
+        "Holds": "bestman_bt.task_planning.conditions:Holds",
         "InitialPoseReceived": "behaviours.localise:InitialPoseReceived",
         "IsGoalNearby": "behaviours.nav2.paths:IsGoalNearby",
         "IsOpen": "behaviours.leaf_conditions:IsOpen",
@@ -201,6 +206,7 @@ BEHAVIOURS = Registry(
         "PathLongerOnApproach": "behaviours.nav2.pacing:PathLongerOnApproach",
         "PlaceIn": "behaviours.place_in:PlaceIn",
         "PlaceOn": "behaviours.place:PlaceOn",
+        "Plan": "bestman_bt.task_planning.nodes:Plan",
         "PlanGrasp": "behaviours.grasp:PlanGrasp",
         "Push": "behaviours.push:Push",
         "Reachable": "behaviours.grasp:Reachable",
@@ -215,6 +221,7 @@ BEHAVIOURS = Registry(
         "SmoothPath": "behaviours.nav2.paths:SmoothPath",
         "SpeedController": "behaviours.nav2.pacing:SpeedController",
         "Spin": "behaviours.nav2.motions:Spin",
+        "TakeContainer": "behaviours.containers:TakeContainer",
         "TakeGoal": "behaviours.task_goals:TakeGoal",
         "TruncatePath": "behaviours.nav2.paths:TruncatePath",
         "TruncatePathLocal": "behaviours.nav2.paths:TruncatePathLocal",
@@ -225,3 +232,46 @@ BEHAVIOURS = Registry(
     },
 )
 """Skill leaves by the name that trees use."""
+
+PREDICATES = Registry(
+    "bestman_bt.predicates",
+    "predicate",
+    {
+        "accessible": "bestman_bt.task_planning.predicates:ACCESSIBLE",
+        "behind": "bestman_bt.task_planning.predicates:BEHIND",
+        "closed": "bestman_bt.task_planning.predicates:CLOSED",
+        "drawer": "bestman_bt.task_planning.predicates:DRAWER",
+        "hand_empty": "bestman_bt.task_planning.predicates:HAND_EMPTY",
+        "holding": "bestman_bt.task_planning.predicates:HOLDING",
+        "located": "bestman_bt.task_planning.predicates:LOCATED",
+        "locked": "bestman_bt.task_planning.predicates:LOCKED",
+        "near": "bestman_bt.task_planning.predicates:NEAR_TO",
+        "on": "bestman_bt.task_planning.predicates:ON",
+        "open": "bestman_bt.task_planning.predicates:OPEN",
+        "tucked": "bestman_bt.task_planning.predicates:TUCKED",
+        "unseen": "bestman_bt.task_planning.predicates:UNSEEN",
+    },
+)
+"""What goals and declarations may say of the world: names of instances of ``Predicate``."""
+
+PLANNERS = Registry(
+    "bestman_bt.planners",
+    "task planner",
+    {
+        "fast_downward": "bestman_bt.task_planning.symbolic.fast_downward:FastDownwardPlanner",
+        "language": "bestman_bt.task_planning.language:LanguagePlanner",
+        "symbolic": "bestman_bt.task_planning.symbolic:SymbolicPlanner",
+    },
+)
+"""Task planners, subclasses of ``TaskPlanner``."""
+
+BUILDERS = Registry(
+    "bestman_bt.builders",
+    "tree builder",
+    {
+        "backchain": "bestman_bt.task_planning.builders:BackchainBuilder",
+        "reactive": "bestman_bt.task_planning.builders:ReactiveBuilder",
+        "sequence": "bestman_bt.task_planning.builders:SequenceBuilder",
+    },
+)
+"""From plans to trees, subclasses of ``TreeBuilder``."""

@@ -110,7 +110,8 @@ class WorldModel:
     ``models``: objects that it knows by name. ``base``: its pose on the map. ``changes``: what was noticed of objects,
     oldest first. ``articulations``: how far doors and drawers, ``furniture/leaf``, are open, radians or metres; those
     that are not named are closed; at first those of the map. ``occupancy``: what was seen to be free and filled, in the
-    map frame; None before any scan.
+    map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain.
+    ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
     """
 
     map: SemanticMap
@@ -123,6 +124,9 @@ class WorldModel:
     held: HeldObject | None = None
     articulations: dict[str, float] = field(default_factory=dict)
     occupancy: VoxelGrid | None = None
+    searched: dict[tuple[str, str], float] = field(default_factory=dict)
+    told: dict[str, str] = field(default_factory=dict)
+    locked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         for piece in self.map.furniture.values():
@@ -133,6 +137,21 @@ class WorldModel:
     def as_at_the_start(self) -> WorldModel:
         """What is known before anything has been seen: the map, the models, and roughly where the base stands."""
         return WorldModel(map=self.map, models=dict(self.models), base=self.base)
+
+    def may_be_on(self, name: str, surface: str) -> bool:
+        """Whether an object whose place is not known may be on a surface: not looked for there since it was lost.
+
+        As long as it was not looked for where it was said to be, it may be there only.
+        """
+        if name in self.objects or (self.held is not None and self.held.name == name):
+            return False
+        noticed = max((change.stamp for change in self.changes if change.name == name), default=0.0)
+
+        def searched(place: str) -> bool:
+            return self.searched.get((name, place), -1.0) >= noticed
+
+        told = self.told.get(name)
+        return not searched(surface) and (told in (None, surface) or searched(str(told)))
 
     def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
         """As ``SemanticMap.surface``, but that of a drawer where the drawer is believed to be."""

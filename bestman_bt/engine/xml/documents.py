@@ -28,22 +28,27 @@ class TreeDefinition:
 
 @dataclass(frozen=True)
 class ModelPort:
-    """One port of a SubTree in a TreeNodesModel; without a default it is mandatory."""
+    """One port of a SubTree in a TreeNodesModel; without a default it is mandatory. ``type``: as it is written."""
 
     name: str
     direction: str
     default: str | None
     line: int
+    type: str = ""
 
 
 @dataclass
 class Documents:
-    """Everything that was read for one tree, and what is wrong with it so far."""
+    """Everything that was read for one tree, and what is wrong with it so far.
+
+    ``metadata``: of the subtree models, what their ``<Metadata key="value"/>`` say.
+    """
 
     file: str
     source: str
     trees: dict[str, TreeDefinition] = field(default_factory=dict)
     models: dict[str, dict[str, ModelPort]] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     main_tree: str | None = None
     problems: list[Problem] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
@@ -215,6 +220,8 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
             documents.problems.append(Problem(file, element.line, element.tag, "ID", "the attribute is missing"))
             continue
         ports = documents.models.setdefault(tree_id, {})
+        entries = [entry for entry in element.iter() if entry.tag == "Metadata"]
+        documents.metadata[tree_id] = {key: text for entry in entries for key, text in entry.attributes.items()}
         for port in element.children:
             name = port.attributes.get("name")
             if not port.tag.endswith("_port"):
@@ -226,4 +233,5 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
                 documents.problems.append(Problem(file, port.line, port.tag, "name", f"'{name}' is no port name"))
                 continue
             default = port.attributes.get("default") or None
-            ports[name] = ModelPort(name, port.tag.removesuffix("_port"), default, port.line)
+            kind = port.attributes.get("type", "")
+            ports[name] = ModelPort(name, port.tag.removesuffix("_port"), default, port.line, kind)

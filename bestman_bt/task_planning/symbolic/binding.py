@@ -34,17 +34,17 @@ def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) 
 def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
     """As ``instantiate``, for arguments that fit."""
     values = {f"{{{name}}}": value for name, value in zip(operator.parameters, arguments, strict=True)}
-    hold = frozenset(_expanded(problem, operator.hold, values))
-    pre = frozenset(_expanded(problem, operator.pre, values)) | hold
-    each = _expanded(problem, operator.each, values)
+    hold = frozenset(written_out(problem, operator.hold, values))
+    pre = frozenset(written_out(problem, operator.pre, values)) | hold
+    each = written_out(problem, operator.each, values)
     add = frozenset(fact.bound(values) for fact in operator.add) | {one.fact for one in each if not one.negated}
     delete = frozenset(fact.bound(values) for fact in operator.delete) | {one.fact for one in each if one.negated}
     unequal = frozenset(need for need in pre if need.fact.predicate != EQUAL or not _equal(need))
     return Action(operator, tuple(arguments), unequal, hold, add, delete - add)
 
 
-def _expanded(problem: Problem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
-    """The conditions of an action: ``forall`` becomes one literal for each thing of which ``given`` holds."""
+def written_out(problem: Problem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
+    """Conditions with ``values`` for parameters; ``forall`` becomes a literal for each thing with ``given``."""
     literals: list[Literal] = []
     for condition in conditions:
         if isinstance(condition, Literal):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
 
 class PlanningError(Exception):
@@ -22,8 +24,7 @@ class Unsolvable(PlanningError):
         self.missing = missing
 
 
-@dataclass(frozen=True, order=True)
-class Fact:
+class Fact(NamedTuple):
     """``on(mug, table)``. In an operator, ``{object}`` among the arguments stands for its parameter."""
 
     predicate: str
@@ -37,8 +38,7 @@ class Fact:
         return Fact(self.predicate, tuple(values.get(argument, argument) for argument in self.arguments))
 
 
-@dataclass(frozen=True, order=True)
-class Literal:
+class Literal(NamedTuple):
     """A fact, or that it does not hold."""
 
     fact: Fact
@@ -160,27 +160,38 @@ class Action:
 class Problem:
     """``objects``: name → type. ``state``: all that holds. ``goal``: all that shall hold.
 
-    ``supertypes``: type → the more general one, where there is one. ``instruction``: the goal in the user's words, if
-    it came so.
+    ``supertypes``: type → the more general ones, where there are any: a drawer is a place and a container.
+    ``predicates``: name → types of its arguments, as far as they are declared. ``instruction``: the goal in the user's
+    words, if it came so.
     """
 
     objects: Mapping[str, str] = field(hash=False)
     state: frozenset[Fact]
     goal: tuple[Literal, ...]
     operators: tuple[Operator, ...]
-    supertypes: Mapping[str, str] = field(default_factory=dict, hash=False)
+    supertypes: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
+    predicates: Mapping[str, tuple[str, ...]] = field(default_factory=dict, hash=False)
     instruction: str = ""
 
     def is_a(self, name: str, kind: str) -> bool:
         """Whether an object is of a type, or of one below it."""
-        own: str | None = self.objects[name]
-        while own is not None and own != kind:
-            own = self.supertypes.get(own)
-        return own == kind or (kind == "object" and "object" not in self.objects.values())
+        pending = [self.objects[name]]
+        while pending:
+            own = pending.pop()
+            if own == kind:
+                return True
+            pending += self.supertypes.get(own, ())
+        return False
 
     def of_type(self, kind: str) -> list[str]:
         """The names of all objects of a type, in their order."""
-        return [name for name in self.objects if self.is_a(name, kind)]
+        if kind not in self._of_type:
+            self._of_type[kind] = [name for name in self.objects if self.is_a(name, kind)]
+        return self._of_type[kind]
+
+    @cached_property
+    def _of_type(self) -> dict[str, list[str]]:
+        return {}
 
     def unmet_in(self, state: Collection[Fact]) -> tuple[Literal, ...]:
         """The parts of the goal that do not hold."""

@@ -1,0 +1,45 @@
+"""Doors and drawers as abilities name them: how far to open one, and that one did not open."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.leaf import find_leaf
+from behaviours.skill import InstantSkill
+from bestman_bt.world_model import openness_of
+
+_CONTAINER = PortInformation(str, description="a door or drawer of the map, such as drawer_chest/drawer_3")
+
+
+class TakeContainer(InstantSkill):
+    """Tell of a door or drawer on which furniture it is, and what open and shut mean for it."""
+
+    INPUT_PORTS: ClassVar = {"container": _CONTAINER}
+    OUTPUT_PORTS: ClassVar = {
+        "furniture": PortInformation(str, description="the piece that it belongs to"),
+        "opening": PortInformation(float, description="how far it is opened to work behind it, metres or radians"),
+        "enough": PortInformation(float, description="from where on one can work behind it"),
+        "shut": PortInformation(float, description="up to where it counts as shut"),
+    }
+
+    def act(self) -> None:
+        """Asks the map."""
+        leaf = find_leaf(self.skills, self.get_input("container"))
+        openness = openness_of(leaf.leaf)
+        self.set_output("furniture", leaf.furniture.name)
+        self.set_output("opening", openness.asked)
+        self.set_output("enough", openness.enough)
+        self.set_output("shut", openness.shut)
+
+
+class BelieveLocked(InstantSkill):
+    """Remember that a door or drawer did not open, so that nothing is planned that needs it open."""
+
+    INPUT_PORTS: ClassVar = {"container": _CONTAINER}
+
+    def act(self) -> None:
+        """Writes a belief; moves nothing."""
+        name: str = find_leaf(self.skills, self.get_input("container")).articulation
+        self.skills.world.locked.add(name)

@@ -1,0 +1,74 @@
+"""Where in an open drawer there is room, as far as is believed: the hand is full, so that its camera cannot look."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from py_trees.ports import PortInformation
+
+from behaviours.skill import InstantSkill, SkillFailure
+from behaviours.surfaces import find_surface
+from bestman_bt.messages import ObjectModel, Pose
+
+STEP = 0.02
+"""Metres between the places that are considered."""
+
+
+class FindRoomIn(InstantSkill):
+    """Choose a place for the held object in a drawer that stands open, away from what is believed to be in it.
+
+    Of the places in the part that has come out, the one in the middle of the most room.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the held object"),
+        "surface": PortInformation(str, description="the surface of the drawer, such as drawer_chest/drawer_3"),
+        "margin": PortInformation(
+            float, required=False, default_value=0.03, description="metres to the drawer's walls and to other things"
+        ),
+    }
+    OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="where it shall stand, in the map frame")}
+
+    def act(self) -> None:
+        """Asks the beliefs; takes no picture."""
+        world = self.skills.world
+        held = world.held
+        name: str = self.get_input("object")
+        if held is None or held.name != name:
+            raise SkillFailure("not_holding", f"the hand does not hold the {name}")
+        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        map_from_surface = furniture.pose.to_pose() @ surface.pose
+        full = f"{furniture.name}/{surface.name}"
+        inside = [belief for belief in world.objects.values() if belief.surface == full]
+        others = [(map_from_surface.inverse() @ belief.pose).position[:2] for belief in inside]
+        radii = [_radius(belief.model) for belief in inside]
+        places = self._grid(surface.size, float(surface.pose.position[0]) + furniture.footprint[0] / 2)
+        room = self._room(places, surface.size, np.reshape(others, (-1, 2)), np.array(radii)) - _radius(held.model)
+        if not len(places) or room.max() < self.get_input("margin"):
+            raise SkillFailure("surface_full", f"no room for the {name} is believed to be left in the {full}")
+        best = places[int(room.argmax())]
+        self.set_output("pose", map_from_surface @ Pose(np.array([*best, 0.0])))
+
+    def _grid(self, size: tuple[float, float], behind_front: float) -> NDArray[np.float64]:
+        """Places (N, 2) in its frame, metres; ``behind_front``: how far its middle is within the furniture."""
+        x = np.arange(-size[0] / 2, min(size[0] / 2, -behind_front) + 1e-9, STEP)
+        y = np.arange(-size[1] / 2, size[1] / 2 + 1e-9, STEP)
+        return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+
+    def _room(
+        self,
+        places: NDArray[np.float64],
+        size: tuple[float, float],
+        others: NDArray[np.float64],
+        radii: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        """Metres from each place (N, 2) to the next wall or thing, (N,)."""
+        walls = (np.array(size) / 2 - np.abs(places)).min(axis=1)
+        away = np.linalg.norm(places[:, None] - others[None], axis=2) - radii[None]
+        return np.minimum(walls, away.min(axis=1, initial=np.inf))
+
+
+def _radius(model: ObjectModel) -> float:
+    return float(np.linalg.norm(model.size[:2])) / 2

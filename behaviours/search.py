@@ -1,0 +1,38 @@
+"""Searching: was what was looked for seen? And if not, that it was looked for there."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.skill import SkillCondition
+from behaviours.surfaces import find_surface
+
+
+class FoundOn(SkillCondition):
+    """Whether an object is believed to be on a surface that was just looked at; remembers where it was not found.
+
+    Found on another surface on the way it counts as not found here, and its place is known.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "object": PortInformation(str, description="the object that is looked for"),
+        "surface": PortInformation(str, description="the surface that was looked at, such as table"),
+    }
+
+    def check(self) -> tuple[str, str] | None:
+        """Asks the beliefs; takes no picture."""
+        world = self.skills.world
+        name: str = self.get_input("object")
+        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        place = f"{furniture.name}/{surface.name}"
+        belief = world.objects.get(name)
+        if belief is None:
+            world.searched[name, place] = self.skills.clock.now()
+            return "not_found", f"the {name} was not seen on the {place}"
+        if belief.surface is not None:
+            seen_furniture, seen_surface = find_surface(self.skills, belief.surface)
+            if seen_furniture.name == furniture.name and seen_surface.name == surface.name:
+                return None
+        return "not_found", f"the {name} was seen on the {belief.surface}, not on the {place}"

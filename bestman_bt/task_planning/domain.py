@@ -1,0 +1,157 @@
+"""One domain, from the skills: what can be ordered, what can be said, and of which things, as a planning problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+from bestman_bt.engine import NodeRegistry
+from bestman_bt.registry import suggestion
+from bestman_bt.task_planning.abilities import Ability, DeclarationError, abilities_of
+from bestman_bt.task_planning.predicates import Beliefs, Predicate
+from bestman_bt.task_planning.state import SUPERTYPES, known_predicates, read_state, things
+from bestman_bt.task_planning.symbolic.binding import written_out
+from bestman_bt.task_planning.symbolic.facts import parse_conditions
+from bestman_bt.task_planning.symbolic.problem import (
+    Condition,
+    Fact,
+    Forall,
+    GoalError,
+    Literal,
+    Operator,
+    Problem,
+)
+
+
+@dataclass(frozen=True)
+class Domain:
+    """``abilities``: what planners order. ``predicates``: what has a function; others are true once brought about."""
+
+    abilities: tuple[Ability, ...]
+    predicates: Mapping[str, Predicate] = field(default_factory=known_predicates)
+
+    def __post_init__(self) -> None:
+        self._check_types()
+
+    @classmethod
+    def of(cls, registry: NodeRegistry) -> Domain:
+        """From the shipped abilities and the leaves of a registry; DeclarationError where one does not fit."""
+        return cls(abilities_of(registry))
+
+    @cached_property
+    def operators(self) -> tuple[Operator, ...]:
+        """The abilities, with what is short for other facts written out."""
+        return tuple(self._written_out(ability.operator) for ability in self.abilities)
+
+    @cached_property
+    def signatures(self) -> dict[str, tuple[str, ...]]:
+        """Predicate → types of its arguments: declared, or as the first ability uses it."""
+        known = {name: predicate.types for name, predicate in self.predicates.items()}
+        for ability in self.abilities:
+            for fact, types in _uses(ability.operator):
+                known.setdefault(fact.predicate, types)
+        return known
+
+    def _check_types(self) -> None:
+        for ability in self.abilities:
+            for fact, types in _uses(ability.operator):
+                wanted = self.signatures[fact.predicate]
+                if not _fit(types, wanted):
+                    takes = ", ".join(wanted) or "no arguments"
+                    raise DeclarationError(f"{ability.name}: {fact}: {fact.predicate} takes {takes}")
+
+    def problem(self, beliefs: Beliefs, goal: str = "", instruction: str = "") -> Problem:
+        """What the robot believes and what shall come about; GoalError for a goal that makes no sense.
+
+        ``goal``: facts as text, such as ``on(mug, table) and closed(drawer_chest/drawer_3)``.
+        """
+        objects = things(beliefs.world)
+        problem = Problem(
+            objects,
+            read_state(beliefs, objects),
+            (),
+            self.operators,
+            SUPERTYPES,
+            {name: types for name, types in self.signatures.items() if not self._is_short(name)},
+            instruction,
+        )
+        return self.with_goal(problem, goal) if goal else problem
+
+    def with_goal(self, problem: Problem, goal: str) -> Problem:
+        """The problem with a goal, checked against what there is; GoalError names the closest."""
+        literals: list[Literal] = []
+        for condition in parse_conditions(goal):
+            if isinstance(condition, Forall):
+                raise GoalError(f"{condition}: forall is not accepted in a goal; name the things")
+            resolved = Literal(self._resolved(problem, condition.fact), condition.negated)
+            literals += written_out(problem, [self._meaning(resolved)], {})
+        return replace(problem, goal=tuple(dict.fromkeys(literals)))
+
+    def _resolved(self, problem: Problem, fact: Fact) -> Fact:
+        """With the full names of things, each of the right type."""
+        types = self.signatures.get(fact.predicate)
+        if types is None:
+            raise GoalError(f"unknown predicate {fact.predicate!r}; {suggestion(fact.predicate, self.signatures)}")
+        if len(types) != len(fact.arguments):
+            raise GoalError(f"{fact}: {fact.predicate} takes {len(types)} of these: {', '.join(types) or 'nothing'}")
+        names = (full_name(problem, name, kind) for name, kind in zip(fact.arguments, types, strict=True))
+        return Fact(fact.predicate, tuple(names))
+
+    def _is_short(self, predicate: str) -> bool:
+        return predicate in self.predicates and bool(self.predicates[predicate].means)
+
+    def _meaning(self, condition: Condition) -> Condition:
+        """``accessible(fridge/shelf_1)`` as what it means; all else as it is."""
+        if isinstance(condition, Forall) or not self._is_short(condition.fact.predicate):
+            return condition
+        if condition.negated:
+            raise GoalError(f"{condition}: {condition.fact.predicate} cannot be negated; say what shall be shut")
+        predicate = self.predicates[condition.fact.predicate]
+        values = {
+            f"{{{name}}}": value for name, value in zip(predicate.parameters, condition.fact.arguments, strict=True)
+        }
+        (meaning,) = parse_conditions(predicate.means)
+        return meaning.bound(values)
+
+    def _written_out(self, operator: Operator) -> Operator:
+        pre, hold = (tuple(map(self._meaning, conditions)) for conditions in (operator.pre, operator.hold))
+        return replace(operator, pre=pre, hold=hold)
+
+
+def full_name(problem: Problem, name: str, kind: str) -> str:
+    """The thing of a type that is meant: ``table`` for its only or first surface, ``drawer_3`` for the only one."""
+    known = problem.of_type(kind)
+    if name in known:
+        return name
+    of_furniture = [one for one in known if one.startswith(f"{name}/")]
+    if of_furniture and (kind == "place" or len(of_furniture) == 1):
+        return of_furniture[0]
+    parts = [one for one in known if one.endswith(f"/{name}")]
+    if len(parts) == 1:
+        return parts[0]
+    if of_furniture or parts:
+        raise GoalError(f"which {name!r}? {', '.join(of_furniture or parts)} are known")
+    if name in problem.objects:
+        raise GoalError(f"{name} is a {problem.objects[name]}, and a {kind} is asked for; {suggestion(name, known)}")
+    raise GoalError(f"unknown {kind} {name!r}; {suggestion(name, known)}")
+
+
+def _uses(operator: Operator) -> Iterable[tuple[Fact, tuple[str, ...]]]:
+    """Each fact of an operator with the types that its parameters give its arguments."""
+    for condition in (*operator.pre, *operator.hold, *operator.effects):
+        kinds = {f"{{{name}}}": kind for name, kind in operator.parameters.items()}
+        if isinstance(condition, Forall):
+            kinds[condition.variable] = condition.type
+            facts = [condition.then.fact, *([condition.given] if condition.given else [])]
+        else:
+            facts = [condition.fact]
+        for fact in facts:
+            yield fact, tuple(kinds.get(argument, "object") for argument in fact.arguments)
+
+
+def _fit(types: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
+    """Whether things of some types may stand where others are asked for."""
+    return len(types) == len(wanted) and all(
+        kind == asked or asked in SUPERTYPES.get(kind, ()) for kind, asked in zip(types, wanted, strict=True)
+    )

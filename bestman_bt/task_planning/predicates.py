@@ -1,0 +1,143 @@
+"""What can be said of the world in a goal or a declaration, and how the robot finds out whether it believes it.
+
+The robot's belief decides, never the world: of what has not been seen nothing is true but ``unseen``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from bestman_bt.world_model import MapFurniture, WorldModel, containers_before, is_open, is_shut
+
+NEAR = 1.2
+"""Metres between the middle of the base and the footprint of furniture at which the base stands at it."""
+
+
+@dataclass(frozen=True)
+class Beliefs:
+    """What predicates are asked of. ``tucked``: whether the arm is in its posture for driving, by encoders."""
+
+    world: WorldModel
+    tucked: bool = True
+
+
+@dataclass(frozen=True)
+class Predicate:
+    """``parameters``: name → type. ``words``: what it says, with its parameters in braces.
+
+    ``holds``: decides by beliefs, its arguments in the order of the parameters. ``means``: the condition that it is
+    short for, if it is.
+    """
+
+    name: str
+    parameters: Mapping[str, str]
+    words: str
+    holds: Callable[..., bool]
+    means: str = ""
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """Types of its arguments."""
+        return tuple(self.parameters.values())
+
+
+def surfaces(world: WorldModel) -> list[str]:
+    """The names of all places, ``furniture/surface``."""
+    return [f"{piece.name}/{surface.name}" for piece in world.map.furniture.values() for surface in piece.surfaces]
+
+
+def _on(beliefs: Beliefs, name: str, place: str) -> bool:
+    belief = beliefs.world.objects.get(name)
+    return belief is not None and _full_name(beliefs.world, belief.surface) == place
+
+
+def _full_name(world: WorldModel, surface: str | None) -> str | None:
+    """``table`` is short for the first surface of the table."""
+    if surface is None:
+        return None
+    furniture, found = world.map.surface(surface)
+    return f"{furniture.name}/{found.name}"
+
+
+def _holding(beliefs: Beliefs, name: str) -> bool:
+    return beliefs.world.held is not None and beliefs.world.held.name == name
+
+
+def _located(beliefs: Beliefs, name: str) -> bool:
+    return name in beliefs.world.objects or _holding(beliefs, name)
+
+
+def _behind(beliefs: Beliefs, place: str, container: str) -> bool:
+    return container in containers_before(*beliefs.world.map.surface(place))
+
+
+def _accessible(beliefs: Beliefs, place: str) -> bool:
+    return all(is_open(beliefs.world, name) for name in containers_before(*beliefs.world.map.surface(place)))
+
+
+def _drawer(beliefs: Beliefs, place: str) -> bool:
+    return beliefs.world.map.surface(place)[1].leaf is not None
+
+
+def _near(beliefs: Beliefs, place: str) -> bool:
+    furniture, _ = beliefs.world.map.surface(place)
+    return _distance_to(furniture, beliefs.world) <= NEAR
+
+
+def _distance_to(furniture: MapFurniture, world: WorldModel) -> float:
+    """Metres from the middle of the base to the footprint."""
+    inside = furniture.pose.inverse().apply(world.base.pose.xy[None])[0]
+    beyond = [max(0.0, abs(float(at)) - size / 2) for at, size in zip(inside, furniture.footprint, strict=True)]
+    return math.hypot(*beyond)
+
+
+def _unseen(beliefs: Beliefs, name: str, place: str) -> bool:
+    return beliefs.world.may_be_on(name, place)
+
+
+ON = Predicate("on", {"object": "object", "place": "place"}, "the {object} is on (or in) the {place}", _on)
+HOLDING = Predicate("holding", {"object": "object"}, "the hand holds the {object}", _holding)
+HAND_EMPTY = Predicate("hand_empty", {}, "the hand is empty", lambda beliefs: beliefs.world.held is None)
+LOCATED = Predicate("located", {"object": "object"}, "it is known where the {object} is", _located)
+UNSEEN = Predicate(
+    "unseen",
+    {"object": "object", "place": "place"},
+    "it is not known where the {object} is, and it was not looked for at the {place} since",
+    _unseen,
+)
+OPEN = Predicate(
+    "open",
+    {"container": "container"},
+    "the {container} is open far enough to work behind it",
+    lambda beliefs, container: is_open(beliefs.world, container),
+)
+CLOSED = Predicate(
+    "closed",
+    {"container": "container"},
+    "the {container} is shut",
+    lambda beliefs, container: is_shut(beliefs.world, container),
+)
+LOCKED = Predicate(
+    "locked",
+    {"container": "container"},
+    "the {container} did not open when it was tried",
+    lambda beliefs, container: container in beliefs.world.locked,
+)
+BEHIND = Predicate(
+    "behind",
+    {"place": "place", "container": "container"},
+    "the {container} has to be open for the {place} to be reached",
+    _behind,
+)
+ACCESSIBLE = Predicate(
+    "accessible",
+    {"place": "place"},
+    "all that has to be open for the {place} to be reached is open",
+    _accessible,
+    means="forall c - container: behind({place}, c) -> open(c)",
+)
+DRAWER = Predicate("drawer", {"place": "place"}, "the {place} moves with a drawer", _drawer)
+NEAR_TO = Predicate("near", {"place": "place"}, "the base stands at the {place}", _near)
+TUCKED = Predicate("tucked", {}, "the arm is in its posture for driving", lambda beliefs: beliefs.tucked)

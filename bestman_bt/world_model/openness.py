@@ -1,0 +1,69 @@
+"""When a door or drawer counts as open, so that one can work behind it, and when as shut."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from bestman_bt.messages import Box, JointKind
+from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface
+from bestman_bt.world_model.world_model import WorldModel
+
+OPEN: dict[JointKind, tuple[float, float]] = {"prismatic": (0.25, 0.28), "revolute": (1.40, 1.45)}
+"""Metres or radians from which one can work behind a leaf, and to which it is opened for that."""
+SHUT: dict[JointKind, float] = {"prismatic": 0.02, "revolute": 0.035}
+"""Metres or radians up to which a leaf counts as shut."""
+NEARLY_ALL = 0.95
+"""Share of its range beyond which no leaf is asked to open."""
+ENOUGH = 0.9
+"""Share of what is asked that has to come about where a leaf does not open farther."""
+
+
+@dataclass(frozen=True)
+class Openness:
+    """Metres or radians: ``enough`` to work behind it, ``asked`` when it is opened, ``shut`` at most."""
+
+    enough: float
+    asked: float
+    shut: float
+
+
+def openness_of(leaf: MapLeaf) -> Openness:
+    """What open and shut mean for a door or drawer."""
+    enough, asked = OPEN[leaf.kind]
+    asked = min(asked, NEARLY_ALL * leaf.upper)
+    return Openness(min(enough, ENOUGH * asked), asked, SHUT[leaf.kind])
+
+
+def leaf_called(world: WorldModel, container: str) -> MapLeaf:
+    """The door or drawer ``furniture/leaf``; KeyError if there is none."""
+    furniture, _, name = container.partition("/")
+    return world.map.furniture[furniture].leaf(name)
+
+
+def is_open(world: WorldModel, container: str) -> bool:
+    """Whether a door or drawer is believed to be open far enough to work behind it."""
+    return world.articulations.get(container, 0.0) >= openness_of(leaf_called(world, container)).enough
+
+
+def is_shut(world: WorldModel, container: str) -> bool:
+    """Whether a door or drawer is believed to be shut."""
+    return world.articulations.get(container, 0.0) <= openness_of(leaf_called(world, container)).shut
+
+
+def containers_before(furniture: MapFurniture, surface: MapSurface) -> Iterator[str]:
+    """The doors and drawers, ``furniture/leaf``, that must be open for what is on a surface to be reached."""
+    for leaf in furniture.leaves:
+        before = surface.leaf == leaf.name
+        if before or (surface.leaf is None and furniture.is_inside(surface) and _covers(leaf, surface)):
+            yield f"{furniture.name}/{leaf.name}"
+
+
+def _covers(leaf: MapLeaf, surface: MapSurface) -> bool:
+    """Whether the front board of a closed leaf stands before what is on a surface."""
+    front = leaf.shapes[0]
+    if not isinstance(front.shape, Box):
+        return False
+    _, across, up = surface.pose.position - front.pose.position
+    _, width, height = front.shape.size
+    return abs(float(up)) < height / 2 and abs(float(across)) < (width + surface.size[1]) / 2
