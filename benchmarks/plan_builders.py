@@ -2,11 +2,11 @@
 
     python benchmarks/plan_builders.py --problems 200 --seed 7000 > plan_builders.json
 
-Each problem: things in drawers and on tables are to go elsewhere, and some drawers to be shut at the end; of some
-things it is not known where they are. The robot believes what it has seen. With each action, one of these happens with
-the given chance, behind its back: what is held slips and lies on a table; an object is put elsewhere; a drawer is
-pushed shut. With half that chance the action fails for no reason. It learns of all this where an action is about it. A
-problem counts as reached where the goal is true at the end, whatever is believed.
+Each problem: things in drawers and on tables are to go elsewhere, and some drawers to be shut at the end. The robot
+believes what it has seen. With each action, one of these happens with the given chance, behind its back: what is held
+slips and lies on a table; an object is put elsewhere; a drawer is pushed shut. With half that chance the action fails
+for no reason. It learns of all this where an action is about it. A problem counts as reached where the goal is true at
+the end, whatever is believed.
 """
 
 from __future__ import annotations
@@ -174,8 +174,8 @@ def episode(problem: Problem, truth: frozenset[Fact], builder: str, anew: bool, 
     return Outcome(world.reached, len(world.done), plans, world.disturbances)
 
 
-def generated(domain: Domain, seed: int) -> tuple[Problem, frozenset[Fact]]:
-    """A problem as it is believed, and what is true."""
+def generated(domain: Domain, unknown: float, seed: int) -> tuple[Problem, frozenset[Fact]]:
+    """A problem as it is believed, and what is true; ``unknown``: the share of things that are to be found first."""
     rng = np.random.default_rng([seed, 1])
     tables = [f"table_{i}" for i in range(int(rng.integers(2, 4)))]
     drawers = [f"drawer_{i}" for i in range(int(rng.integers(1, 4)))]
@@ -189,7 +189,7 @@ def generated(domain: Domain, seed: int) -> tuple[Problem, frozenset[Fact]]:
     for name in things:
         start, end = rng.choice(places, 2, replace=False)
         truth.add(Fact("on", (name, str(start))))
-        if rng.random() < 0.8:
+        if rng.random() >= unknown:
             believed |= {Fact("on", (name, str(start))), Fact("located", (name,))}
         else:
             believed |= {Fact("unseen", (name, place)) for place in places}
@@ -216,12 +216,13 @@ def summary(outcomes: list[Outcome]) -> dict[str, Any]:
 def main(
     problems: Annotated[int, typer.Option(min=1)] = 200,
     seed: int = 0,
+    unknown: Annotated[float, typer.Option(help="Share of things that are to be found first.")] = 0.0,
     chances: Annotated[str, typer.Option(help="Chances of a disturbance with each action.")] = "0,0.1,0.2",
 ) -> None:
     """Print one JSON document."""
     domain = Domain.of(NodeRegistry())
-    table: dict[str, Any] = {"problems": problems, "seed": seed, "replans": REPLANS, "results": []}
-    made = [generated(domain, number) for number in range(seed, seed + problems)]
+    table: dict[str, Any] = {"problems": problems, "seed": seed, "unknown": unknown, "replans": REPLANS, "results": []}
+    made = [generated(domain, unknown, number) for number in range(seed, seed + problems)]
     for chance in map(float, chances.split(",")):
         for builder in ("sequence", "reactive", "backchain"):
             for anew in (False, True):

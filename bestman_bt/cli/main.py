@@ -12,6 +12,7 @@ from typer.core import TyperGroup
 VERBS = {
     "demo": "fetch a cup in simulation and show what happened",
     "run": "run a tree or a task once and judge it",
+    "plan": "plan for a goal in words or facts, make a tree of the plan and check it",
     "eval": "run a task over many seeds and summarise",
     "look": "show what the robot perceives of the furniture in a scene",
     "show": "print a tree",

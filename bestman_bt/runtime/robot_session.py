@@ -57,6 +57,7 @@ COMPUTATION_COSTS = {
     "trajectory": 0.05,
     "global_planning": 0.05,
     "exploration": 0.1,
+    "task_planning": 0.2,
     "global_localization": 0.5,
     "clear_stop": 0.1,
 }

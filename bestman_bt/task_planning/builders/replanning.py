@@ -7,19 +7,29 @@ from collections.abc import Iterable
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import NodeRegistry, XmlElement, load_tree, tree_to_xml
 from bestman_bt.task_planning.builders.plan_tree import TREE_ID, PlanTree
+from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.symbolic import Literal
 
 PLAN_AND_EXECUTE_FILE = "plan_and_execute.xml"
 RUN_ID = "PlannedRun"
 
 
-def with_replanning(made: PlanTree, goal: Iterable[Literal], planner: str, builder: str, registry: NodeRegistry) -> str:
-    """A file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises TreeLoadError."""
+def with_replanning(
+    made: PlanTree,
+    goal: Iterable[Literal],
+    planner: str,
+    builder: str,
+    registry: NodeRegistry,
+    limits: PlanLimits | None = None,
+) -> str:
+    """A file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises TreeLoadError.
+
+    ``limits``: of the plans that are made anew.
+    """
     facts = " and ".join(str(literal) for literal in goal)
     as_planned = XmlElement("SubTree", {"ID": TREE_ID, "name": "as_planned"})
-    anew = XmlElement(
-        "SubTree", {"ID": "ReachGoal", "name": "anew", "goal": facts, "planner": planner, "builder": builder}
-    )
+    entries = {"goal": facts, "planner": planner, "builder": builder, "limits": (limits or PlanLimits()).to_string()}
+    anew = XmlElement("SubTree", {"ID": "ReachGoal", "name": "anew", **entries})
     either = XmlElement("Fallback", {"name": "as_planned_or_anew"}, [as_planned, anew])
     document = made.document()
     document.root.attributes["main_tree_to_execute"] = RUN_ID

@@ -1,0 +1,151 @@
+"""Planning inside a tree: one leaf makes a plan of what is believed, the other carries it out."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.skill import Explained, OnRobot, Skill, SkillFailure, Steps
+from bestman_bt.engine import RUNNING, SUCCESS, StatefulAction, SubTree, Tree, TreeLoadError
+from bestman_bt.registry import BUILDERS, PLANNERS, UnknownNameError
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
+from bestman_bt.task_planning.conditions import beliefs_of
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.explanation import explain
+from bestman_bt.task_planning.limits import PlanLimits, plan_within
+from bestman_bt.task_planning.monitoring import PlanMonitor
+from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
+from bestman_bt.task_planning.verification import verify
+
+NOT_BELIEVED = "not_believed"
+"""What ``Holds`` tells where the answer is no: in a reactive tree that is a question, not a failure."""
+
+_GOAL = PortInformation(str, description="facts, joined by and: on(mug, table) and closed(drawer_chest/drawer_3)")
+
+
+class _Planning(OnRobot):
+    """What both leaves know of the task."""
+
+    def domain_and_problem(self) -> tuple[Domain, Problem]:
+        """What can be ordered here, and what is believed now, with the goal. Raises SkillFailure (``bad_goal``)."""
+        domain = Domain.of(self.owner.registry)
+        try:
+            return domain, domain.problem(beliefs_of(self.skills), self.get_input("goal"))
+        except GoalError as error:
+            raise SkillFailure("bad_goal", str(error)) from error
+
+
+class Plan(_Planning, Skill):
+    """Plan from what is believed now; FAILURE (``unsolvable``) says what is missing."""
+
+    INPUT_PORTS: ClassVar = {
+        "goal": _GOAL,
+        "planner": PortInformation(str, False, "symbolic, fast_downward, or one of your own", "symbolic"),
+        "limits": PortInformation(PlanLimits, False, "for a plan: steps=20; only=PickUp; without=fridge", PlanLimits()),
+    }
+    OUTPUT_PORTS: ClassVar = {"plan": PortInformation(TaskPlan, description="the actions")}
+
+    def execute(self) -> Steps:
+        """Plan, and say what the plan is."""
+        try:
+            planner: TaskPlanner = PLANNERS.resolve(self.get_input("planner"))()
+        except UnknownNameError as error:
+            raise SkillFailure("unknown_name", str(error)) from error
+        _, problem = self.domain_and_problem()
+        plan = yield self.compute("task_planning", _plan, planner, problem, self.get_input("limits"))
+        self.set_output("plan", plan)
+        self.feedback_message = "; ".join(str(action) for action in plan.actions) or "the goal is believed already"
+
+
+class ExecutePlan(_Planning, Explained, StatefulAction):
+    """Make a tree of a plan, check it, and tick it; FAILURE where the plan fails or does not help any more.
+
+    The tree is one of its own: it sees the robot and the beliefs, not the entries of this one.
+    """
+
+    INPUT_PORTS: ClassVar = {
+        "goal": _GOAL,
+        "plan": PortInformation(TaskPlan, description="the actions, from Plan"),
+        "builder": PortInformation(str, False, "sequence, reactive or backchain", "reactive"),
+    }
+
+    _tree: Tree | None = None
+    _monitor: PlanMonitor
+    _told: int
+
+    def on_start(self) -> int:
+        """Refuse a tree that does not pass, before anything moves."""
+        self._told = len(self.skills.failures)
+        try:
+            domain, problem = self.domain_and_problem()
+            plan: TaskPlan = self.get_input("plan")
+            self._monitor = PlanMonitor(plan, problem.goal)
+            self._tree = self._checked(self._built(domain, problem, plan), problem)
+        except SkillFailure as failure:
+            return self.explain(failure.code, str(failure))
+        except PlanningError as error:
+            return self.explain("bad_plan", str(error))
+        return self.on_running()
+
+    def on_running(self) -> int:
+        """Tick the tree of the plan."""
+        tree = self._tree
+        assert tree is not None
+        status = tree.tick_once()
+        if status == RUNNING:
+            self.feedback_message = _running_ability(tree)
+            return RUNNING
+        self._tree = None
+        if status == SUCCESS:
+            return self.succeed("the goal is believed")
+        return self.explain("plan_failed", self._why())
+
+    def on_halted(self) -> None:
+        """Halt the tree of the plan."""
+        if self._tree is not None:
+            self._tree.halt()
+            self._tree = None
+
+    def _built(self, domain: Domain, problem: Problem, plan: TaskPlan) -> PlanTree:
+        try:
+            builder: TreeBuilder = BUILDERS.resolve(self.get_input("builder"))()
+        except UnknownNameError as error:
+            raise SkillFailure("unknown_name", str(error)) from error
+        return builder.build(plan, problem.goal, [one.name for one in domain.abilities if not one.is_subtree])
+
+    def _checked(self, made: PlanTree, problem: Problem) -> Tree:
+        registry, skills = self.owner.registry, self.skills
+        faults = verify(made.document().to_xml(), problem, registry, skills.robot, skills.world)
+        refusals = [str(fault) for fault in faults if fault.severity != "warning"]
+        if refusals:
+            raise SkillFailure("refused", "; ".join(refusals))
+        try:
+            return made.load(registry, context=self.context, clock=self.clock)
+        except TreeLoadError as error:
+            raise SkillFailure("refused", str(error)) from error
+
+    def _why(self) -> str:
+        """What the last skill that failed said, and how the plan stands now."""
+        _, problem = self.domain_and_problem()
+        failed = [failure for failure in self.skills.failures[self._told :] if failure.error_code != NOT_BELIEVED]
+        said = [f"{failure.node}: {failure.why}" for failure in failed[-1:]]
+        return "; ".join([*said, str(self._monitor.outlook(problem.state))])
+
+
+def _plan(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
+    """A plan; SkillFailure with the reason in words where there is none."""
+    try:
+        return plan_within(planner, problem, limits)
+    except Unsolvable as error:
+        raise SkillFailure("unsolvable", explain(problem) or str(error)) from error
+    except PlanningError as error:
+        raise SkillFailure("no_plan", str(error)) from error
+
+
+def _running_ability(tree: Tree) -> str:
+    """What is being done: the outermost subtrees or leaves that run."""
+    running = [node for node in tree.nodes if node.state == RUNNING and node.place is not None]
+    top = [node for node in running if node.place.prefix == "" and (isinstance(node, SubTree) or not node.children)]
+    return ", ".join(node.name for node in top)

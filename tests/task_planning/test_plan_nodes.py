@@ -1,0 +1,190 @@
+"""Plan and ExecutePlan inside a tree: real beliefs and declarations, one ability that only changes beliefs."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from behaviours.computation import InlineComputation
+from behaviours.context import SkillContext
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.configuration.data import data_root
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, ManualClock, NodeRegistry, PortInformation, Tree, load_tree
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.robot_model import ArmModel, BaseModel, RobotModel
+from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.task_planning.builders import ReactiveBuilder
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.symbolic import SymbolicPlanner
+from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
+
+CUP = ObjectModel("cup", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box((0.06, 0.06, 0.1)), Pose()),))
+
+
+class Bring(Skill):
+    """Believe that the object stands on the place. ``trouble``: what happens first, one after the other."""
+
+    INPUT_PORTS: ClassVar = {"object": PortInformation(str), "place": PortInformation(str)}
+    DECLARATION = Declaration(
+        pre=("located({object})", "not on({object}, {place})"),
+        effects=("on({object}, {place})",),
+        parameters={"object": "object", "place": "place"},
+        parts=("arm", "base"),
+    )
+    trouble: ClassVar[list[str]] = []
+    halted: ClassVar[list[str]] = []
+
+    def execute(self) -> Steps:
+        """Take a little time."""
+        name, place = self.get_input("object"), self.get_input("place")
+        try:
+            yield self.compute("bringing", lambda: None)
+        except GeneratorExit:
+            self.halted.append(self.name)
+            raise
+        if self.trouble and (what := self.trouble.pop(0)) == "slip":
+            raise SkillFailure(what, f"the {name} slipped")
+        self.skills.world.objects[name] = believed(name, place)
+
+
+def believed(name: str, place: str) -> ObjectBelief:
+    """An object that was seen on a surface."""
+    return ObjectBelief(name, CUP, Pose(), 1.0, 0.01, 0.0, place)
+
+
+def piece(name: str, x: float) -> MapFurniture:
+    """A table with a top."""
+    top = MapSurface("top", Pose(np.array([0.0, 0.0, 0.75])), (1.0, 1.0))
+    return MapFurniture(name, Pose2D(x, 0.0, 0.0), (1.0, 1.0), 0.75, (top,), solid_at_lidar=True)
+
+
+@pytest.fixture(scope="module")
+def library() -> NodeRegistry:
+    """All shipped nodes, and ``Bring``."""
+    registry = node_registry()
+    registry.register(Bring)
+    return registry
+
+
+@pytest.fixture
+def skills() -> Any:
+    """A context as far as planning and ``Bring`` need one."""
+    Bring.trouble.clear()
+    Bring.halted.clear()
+    clock = ManualClock()
+    one = np.ones(1)
+    arm = ArmModel(("joint",), "base", "tool", -one, one, one, one, one)
+    base = BaseModel("differential", "base", (), 0.1, 0.4, 1.0, (), 1.0, 0.0, 1.0, 1.0, 1.0, ())
+    context = SkillContext.__new__(SkillContext)
+    context.clock = clock
+    context.robot = RobotModel(
+        "robot", "<robot name='r'/>", "base", {"base": base}, {"arm": arm}, postures={"carry": {"joint": 0.0}}
+    )
+    context.world = WorldModel(
+        SemanticMap(np.zeros((0, 4)), {"table": piece("table", 3.0), "desk": piece("desk", 6.0)})
+    )
+    context.world.models["cup"] = CUP
+    context.world.objects["cup"] = believed("cup", "table/top")
+    context.arm = SimpleNamespace(name="arm")  # type: ignore[assignment]
+    context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})  # type: ignore[assignment]
+    context.computation = InlineComputation(clock)
+    context.costs = {"task_planning": 0.2, "bringing": 0.2}
+    context.failures = []
+    return context
+
+
+def planned(skills: Any, library: NodeRegistry, goal: str, builder: str = "reactive") -> Tree:
+    """The shipped tree that reaches a goal."""
+    main = f'<SubTree ID="ReachGoal" name="reach" goal="{goal}" planner="symbolic" builder="{builder}" limits=""/>'
+    xml = (
+        '<root BTCPP_format="4" main_tree_to_execute="Main"><include path="plan_and_execute.xml"/>'
+        f'<BehaviorTree ID="Main">{main}</BehaviorTree></root>'
+    )
+    return load_tree(xml, library, context=skills, clock=skills.clock, search_path=[data_root() / "trees"])
+
+
+def run(tree: Tree) -> int:
+    """Ticked to the end."""
+    return tree.tick_while_running(max_ticks=500)
+
+
+@pytest.mark.parametrize("builder", ["sequence", "reactive", "backchain"])
+def test_a_goal_is_planned_for_and_reached(skills: Any, library: NodeRegistry, builder: str) -> None:
+    assert run(planned(skills, library, "on(cup, desk)", builder)) == SUCCESS
+    assert skills.world.objects["cup"].surface == "desk/top"
+
+
+def test_where_the_goal_is_believed_already_nothing_is_done(skills: Any, library: NodeRegistry) -> None:
+    Bring.trouble.append("slip")
+    assert run(planned(skills, library, "on(cup, table)")) == SUCCESS
+    assert Bring.trouble == ["slip"]
+
+
+def test_after_a_failure_it_plans_anew_from_what_is_believed_then(skills: Any, library: NodeRegistry) -> None:
+    Bring.trouble.append("slip")
+    tree = planned(skills, library, "on(cup, desk)", "sequence")
+    plans: list[str] = []
+    plan = next(node for node in tree.nodes if node.type_id == "Plan")
+    plan.add_post_tick(lambda node, status: plans.append("plan") if status == SUCCESS else None)
+    assert run(tree) == SUCCESS
+    assert plans == ["plan", "plan"]
+    assert any("the cup slipped; next is Bring(cup, desk/top)" in failure.why for failure in skills.failures)
+
+
+def test_a_reactive_tree_recovers_by_itself(skills: Any, library: NodeRegistry) -> None:
+    Bring.trouble.append("slip")
+    assert run(planned(skills, library, "on(cup, desk)")) == SUCCESS
+    assert not any(failure.error_code == "plan_failed" for failure in skills.failures)
+
+
+def test_without_a_plan_it_says_what_is_missing_and_does_not_ask_again(skills: Any, library: NodeRegistry) -> None:
+    del skills.world.objects["cup"]
+    skills.world.searched.update({("cup", "table/top"): 1.0, ("cup", "desk/top"): 1.0})
+    assert run(planned(skills, library, "on(cup, desk)")) == FAILURE
+    (failure,) = skills.failures
+    assert failure.error_code == "unsolvable"
+    assert "on(cup, desk/top) is out of reach" in failure.why
+
+
+@pytest.mark.parametrize(
+    ("goal", "why"),
+    [
+        ("on(cupp, desk)", "unknown object 'cupp'; did you mean 'cup'?"),
+        ("onn(cup, desk)", "unknown predicate 'onn'; did you mean 'on'?"),
+    ],
+)
+def test_a_goal_that_makes_no_sense_fails_with_the_closest_name(
+    skills: Any, library: NodeRegistry, goal: str, why: str
+) -> None:
+    assert run(planned(skills, library, goal)) == FAILURE
+    assert [(failure.error_code, failure.why) for failure in skills.failures] == [("bad_goal", why)]
+
+
+def test_an_unknown_builder_is_refused_before_anything_moves(skills: Any, library: NodeRegistry) -> None:
+    Bring.trouble.append("slip")
+    assert run(planned(skills, library, "on(cup, desk)", "reactiv")) == FAILURE
+    assert skills.failures[0].why == "unknown tree builder 'reactiv'; did you mean 'reactive'?"
+    assert Bring.trouble == ["slip"]
+
+
+def test_a_halt_reaches_the_ability_that_runs(skills: Any, library: NodeRegistry) -> None:
+    tree = planned(skills, library, "on(cup, desk)")
+    for _ in range(6):
+        assert tree.tick_once() == RUNNING
+        tree.sleep(0.05)
+    tree.halt()
+    assert Bring.halted == ["1_Bring"]
+    assert skills.world.objects["cup"].surface == "table/top"
+
+
+def test_the_tree_of_a_plan_is_a_file_of_its_own_that_loads_again(skills: Any, library: NodeRegistry) -> None:
+    domain = Domain(tuple(one for one in Domain.of(library).abilities if one.is_subtree))
+    problem = domain.problem(Beliefs(skills.world), "on(cup, desk)")
+    made = ReactiveBuilder().build(SymbolicPlanner().plan(problem), problem.goal)
+    tree, again = made.load(library), load_tree(made.xml(library), library)
+    assert [node.path for node in again.nodes] == [node.path for node in tree.nodes]
+    assert [node.attributes for node in again.nodes] == [node.attributes for node in tree.nodes]
