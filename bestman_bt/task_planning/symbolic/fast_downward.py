@@ -1,0 +1,81 @@
+"""Fast Downward (Helmert, 2006) and other engines, through unified-planning, each in a process of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.symbolic.binding import instantiate
+from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
+from bestman_bt.task_planning.symbolic.problem import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
+
+
+class PlannerMissingError(PlanningError):
+    """The extra that a planner needs is not installed."""
+
+
+@dataclass(frozen=True)
+class FastDownwardPlannerParameters:
+    """``engine``: of unified-planning: ``fast-downward`` finds a plan, ``fast-downward-opt`` the cheapest one.
+
+    ``timeout``: seconds after which it is given up; what is found before does not depend on it.
+    """
+
+    engine: str = "fast-downward"
+    timeout: float = 60.0
+
+
+class FastDownwardPlanner(TaskPlanner):
+    """Plans with an engine of unified-planning; extra ``planning``."""
+
+    def __init__(self, parameters: FastDownwardPlannerParameters | None = None) -> None:
+        self.parameters = parameters or FastDownwardPlannerParameters()
+
+    def plan(self, problem: Problem) -> TaskPlan:
+        """As ``TaskPlanner.plan``; PlannerMissingError names the extra."""
+        for literal in problem.goal:
+            if ~literal in problem.goal:
+                raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
+        if not problem.unmet_in(problem.state):
+            return TaskPlan(())
+        planning = unified_planning()
+        text = PddlText(problem)
+        stated = planning.io.PDDLReader().parse_problem_string(text.domain(), text.problem())
+        with planning.shortcuts.OneshotPlanner(name=self.parameters.engine) as engine:
+            result = engine.solve(stated, timeout=self.parameters.timeout)
+        if result.plan is None:
+            if "UNSOLVABLE" in result.status.name:
+                unmet = problem.unmet_in(problem.state)
+                raise Unsolvable(f"no plan leads to {' and '.join(map(str, unmet))}", unmet)
+            raise PlanningError(f"{self.parameters.engine} found no plan: {result.status.name.lower()}")
+        steps = (text.action(step.action.name, map(str, step.actual_parameters)) for step in result.plan.actions)
+        return TaskPlan(tuple(instantiate(problem, operator, arguments) for operator, arguments in steps))
+
+
+def is_valid(problem: Problem, plan: TaskPlan) -> bool:
+    """What unified-planning's own validator says of a plan."""
+    planning = unified_planning()
+    text = PddlText(problem)
+    stated = planning.io.PDDLReader().parse_problem_string(text.domain(), text.problem())
+    steps = []
+    for action in plan.actions:
+        name, arguments = text.written(action)
+        things = tuple(map(planning.shortcuts.ObjectExp, map(stated.object, arguments)))
+        steps.append(planning.plans.ActionInstance(stated.action(name), things))
+    with planning.shortcuts.PlanValidator(problem_kind=stated.kind) as validator:
+        return bool(validator.validate(stated, planning.plans.SequentialPlan(steps)))
+
+
+def unified_planning() -> Any:
+    """The package, imported when it is used; PlannerMissingError where it is not installed."""
+    try:
+        import unified_planning
+        import unified_planning.io
+        import unified_planning.plans
+        import unified_planning.shortcuts
+        import up_fast_downward  # noqa: F401 - that it is there
+    except ModuleNotFoundError as error:
+        raise PlannerMissingError(f"{error.name} is missing: pip install 'bestman-bt[planning]'") from error
+    unified_planning.shortcuts.get_environment().credits_stream = None
+    return unified_planning

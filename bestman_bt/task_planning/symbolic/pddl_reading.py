@@ -1,0 +1,268 @@
+"""PDDL 2.1 files as problems: types, negative conditions, equality, ``forall`` and action costs.
+
+Numbers other than costs, durations and disjunctions are for ``fast_downward`` and other engines of unified-planning.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NoReturn
+
+from bestman_bt.task_planning.symbolic.problem import (
+    Condition,
+    Fact,
+    Forall,
+    Literal,
+    Operator,
+    PlanningError,
+    Problem,
+)
+
+_TOKEN = re.compile(r"[()]|[^\s();]+")
+ROOT = "object"
+
+
+class PddlError(PlanningError):
+    """A file that cannot be read: ``file``, ``line`` and what is wrong."""
+
+    def __init__(self, file: str, line: int, what: str) -> None:
+        super().__init__(f"{file}:{line}: {what}")
+        self.file, self.line = file, line
+
+
+@dataclass(frozen=True)
+class _Word:
+    text: str
+    line: int
+
+
+@dataclass(frozen=True)
+class _List:
+    parts: tuple[_Word | _List, ...]
+    line: int
+
+    @property
+    def head(self) -> str:
+        first = self.parts[0] if self.parts else None
+        return first.text if isinstance(first, _Word) else ""
+
+
+def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
+    """The problem that a domain file and a problem file describe; PddlError with file and line."""
+    domain_file = _File(domain)
+    operators, types, constants, predicates = domain_file.domain()
+    objects, state, goal = _File(problem).problem()
+    named = {**constants, **objects}
+    return Problem(named, state, goal, operators, {kind: (above,) for kind, above in types.items()}, predicates)
+
+
+class _File:
+    def __init__(self, path: str | Path) -> None:
+        self._name = str(path)
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise PddlError(self._name, 0, f"it cannot be read: {error}") from error
+        self._root = self._parse(text)
+
+    def domain(self) -> tuple[tuple[Operator, ...], dict[str, str], dict[str, str], dict[str, tuple[str, ...]]]:
+        """Operators, type → more general type, constants and predicates."""
+        types: dict[str, str] = {}
+        constants: dict[str, str] = {}
+        predicates: dict[str, tuple[str, ...]] = {}
+        operators: list[Operator] = []
+        for section in self._sections("domain"):
+            match section.head:
+                case ":types":
+                    types = self._typed(section.parts[1:])
+                    types.pop(ROOT, None)
+                case ":constants":
+                    constants = self._typed(section.parts[1:])
+                case ":predicates":
+                    for one in map(self._as_list, section.parts[1:]):
+                        predicates[one.head] = tuple(self._typed(one.parts[1:]).values())
+                case ":action":
+                    operators.append(self._action(section))
+                case ":requirements" | ":functions":
+                    pass
+                case other:
+                    self._fail(section, f"{other or 'this'} is not supported")
+        return tuple(operators), types, constants, predicates
+
+    def problem(self) -> tuple[dict[str, str], frozenset[Fact], tuple[Literal, ...]]:
+        """Objects, state and goal."""
+        objects: dict[str, str] = {}
+        state: set[Fact] = set()
+        goal: list[Literal] = []
+        for section in self._sections("problem"):
+            match section.head:
+                case ":objects":
+                    objects = self._typed(section.parts[1:])
+                case ":init":
+                    facts = (self._as_list(part) for part in section.parts[1:])
+                    state = {self._fact(fact, {}) for fact in facts if fact.head != "="}
+                case ":goal":
+                    for condition in self._conditions(self._only(section, ":goal"), {}):
+                        if isinstance(condition, Forall):
+                            self._fail(section, "forall is not supported in a goal")
+                        else:
+                            goal.append(condition)
+                case ":domain" | ":requirements" | ":metric":
+                    pass
+                case other:
+                    self._fail(section, f"{other or 'this'} is not supported")
+        return objects, frozenset(state), tuple(goal)
+
+    def _action(self, section: _List) -> Operator:
+        name = self._as_word(section.parts[1] if len(section.parts) > 1 else section).text
+        fields: dict[str, _List] = {}
+        rest = list(section.parts[2:])
+        while rest:
+            key = self._as_word(rest.pop(0))
+            if key.text not in (":parameters", ":precondition", ":effect") or not rest:
+                self._fail(key, f"{key.text} is not supported")
+            fields[key.text] = self._as_list(rest.pop(0))
+        typed = self._typed(fields[":parameters"].parts) if ":parameters" in fields else {}
+        variables = {variable: f"{{{variable[1:]}}}" for variable in typed}
+        parameters = {variable[1:]: kind for variable, kind in typed.items()}
+        pre = self._conditions(fields[":precondition"], variables) if ":precondition" in fields else []
+        operator = Operator(name, parameters, tuple(pre))
+        return self._with_effects(operator, fields[":effect"], variables) if ":effect" in fields else operator
+
+    def _with_effects(self, operator: Operator, effect: _List, variables: Mapping[str, str]) -> Operator:
+        add, delete, each, cost = list(operator.add), list(operator.delete), list(operator.each), None
+        for part in self._conjuncts(effect):
+            if part.head == "increase":
+                cost = self._cost(part)
+                continue
+            for condition in self._conditions(part, variables):
+                if isinstance(condition, Forall):
+                    if condition.given is not None:
+                        self._fail(part, "a condition on an effect is not supported")
+                    each.append(condition)
+                else:
+                    (delete if condition.negated else add).append(condition.fact)
+        return replace(operator, add=tuple(add), delete=tuple(delete), each=tuple(each), cost=cost or 1.0)
+
+    def _cost(self, part: _List) -> float:
+        amount = part.parts[-1]
+        if len(part.parts) != 3 or not isinstance(amount, _Word) or not re.fullmatch(r"\d+(\.\d+)?", amount.text):
+            self._fail(part, "(increase (total-cost) NUMBER) is what is supported")
+        return float(self._as_word(amount).text)
+
+    def _conditions(self, part: _List, variables: Mapping[str, str]) -> list[Condition]:
+        return [self._condition(one, variables) for one in self._conjuncts(part)]
+
+    def _conjuncts(self, part: _List) -> Iterator[_List]:
+        if not part.parts:
+            return
+        if part.head != "and":
+            yield part
+            return
+        for inner in part.parts[1:]:
+            yield from self._conjuncts(self._as_list(inner))
+
+    def _condition(self, part: _List, variables: Mapping[str, str]) -> Condition:
+        if part.head in ("or", "exists", "when", "imply", ">", "<", ">=", "<=", "assign", "increase", "decrease"):
+            self._fail(part, f"{part.head} is not supported here")
+        if part.head == "not":
+            inner = self._condition(self._only(part, "not"), variables)
+            if isinstance(inner, Forall):
+                self._fail(part, "not forall is not supported")
+            return ~inner
+        if part.head == "forall":
+            return self._forall(part, variables)
+        return Literal(self._fact(part, variables))
+
+    def _forall(self, part: _List, variables: Mapping[str, str]) -> Forall:
+        if len(part.parts) != 3:
+            self._fail(part, "forall takes a variable and a condition")
+        typed = self._typed(self._as_list(part.parts[1]).parts)
+        if len(typed) != 1:
+            self._fail(part, "forall over one variable is what is supported")
+        ((variable, kind),) = typed.items()
+        inside = {**variables, variable: f"{{{variable[1:]}}}"}
+        body, given = self._as_list(part.parts[2]), None
+        if body.head == "imply" and len(body.parts) == 3:
+            given = self._fact(self._as_list(body.parts[1]), inside)
+            body = self._as_list(body.parts[2])
+        then = self._condition(body, inside)
+        if isinstance(then, Forall):
+            self._fail(part, "forall within forall is not supported")
+        return Forall(inside[variable], kind, given, then)
+
+    def _fact(self, part: _List, variables: Mapping[str, str]) -> Fact:
+        words = [self._as_word(one) for one in part.parts]
+        if not words:
+            self._fail(part, "a fact is expected, not ()")
+        for word in words[1:]:
+            if word.text.startswith("?") and word.text not in variables:
+                self._fail(word, f"{word.text} is no parameter")
+        return Fact(words[0].text, tuple(variables.get(word.text, word.text) for word in words[1:]))
+
+    def _typed(self, parts: tuple[_Word | _List, ...]) -> dict[str, str]:
+        """``a b - t c`` as ``{a: t, b: t, c: object}``."""
+        found: dict[str, str] = {}
+        waiting: list[str] = []
+        words = iter(parts)
+        for part in words:
+            word = self._as_word(part)
+            if word.text != "-":
+                waiting.append(word.text)
+                continue
+            kind = next(words, None)
+            if kind is None:
+                self._fail(word, "a type is expected after '-'")
+            else:
+                found |= dict.fromkeys(waiting, self._as_word(kind).text)
+                waiting = []
+        return found | dict.fromkeys(waiting, ROOT)
+
+    def _sections(self, kind: str) -> Iterator[_List]:
+        parts = self._root.parts
+        named = parts[1] if len(parts) > 1 else None
+        if self._root.head != "define" or not isinstance(named, _List) or named.head != kind:
+            self._fail(self._root, f"(define ({kind} NAME) …) is expected")
+        return map(self._as_list, parts[2:])
+
+    def _only(self, part: _List, what: str) -> _List:
+        if len(part.parts) != 2:
+            self._fail(part, f"{what} takes one condition")
+        return self._as_list(part.parts[1])
+
+    def _as_list(self, part: _Word | _List) -> _List:
+        if not isinstance(part, _List):
+            self._fail(part, f"'(' is expected, not {part.text!r}")
+        return part
+
+    def _as_word(self, part: _Word | _List) -> _Word:
+        if not isinstance(part, _Word):
+            self._fail(part, "a name is expected, not '('")
+        return part
+
+    def _parse(self, text: str) -> _List:
+        stack: list[tuple[list[_Word | _List], int]] = [([], 1)]
+        number = 0
+        for number, line in enumerate(text.lower().splitlines(), 1):
+            for token in _TOKEN.findall(line.partition(";")[0]):
+                if token == "(":
+                    stack.append(([], number))
+                elif token == ")":
+                    parts, start = stack.pop()
+                    if not stack:
+                        raise PddlError(self._name, number, "')' without '('")
+                    stack[-1][0].append(_List(tuple(parts), start))
+                else:
+                    stack[-1][0].append(_Word(token, number))
+        if len(stack) > 1:
+            raise PddlError(self._name, stack[-1][1], "'(' is never closed")
+        found = stack[0][0]
+        if len(found) != 1:
+            raise PddlError(self._name, number, f"one (define …) is expected, not {len(found)}")
+        return self._as_list(found[0])
+
+    def _fail(self, part: _Word | _List, what: str) -> NoReturn:
+        raise PddlError(self._name, part.line, what)
