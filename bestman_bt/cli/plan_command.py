@@ -15,6 +15,7 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.log_output import shown_log
 from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run
+from bestman_bt.engine import render_svg
 from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
@@ -22,6 +23,7 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.simulation import folded
 from bestman_bt.task_planning.symbolic import GoalError, PlanningError, TaskPlan, Unsolvable
 from bestman_bt.task_planning.symbolic import Problem as PlanningProblem
 from bestman_bt.task_planning.symbolic.facts import parse_literals
@@ -37,6 +39,9 @@ def command(
     planner: Annotated[str, typer.Option(help="symbolic, fast_downward, language, or one of your own.")] = "symbolic",
     builder: Annotated[str, typer.Option(help="reactive, sequence or backchain.")] = "reactive",
     output: Annotated[Path | None, typer.Option("-o", metavar="FILE.xml", help="Where the tree is written.")] = None,
+    svg: Annotated[
+        Path | None, typer.Option(metavar="FILE.svg", help="Draw the tree, each ability as one box.")
+    ] = None,
     run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan anew where it fails.")] = False,
     task: Annotated[str | None, typer.Option(help="The task in whose scene, with whose robot, and judge.")] = None,
     scene: Scene = None,
@@ -100,6 +105,8 @@ def command(
             sys.exit(1)
         if output is not None:
             output.write_text(made.xml(setup.registry), encoding="utf-8")
+        if svg is not None:
+            svg.write_text(render_svg(folded(made, problem)), encoding="utf-8")
         if run:
             document["run"], code = _run(setup, config, made, problem, planner, builder, allowed, runs)
             tell(document)

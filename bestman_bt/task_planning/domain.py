@@ -90,9 +90,10 @@ class Domain:
 
     def _resolved(self, problem: Problem, fact: Fact) -> Fact:
         """With the full names of things, each of the right type."""
-        types = self.signatures.get(fact.predicate)
+        signatures = {**problem.predicates, **self.signatures}
+        types = signatures.get(fact.predicate)
         if types is None:
-            raise GoalError(f"unknown predicate {fact.predicate!r}; {suggestion(fact.predicate, self.signatures)}")
+            raise GoalError(f"unknown predicate {fact.predicate!r}; {suggestion(fact.predicate, signatures)}")
         if len(types) != len(fact.arguments):
             raise GoalError(f"{fact}: {fact.predicate} takes {len(types)} of these: {', '.join(types) or 'nothing'}")
         names = (full_name(problem, name, kind) for name, kind in zip(fact.arguments, types, strict=True))

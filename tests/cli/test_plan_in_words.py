@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.cli.command_line import Answer
+from tests.task_planning.language.misbehaving_server import Server, says, serving
+
+KEY = "sk-very-secret-0123456789"
+FETCH = {
+    "refusal": None,
+    "goal": ["on(cup, table)"],
+    "plan": [
+        {"ability": "Search", "arguments": {"object": "cup", "place": "counter/top"}},
+        {"ability": "PickUp", "arguments": {"object": "cup", "place": "counter/top"}},
+        {"ability": "PutAt", "arguments": {"object": "cup", "place": "table/top"}},
+    ],
+}
+
+
+@pytest.fixture
+def at(monkeypatch: pytest.MonkeyPatch) -> Callable[[Server], None]:
+    """Set the environment for a server."""
+
+    def set_environment(server: Server) -> None:
+        monkeypatch.setenv("BESTMAN_LLM_BASE_URL", server.base_url)
+        monkeypatch.setenv("BESTMAN_LLM_MODEL", "small")
+        monkeypatch.setenv("BESTMAN_LLM_API_KEY", KEY)
+
+    return set_environment
+
+
+def test_words_become_a_checked_tree_with_cost_and_goal_told_and_the_key_nowhere(
+    bestman_bt: Callable[..., Answer], folder: Path, at: Callable[[Server], None]
+) -> None:
+    with serving(says("I will fetch the cup!"), says(FETCH)) as server:
+        at(server)
+        answer = bestman_bt(
+            *("plan", "put the cup on the table", "--planner", "language", "-o", "tree.xml"),
+            *("--record", "talk.jsonl", "--json"),
+        )
+    assert answer.code == 0, answer.err
+    assert answer.document["goal"] == ["on(cup, table/top)"]
+    assert [step["ability"] for step in answer.document["plan"]] == ["Search", "PickUp", "PutAt"]
+    assert "Invalid JSON" in answer.err
+    assert "2 questions" in answer.err
+    assert "understood as: on(cup, table/top)" in answer.err
+    written = [(folder / name).read_text() for name in ("tree.xml", "talk.jsonl")]
+    assert all(KEY not in text for text in (*written, answer.out, answer.err))
+    assert bestman_bt("validate", "tree.xml").code == 0
+    assert len([json.loads(line) for line in written[1].splitlines()]) == 2
+
+
+def test_a_plan_beyond_the_limits_gives_no_tree(
+    bestman_bt: Callable[..., Answer], folder: Path, at: Callable[[Server], None]
+) -> None:
+    with serving(says(FETCH)) as server:
+        at(server)
+        answer = bestman_bt(
+            *("plan", "put the cup on the table", "--planner", "language", "-o", "tree.xml", "--limits", "steps=2")
+        )
+    assert answer.code == 1
+    assert "no plan: no valid answer in 4 tries" in answer.err
+    assert not (folder / "tree.xml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "set BESTMAN_LLM_BASE_URL and BESTMAN_LLM_MODEL in the environment"),
+        (("--limits", "fast"), "'fast' is no limit"),
+        (("--limits", "without=frigde"), "the limits name an unknown thing 'frigde'"),
+        (("--replay", "nothing.jsonl"), "nothing.jsonl"),
+    ],
+)
+def test_wrong_input_is_told_before_anything_is_asked(
+    bestman_bt: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], words: str
+) -> None:
+    for name in ("BESTMAN_LLM_BASE_URL", "BESTMAN_LLM_MODEL"):
+        monkeypatch.delenv(name, raising=False)
+        if "without=frigde" in arguments:
+            monkeypatch.setenv(name, "http://127.0.0.1:9/v1")
+    answer = bestman_bt("plan", "put the cup on the table", "--planner", "language", *arguments)
+    assert answer.code == 2
+    assert words in answer.err
