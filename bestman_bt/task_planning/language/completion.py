@@ -5,8 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel, Field, ValidationError
 
 from bestman_bt.task_planning.language.chat import ChatReply, Usage
-
-_LONGEST_WHY = 300
+from bestman_bt.task_planning.language.quoting import quoted
 
 
 class _Function(BaseModel):
@@ -81,7 +80,7 @@ def read_refusal(content: str) -> str:
         error = _Refusal.model_validate_json(content).error
     except ValidationError:
         return ""
-    return (error if isinstance(error, str) else error.message)[:_LONGEST_WHY]
+    return quoted(error if isinstance(error, str) else error.message)
 
 
 def _first_of(error: ValidationError) -> str:

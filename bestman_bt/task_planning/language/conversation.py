@@ -11,12 +11,13 @@ from pydantic import ValidationError
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Message, Usage
 from bestman_bt.task_planning.language.errors import NoValidAnswerError, RefusedError
 from bestman_bt.task_planning.language.prompt import fault_message
+from bestman_bt.task_planning.language.quoting import quoted
 from bestman_bt.task_planning.language.schema import GoalAnswer, faults_of
 
 Answer = TypeVar("Answer", bound=GoalAnswer)
 Checked = TypeVar("Checked")
 
-_LONGEST_QUOTE = 2000
+_LONGEST_ANSWER = 2000
 _LOG = logging.getLogger(__name__)
 
 
@@ -24,8 +25,8 @@ class FaultyAnswerError(Exception):
     """An answer cannot be used: ``faults``, in words that the model can mend it by."""
 
     def __init__(self, faults: Sequence[str]) -> None:
-        super().__init__("; ".join(faults))
-        self.faults = tuple(faults)
+        super().__init__("; ".join(map(quoted, faults)))
+        self.faults = tuple(quoted(fault) for fault in faults)
 
 
 def ask_until_valid(
@@ -48,7 +49,7 @@ def ask_until_valid(
         except FaultyAnswerError as error:
             faults = error.faults
             _LOG.warning("answer %d of at most %d was not accepted: %s", number, tries, error)
-            request = request.followed_by(Message("assistant", _quoted(reply)), fault_message(faults))
+            request = request.followed_by(Message("assistant", _repeated(reply)), fault_message(faults))
         else:
             _LOG.info("answer %d was accepted: %s in all", number, used)
             return checked, used
@@ -57,7 +58,7 @@ def ask_until_valid(
 
 def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
     if reply.refusal:
-        raise RefusedError(reply.refusal)
+        raise RefusedError(quoted(reply.refusal))
     if not reply.complete:
         raise FaultyAnswerError(["the answer was cut off at the limit of its length; give a shorter one"])
     if reply.tools and not reply.text:
@@ -67,7 +68,7 @@ def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:
     except ValidationError as error:
         raise FaultyAnswerError(faults_of(error)) from None
     if answer.refusal and answer.refusal.strip():
-        raise RefusedError(answer.refusal.strip())
+        raise RefusedError(quoted(answer.refusal))
     return answer
 
 
@@ -78,7 +79,7 @@ def _without_fence(text: str) -> str:
     return "\n".join(lines[1:-1]) if fenced else text
 
 
-def _quoted(reply: ChatReply) -> str:
+def _repeated(reply: ChatReply) -> str:
     """What the model said, as far as it is worth saying again."""
     text = reply.text or "(no text)"
-    return text if len(text) <= _LONGEST_QUOTE else text[:_LONGEST_QUOTE] + "…"
+    return text if len(text) <= _LONGEST_ANSWER else text[:_LONGEST_ANSWER] + "…"

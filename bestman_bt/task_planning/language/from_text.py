@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from bestman_bt.registry import PLANNERS
+from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.language.chat import ChatEndpoint
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndpoint
 from bestman_bt.task_planning.language.goals import GoalReader
@@ -18,7 +19,7 @@ from bestman_bt.task_planning.language.planner import (
 )
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
 from bestman_bt.task_planning.limits import plan_within
-from bestman_bt.task_planning.symbolic import PlanningError, Problem
+from bestman_bt.task_planning.symbolic import PlanningError, Problem, Unsolvable
 
 
 def plan_from_text(
@@ -31,7 +32,7 @@ def plan_from_text(
     replay: Path | None = None,
     further: PlanCheck | None = None,
 ) -> Proposal:
-    """A plan for what ``text`` asks for, in the state of ``problem``.
+    """A plan for what ``text`` asks for, in the state of ``problem``; empty: for the problem's own goal.
 
     ``planner``: ``language`` asks the model for the steps; any other name of the registry plans for the goal that the
     model reads from the text, within the same limits. ``record``, ``replay``: a transcript to write, or to take the
@@ -39,7 +40,8 @@ def plan_from_text(
     raises; UnknownNameError for a planner that there is not.
     """
     made = PLANNERS.resolve(planner)
-    problem = replace(problem, instruction=text, goal=())
+    if text:
+        problem = replace(problem, instruction=text, goal=())
     parameters = parameters or LanguagePlannerParameters()
     with ExitStack() as files:
         endpoint: ChatEndpoint
@@ -52,7 +54,11 @@ def plan_from_text(
         if issubclass(made, LanguagePlanner):
             return made(parameters, endpoint, further).propose(problem)
         meant, usage = GoalReader(parameters, endpoint).read(problem)
-    plan = plan_within(made(), meant, parameters.limits)
+    try:
+        plan = plan_within(made(), meant, parameters.limits)
+    except Unsolvable as error:
+        why = explain(parameters.limits.resolved(meant).applied_to(meant)) or str(error)
+        raise Unsolvable(why, error.missing) from error
     faults = further(meant, plan) if further is not None else ()
     if faults:
         raise PlanningError("; ".join(faults))

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from bestman_bt.task_planning.language import (
     plan_from_text,
 )
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits
-from bestman_bt.task_planning.symbolic import Unsolvable
+from bestman_bt.task_planning.symbolic import Unsolvable, parse_literals
 from tests.task_planning.language.kitchen_problem import GOAL, INSTRUCTION, RIGHT, kitchen
 from tests.task_planning.language.misbehaving_server import Server, Way, says, serving
 
@@ -60,6 +61,13 @@ def test_a_goal_out_of_reach_is_told_by_the_planner(ask: Callable[[Server], None
         ask(server)
         with pytest.raises(Unsolvable, match=r"behind\(table, fridge\)"):
             plan_from_text(INSTRUCTION, kitchen(), "symbolic")
+
+
+def test_a_goal_given_as_facts_is_planned_for_by_the_model(ask: Callable[[Server], None]) -> None:
+    with serving(says(RIGHT)) as server:
+        ask(server)
+        proposal = plan_from_text("", replace(kitchen(), instruction="", goal=parse_literals("on(mug, table)")))
+    assert str(proposal.plan) == PLAN
 
 
 def test_limits_hold_for_the_symbolic_planners_steps(ask: Callable[[Server], None]) -> None:

@@ -145,6 +145,20 @@ def test_a_refusal_is_told_in_the_models_words(way: Way) -> None:
         assert len(server.questions) == 1
 
 
+def test_what_a_model_says_cannot_move_the_terminals_cursor_nor_fill_it() -> None:
+    refusal = says(answer([], [], "\x1b[2J\x1b[H all\ndone " + "x" * 9999))
+    with serving(refusal) as server, pytest.raises(RefusedError) as refused:
+        planner(server).propose(kitchen())
+    assert str(refused.value).startswith("[2J [H all done xxx")
+    assert len(str(refused.value)) < 400
+    with serving(says(answer(FETCH, ["on(mug, \x1b[2J)", "x" * 99_999])), calls_a_tool("\x1b[2J", {})) as server:
+        for _ in range(2):
+            with pytest.raises(NoValidAnswerError) as faulty:
+                planner(server, tries=1).propose(kitchen())
+            assert str(faulty.value).isprintable()
+            assert len(str(faulty.value)) < 1000
+
+
 def test_a_goal_that_holds_already_takes_no_steps() -> None:
     with serving(says(answer([], ["on(mug, drawer/board)"]))) as server:
         assert planner(server).propose(kitchen()).plan.actions == ()
