@@ -132,17 +132,17 @@ class _Question:
         problem = self.domain.problem(Beliefs(self.beliefs), goal or "")
         if self.world is not None:
             problem = _with_facts(problem, self.world)
-        if text is None:
+        if text is None and planner != "language":
             try:
                 return problem, plan_within(PLANNERS.resolve(planner)(), problem, self.limits)
             except Unsolvable as error:
                 raise PlanningError(explain(problem) or str(error)) from error
-        return self._from_text(text, problem, planner, record, replay)
+        return self._with_language(text or "", problem, planner, record, replay)
 
-    def _from_text(
+    def _with_language(
         self, text: str, problem: PlanningProblem, planner: str, record: Path | None, replay: Path | None
     ) -> tuple[PlanningProblem, TaskPlan]:
-        """The same for words; what the model says and costs is told on standard error."""
+        """The same where a model is asked; what it costs and how it understood the text is told on standard error."""
         from bestman_bt.task_planning import language
 
         parameters = language.LanguagePlannerParameters(limits=self.limits)

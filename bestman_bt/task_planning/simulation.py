@@ -23,7 +23,7 @@ from bestman_bt.engine import (
     XmlElement,
     load_tree,
 )
-from bestman_bt.task_planning.builders.plan_tree import ABILITIES_FILE
+from bestman_bt.task_planning.builders.plan_tree import ABILITIES_FILE, PlanTree
 from bestman_bt.task_planning.symbolic import (
     Action,
     Fact,
@@ -157,6 +157,20 @@ def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegis
     folder = [Path(source).resolve().parent] if not _is_text(source) else []
     search_path = [*folder, data_root() / "trees"]
     return load_tree(text, simulated, context=world, clock=ManualClock(), search_path=search_path)
+
+
+def folded(made: PlanTree, problem: Problem) -> Tree:
+    """The tree of a plan to look at: each ability is one leaf."""
+    names = {operator.name for operator in problem.operators}
+    registry = NodeRegistry()
+    for operator in problem.operators:
+        registry.register(_leaf_of(operator), operator.name)
+    document = made.document()
+    for element in document.root.iter():
+        if element.tag == "SubTree" and element.attributes["ID"] in names:
+            element.tag = element.attributes["ID"]
+            element.attributes = {key: value for key, value in element.attributes.items() if key != "ID"}
+    return load_simulated(document.to_xml(), SymbolicWorld(problem), registry)
 
 
 def _leaf_of(operator: Operator) -> type[Node]:
