@@ -35,7 +35,7 @@ class PlanLimits:
     ``forbidden``: objects, places and containers that no action may name.
     """
 
-    max_actions: int = 30
+    max_actions: int = 100
     max_cost: float = math.inf
     abilities: frozenset[str] | None = None
     forbidden: frozenset[str] = frozenset()
@@ -110,12 +110,13 @@ class PlanLimits:
 
     def applied_to(self, problem: Problem) -> Problem:
         """The problem in which no planner can break ``abilities`` and ``forbidden``: a thing is for use only where the
-        static fact ``allowed(thing)`` holds.
+        static fact ``allowed(thing)`` holds. Raises GoalError as ``resolved`` does.
         """
+        forbidden = self.resolved(problem).forbidden
         operators = self.operators(problem)
-        if not self.forbidden:
+        if not forbidden:
             return replace(problem, operators=operators)
-        allowed = frozenset(Fact(_ALLOWED, (name,)) for name in problem.objects if name not in self.forbidden)
+        allowed = frozenset(Fact(_ALLOWED, (name,)) for name in problem.objects if name not in forbidden)
         return replace(problem, operators=tuple(map(_guarded, operators)), state=problem.state | allowed)
 
     def faults(self, actions: Collection[Action]) -> list[str]:
@@ -145,6 +146,9 @@ def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> T
     limits = limits.resolved(problem)
     found = planner.plan(limits.applied_to(problem))
     operators = {operator.name: operator for operator in problem.operators}
+    unknown = [action.name for action in found.actions if action.name not in operators]
+    if unknown:
+        raise PlanningError(f"{type(planner).__name__} plans with {unknown[0]!r}, which is no ability")
     actions = tuple(instantiate(problem, operators[action.name], action.arguments) for action in found.actions)
     faults = limits.faults(actions)
     if faults:

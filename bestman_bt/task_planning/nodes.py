@@ -139,7 +139,7 @@ def _plan(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPla
     try:
         return plan_within(planner, problem, limits)
     except Unsolvable as error:
-        raise SkillFailure("unsolvable", explain(problem) or str(error)) from error
+        raise SkillFailure("unsolvable", explain(limits.applied_to(problem)) or str(error)) from error
     except PlanningError as error:
         raise SkillFailure("no_plan", str(error)) from error
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
 from bestman_bt.task_planning.symbolic import GoalError, Problem, SymbolicPlanner, Unsolvable, parse_literals
 from tests.task_planning.language.kitchen_problem import kitchen
@@ -21,6 +22,10 @@ def test_without_limits_the_plan_is_the_planners() -> None:
 def test_what_may_not_be_used_is_not_in_the_way_of_any_planner(text: str) -> None:
     with pytest.raises(Unsolvable):
         plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string(text))
+
+
+def test_the_explanation_names_the_limit_that_is_in_the_way() -> None:
+    assert "allowed(drawer)" in explain(PlanLimits.from_string("without=drawer").applied_to(fetching()))
 
 
 @pytest.mark.parametrize(("text", "words"), [("steps=2", "3 steps; at most 2"), ("cost=8.5", "cost 9; at most 8.5")])

@@ -97,9 +97,10 @@ def skills() -> Any:
     return context
 
 
-def planned(skills: Any, library: NodeRegistry, goal: str, builder: str = "reactive") -> Tree:
+def planned(skills: Any, library: NodeRegistry, goal: str, builder: str = "reactive", limits: str = "") -> Tree:
     """The shipped tree that reaches a goal."""
-    main = f'<SubTree ID="ReachGoal" name="reach" goal="{goal}" planner="symbolic" builder="{builder}" limits=""/>'
+    how = f'planner="symbolic" builder="{builder}" limits="{limits}"'
+    main = f'<SubTree ID="ReachGoal" name="reach" goal="{goal}" {how}/>'
     xml = (
         '<root BTCPP_format="4" main_tree_to_execute="Main"><include path="plan_and_execute.xml"/>'
         f'<BehaviorTree ID="Main">{main}</BehaviorTree></root>'
@@ -148,6 +149,16 @@ def test_without_a_plan_it_says_what_is_missing_and_does_not_ask_again(skills: A
     (failure,) = skills.failures
     assert failure.error_code == "unsolvable"
     assert "on(cup, desk/top) is out of reach" in failure.why
+
+
+def test_limits_bind_the_plans_that_a_tree_makes(skills: Any, library: NodeRegistry) -> None:
+    assert run(planned(skills, library, "on(cup, desk)", limits="steps=3; without=table")) == SUCCESS
+    skills.world.objects["cup"] = believed("cup", "table/top")
+    assert run(planned(skills, library, "on(cup, desk)", limits="without=desk")) == FAILURE
+    (failure,) = skills.failures
+    assert failure.error_code == "unsolvable"
+    assert "allowed(desk/top)" in failure.why
+    assert skills.world.objects["cup"].surface == "table/top"
 
 
 @pytest.mark.parametrize(

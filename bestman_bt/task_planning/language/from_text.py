@@ -17,7 +17,7 @@ from bestman_bt.task_planning.language.planner import (
     PlanCheck,
     Proposal,
 )
-from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
+from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
 from bestman_bt.task_planning.limits import plan_within
 from bestman_bt.task_planning.symbolic import PlanningError, Problem, Unsolvable
 
@@ -50,14 +50,14 @@ def plan_from_text(
         else:
             endpoint = HttpEndpoint(EndpointAddress.from_environment())
         if record is not None:
-            endpoint = RecordingEndpoint(endpoint, files.enter_context(record.open("w", encoding="utf-8")))
+            endpoint = RecordingEndpoint(endpoint, files.enter_context(open_transcript(record)))
         if issubclass(made, LanguagePlanner):
             return made(parameters, endpoint, further).propose(problem)
         meant, usage = GoalReader(parameters, endpoint).read(problem)
     try:
-        plan = plan_within(made(), meant, parameters.limits)
+        plan = plan_within(PLANNERS.resolve(planner)(), meant, parameters.limits)
     except Unsolvable as error:
-        why = explain(parameters.limits.resolved(meant).applied_to(meant)) or str(error)
+        why = explain(parameters.limits.applied_to(meant)) or str(error)
         raise Unsolvable(why, error.missing) from error
     faults = further(meant, plan) if further is not None else ()
     if faults:

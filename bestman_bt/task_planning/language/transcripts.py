@@ -55,6 +55,14 @@ class RecordingEndpoint(ChatEndpoint):
         self._file.flush()
 
 
+def open_transcript(path: Path) -> TextIO:
+    """A file to record to; TranscriptError where it cannot be written."""
+    try:
+        return path.open("w", encoding="utf-8")
+    except OSError as error:
+        raise TranscriptError(f"{path}: {error.strerror}") from error
+
+
 class ReplayEndpoint(ChatEndpoint):
     """Gives the recorded answers in their order, to the recorded questions only.
 

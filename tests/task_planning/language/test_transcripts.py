@@ -10,7 +10,7 @@ from bestman_bt.task_planning.language.api_key import ApiKey
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, EndpointParameters, HttpEndpoint
 from bestman_bt.task_planning.language.errors import EndpointReplyError, TranscriptError
 from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters
-from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint
+from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
 from tests.task_planning.language.kitchen_problem import RIGHT, kitchen
 from tests.task_planning.language.misbehaving_server import Way, fails, says, serving
 
@@ -83,6 +83,11 @@ def test_an_exchange_that_ends_neither_way_is_refused(tmp_path: Path) -> None:
     path.write_text(json.dumps({"request": request, "failure": {"error": "SystemExit", "text": ""}}) + "\n")
     with pytest.raises(TranscriptError, match="neither a reply nor a known failure"):
         replayed(path).plan(kitchen())
+
+
+def test_a_transcript_that_cannot_be_written_is_told_before_anything_is_asked(tmp_path: Path) -> None:
+    with pytest.raises(TranscriptError, match="Is a directory"):
+        open_transcript(tmp_path)
 
 
 def test_a_transcript_that_is_not_there_is_told(tmp_path: Path) -> None:
