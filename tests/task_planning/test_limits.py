@@ -4,9 +4,20 @@ from dataclasses import replace
 
 import pytest
 
+from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
-from bestman_bt.task_planning.symbolic import GoalError, Problem, SymbolicPlanner, Unsolvable, parse_literals
+from bestman_bt.task_planning.symbolic import (
+    Action,
+    GoalError,
+    PlanningError,
+    Problem,
+    SymbolicPlanner,
+    TaskPlan,
+    Unsolvable,
+    instantiate,
+    parse_literals,
+)
 from tests.task_planning.language.kitchen_problem import kitchen
 
 
@@ -22,6 +33,28 @@ def test_without_limits_the_plan_is_the_planners() -> None:
 def test_what_may_not_be_used_is_not_in_the_way_of_any_planner(text: str) -> None:
     with pytest.raises(Unsolvable):
         plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string(text))
+
+
+class Inventive(TaskPlanner):
+    """A planner that keeps to nothing."""
+
+    def __init__(self, *actions: Action) -> None:
+        self.actions = actions
+
+    def plan(self, problem: Problem) -> TaskPlan:
+        return TaskPlan(self.actions)
+
+
+def test_a_planner_that_keeps_to_no_limit_gets_no_plan_through() -> None:
+    problem = fetching()
+    opened = instantiate(problem, problem.operators[2], ["fridge"])
+    with pytest.raises(LimitsExceededError, match="step 1: fridge may not be named"):
+        plan_within(Inventive(opened), problem, PlanLimits.from_string("without=fridge"))
+    with pytest.raises(LimitsExceededError, match="step 1: OpenContainer is not allowed"):
+        plan_within(Inventive(opened), problem, PlanLimits.from_string("only=PickUp"))
+    invented = replace(opened, operator=replace(opened.operator, name="OpenWithForce"))
+    with pytest.raises(PlanningError, match="Inventive plans with 'OpenWithForce', which is no ability"):
+        plan_within(Inventive(invented), problem, PlanLimits())
 
 
 def test_the_explanation_names_the_limit_that_is_in_the_way() -> None:

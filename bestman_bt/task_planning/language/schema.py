@@ -83,7 +83,8 @@ def _step(operator: Operator, problem: Problem, limits: PlanLimits) -> type[Step
         # The parameter's name is the alias alone: a field called ``copy`` or ``json`` would hide a method.
         fields[f"argument_{number}"] = (Literal[tuple(names)], Field(alias=parameter))
     arguments = create_model(f"{operator.name}Arguments", __config__=ConfigDict(extra="forbid"), **fields)
-    return create_model(operator.name, __base__=Step, ability=(Literal[operator.name], ...), arguments=(arguments, ...))
+    named: dict[str, Any] = {"ability": (Literal[operator.name], ...), "arguments": (arguments, ...)}
+    return create_model(operator.name, __base__=Step, **named)
 
 
 class _StrictSchema(GenerateJsonSchema):

@@ -68,7 +68,7 @@ ANSWERS: dict[str, tuple[Way, str]] = {
     ),
     "step that cannot be done": (says(answer(FETCH[1:])), "step 1, PickUp\\(mug, drawer/board\\): it needs open"),
     "plan that stops too early": (says(answer(FETCH[:2])), "after the last step the goal's on\\(mug, table\\)"),
-    "10,000 actions": (says(answer([TUCK] * 10_000)), "at most 30 items"),
+    "10,000 actions": (says(answer([TUCK] * 10_000)), "at most 100 items"),
     "tool call instead of JSON": (calls_a_tool("PickUp", {"object": "mug"}), "you called PickUp; there are no tools"),
     "answer at its limit of length": (stops_at_length(RIGHT), "cut off at the limit of its length"),
 }

@@ -49,7 +49,7 @@ def test_only_the_abilities_that_are_allowed_are_told() -> None:
     limits = PlanLimits(abilities=frozenset({"TuckArm"}), max_cost=9.0, forbidden=frozenset({"can"}))
     document = told(kitchen(), limits)
     assert [ability["ability"] for ability in document["abilities"]] == ["TuckArm"]
-    assert document["limits"] == {"steps": 30, "cost": 9.0, "not to be touched": ["can"]}
+    assert document["limits"] == {"steps": 100, "cost": 9.0, "not to be touched": ["can"]}
 
 
 def test_the_rules_are_the_same_whatever_the_scene_and_the_instruction() -> None:
