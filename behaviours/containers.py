@@ -18,10 +18,11 @@ class TakeContainer(InstantSkill):
 
     INPUT_PORTS: ClassVar = {"container": _CONTAINER}
     OUTPUT_PORTS: ClassVar = {
-        "furniture": PortInformation(str, description="the piece that it belongs to"),
-        "opening": PortInformation(float, description="how far it is opened to work behind it, metres or radians"),
-        "enough": PortInformation(float, description="from where on one can work behind it"),
-        "shut": PortInformation(float, description="up to where it counts as shut"),
+        "furniture": PortInformation(str, required=False, description="the piece that it belongs to"),
+        "opening": PortInformation(
+            float, required=False, description="how far it is opened to work behind it, metres or radians"
+        ),
+        "shut": PortInformation(float, required=False, description="up to where it counts as shut, metres or radians"),
     }
 
     def act(self) -> None:
@@ -30,7 +31,6 @@ class TakeContainer(InstantSkill):
         openness = openness_of(leaf.leaf)
         self.set_output("furniture", leaf.furniture.name)
         self.set_output("opening", openness.asked)
-        self.set_output("enough", openness.enough)
         self.set_output("shut", openness.shut)
 
 

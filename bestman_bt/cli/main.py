@@ -15,6 +15,7 @@ VERBS = {
     "plan": "plan for a goal in words or facts, make a tree of the plan and check it",
     "eval": "run a task over many seeds and summarise",
     "look": "show what the robot perceives of the furniture in a scene",
+    "domain": "show what task planners may order, and write it as PDDL",
     "show": "print a tree",
     "nodes": "list the nodes that trees may use, with their ports",
     "validate": "check tree files without running them",

@@ -21,7 +21,7 @@ from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, m
 from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
-from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals
+from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, WorldModel
@@ -104,6 +104,8 @@ def prepare(config: RunConfig) -> Setup:
     if registry is None:
         raise ConfigurationError(dict.fromkeys(faults.problems))
     setup = Setup(config, registry, robot_model, world, world_model)
+    if not faults.problems:
+        world_model.told.update(told_places(setup.goals, world_model.map))
     try:
         faults.problems += policy_problems(load_for(setup), find_data("tree", config.task.tree))
     except TreeLoadError as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from bestman_bt.configuration import RunConfig
 from bestman_bt.configuration.task import GoalConfig
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.scene import World
+from bestman_bt.world_model import SemanticMap
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +32,15 @@ class TaskGoal:
 def task_goals(config: RunConfig, world: World, models: Mapping[str, ObjectModel]) -> tuple[TaskGoal, ...]:
     """The goals of a task whose names have been checked; of objects to choose from, the seed has chosen."""
     return tuple(_resolved(goal, config.seed, world, models) for goal in config.task.all_goals)
+
+
+def told_places(goals: Iterable[TaskGoal], known: SemanticMap) -> dict[str, str]:
+    """Object → surface, by its full name, where a task says that it is to be sought."""
+    places = {}
+    for goal in goals:
+        furniture, surface = known.surface(goal.source)
+        places[goal.object] = f"{furniture.name}/{surface.name}"
+    return places
 
 
 def reach_goal(config: RunConfig, world: World) -> Pose | None:

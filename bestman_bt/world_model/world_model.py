@@ -135,8 +135,8 @@ class WorldModel:
                     self.articulations.setdefault(f"{piece.name}/{leaf.name}", leaf.position)
 
     def as_at_the_start(self) -> WorldModel:
-        """What is known before anything has been seen: the map, the models, and roughly where the base stands."""
-        return WorldModel(map=self.map, models=dict(self.models), base=self.base)
+        """What is known before anything has been seen: the map, the models, what was told, and roughly where it is."""
+        return WorldModel(map=self.map, models=dict(self.models), base=self.base, told=dict(self.told))
 
     def may_be_on(self, name: str, surface: str) -> bool:
         """Whether an object whose place is not known may be on a surface: not looked for there since it was lost.

@@ -1,0 +1,112 @@
+"""Examples: bestman-bt domain; bestman-bt domain --pddl --task fetch_from_drawer --goal "on(cup, table)" -o folder."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
+from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration import Problem as Fault
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.symbolic import Operator, Problem
+from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
+
+
+def command(
+    pddl: Annotated[bool, typer.Option("--pddl", help="Print PDDL 2.1: the domain, then the problem.")] = False,
+    goal: Annotated[str, typer.Option(metavar="FACTS", help="For the problem: facts joined by and.")] = "",
+    output: Annotated[
+        Path | None, typer.Option("-o", metavar="FOLDER", help="Write domain.pddl and problem.pddl there instead.")
+    ] = None,
+    task: Annotated[str | None, typer.Option(help="The task in whose scene, with whose robot.")] = None,
+    scene: Scene = None,
+    robot: Robot = None,
+    seed: Seed = 0,
+    settings: Settings = None,
+    plugins: Plugins = None,
+    as_json: Json = False,
+) -> None:
+    """Show what task planners may order, what can be said in a goal, and what the robot believes at the start."""
+    if output is not None and not pddl:
+        raise ConfigurationError([Fault("-o", None, "", "is for --pddl")])
+    from bestman_bt.runtime import prepare
+
+    if task is None:
+        scene, robot = scene or "kitchen", robot or "diff_panda"
+    config = load_run(
+        task, tree="plan_and_execute", scene=scene, robot=robot, seed=seed, settings=settings or (),
+        plugins=[str(plugin) for plugin in plugins or ()],
+    )  # fmt: skip
+    setup = prepare(config)
+    domain = Domain.of(setup.registry)
+    problem = domain.problem(Beliefs(setup.world_model.as_at_the_start()), goal)
+    with json_output(as_json) as tell:
+        if pddl:
+            _write(problem, output)
+        elif not as_json:
+            _show(domain, problem)
+        tell(_document(domain, problem))
+
+
+def _write(problem: Problem, folder: Path | None) -> None:
+    text = PddlText(problem)
+    if folder is None:
+        sys.stdout.write(text.domain() + "\n" + text.problem())
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "domain.pddl").write_text(text.domain(), encoding="utf-8")
+    (folder / "problem.pddl").write_text(text.problem(), encoding="utf-8")
+
+
+def _show(domain: Domain, problem: Problem) -> None:
+    print("Abilities")
+    for ability in domain.abilities:
+        operator = ability.operator
+        parameters = ", ".join(f"{name}: {kind}" for name, kind in operator.parameters.items())
+        print(f"  {ability.name}({parameters}): {ability.description}")
+        for title, text in _declared(operator).items():
+            print(f"      {title}: {text}")
+    print("\nPredicates")
+    for name, types in sorted(domain.signatures.items()):
+        known = domain.predicates.get(name)
+        print(f"  {name}({', '.join(types)}): {known.words if known else 'holds once an ability has brought it about'}")
+    print("\nThings")
+    for kind in sorted(set(problem.objects.values())):
+        print(f"  {kind}: {', '.join(name for name, own in problem.objects.items() if own == kind)}")
+    print("\nBelieved")
+    for fact in sorted(problem.state):
+        print(f"  {fact}")
+
+
+def _declared(operator: Operator) -> dict[str, str]:
+    conditions = {"needs": operator.pre, "all the way": operator.hold, "brings about": operator.effects}
+    texts = {title: "; ".join(map(str, these)) for title, these in conditions.items() if these}
+    return {**texts, "cost": f"{operator.cost:g}", "keeps busy": ", ".join(operator.parts)}
+
+
+def _document(domain: Domain, problem: Problem) -> dict[str, object]:
+    return {
+        "abilities": [
+            {
+                "name": ability.name,
+                "parameters": dict(ability.operator.parameters),
+                "pre": [str(one) for one in ability.operator.pre],
+                "hold": [str(one) for one in ability.operator.hold],
+                "effects": [str(one) for one in ability.operator.effects],
+                "cost": ability.operator.cost,
+                "parts": list(ability.operator.parts),
+                "description": ability.description,
+            }
+            for ability in domain.abilities
+        ],
+        "predicates": {name: list(types) for name, types in domain.signatures.items()},
+        "objects": dict(problem.objects),
+        "state": [str(fact) for fact in sorted(problem.state)],
+        "goal": [str(literal) for literal in problem.goal],
+    }

@@ -1,0 +1,233 @@
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from behaviours.skill import Declaration, Skill
+from bestman_bt.configuration.data import data_root
+from bestman_bt.engine import NodeRegistry, load_tree
+from bestman_bt.messages import ObjectModel, Pose, Pose2D
+from bestman_bt.registry import PREDICATES, UnknownNameError
+from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.scene import draw_world, load_scene, semantic_map
+from bestman_bt.task_planning.abilities import DeclarationError, abilities_of, operator_of, shipped_abilities
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.state import holds, known_predicates, read_state, things
+from bestman_bt.task_planning.symbolic import GoalError, SymbolicPlanner, Unsolvable, parse_fact
+from bestman_bt.world_model import BasePose, HeldObject, ObjectBelief, ObjectChange, WorldModel
+
+SCENE = load_scene("kitchen_furnished", {})
+MAP = semantic_map(draw_world(SCENE, 0))
+DRAWER = "drawer_chest/drawer_3"
+
+
+@pytest.fixture
+def world() -> WorldModel:
+    models = {name: SCENE.models[name] for name in ("cup", "mug")}
+    return WorldModel(map=MAP, models=models, base=BasePose(Pose2D(-1.5, -0.5, 0.0), 0.01, 0.01, 0.0))
+
+
+@pytest.fixture(scope="module")
+def domain() -> Domain:
+    return Domain.of(NodeRegistry())
+
+
+def seen(world: WorldModel, name: str, surface: str, stamp: float = 1.0) -> None:
+    model: ObjectModel = world.models[name]
+    world.objects[name] = ObjectBelief(name, model, Pose(np.zeros(3)), 0.9, 0.01, stamp, surface)
+
+
+def believed(world: WorldModel, text: str) -> bool:
+    return holds(Beliefs(world), parse_fact(text))
+
+
+def plan(domain: Domain, world: WorldModel, goal: str) -> list[str]:
+    problem = domain.problem(Beliefs(world), goal)
+    return [str(action) for action in SymbolicPlanner().plan(problem).actions]
+
+
+def test_of_what_was_never_seen_nothing_is_believed_but_that_it_is_not_known(world):
+    facts = {str(fact) for fact in read_state(Beliefs(world)) if "mug" in fact.arguments}
+    assert facts == {f"unseen(mug, {name})" for name, kind in things(world).items() if kind in ("place", "drawer")}
+
+
+def test_what_was_seen_is_on_its_surface_by_its_full_name(world):
+    seen(world, "mug", "table")
+    assert believed(world, "on(mug, table/top)")
+    assert believed(world, "located(mug)")
+    assert not believed(world, "unseen(mug, counter/top)")
+
+
+def test_what_the_hand_holds_is_nowhere_else(world):
+    world.held = HeldObject("mug", world.models["mug"], Pose(np.zeros(3)), 0.05)
+    state = {str(fact) for fact in read_state(Beliefs(world))}
+    assert {"holding(mug)", "located(mug)"} <= state
+    assert "hand_empty" not in state
+
+
+def test_where_it_was_looked_for_in_vain_it_is_not_expected_until_it_was_lost_again(world):
+    world.searched["mug", "table/top"] = 3.0
+    assert not believed(world, "unseen(mug, table/top)")
+    assert believed(world, "unseen(mug, counter/top)")
+    world.changes.append(ObjectChange("removed", "mug", stamp=5.0))
+    assert believed(world, "unseen(mug, table/top)")
+
+
+def test_it_is_sought_where_it_was_told_to_be_and_only_then_elsewhere(world):
+    world.told["mug"] = DRAWER
+    assert believed(world, f"unseen(mug, {DRAWER})")
+    assert not believed(world, "unseen(mug, table/top)")
+    world.searched["mug", DRAWER] = 2.0
+    assert believed(world, "unseen(mug, table/top)")
+
+
+@pytest.mark.parametrize(
+    ("position", "is_open", "is_shut"), [(0.0, False, True), (0.1, False, False), (0.28, True, False)]
+)
+def test_a_drawer_may_be_neither_open_nor_shut(world, position, is_open, is_shut):
+    world.articulations[DRAWER] = position
+    assert believed(world, f"open({DRAWER})") is is_open
+    assert believed(world, f"closed({DRAWER})") is is_shut
+    assert believed(world, f"accessible({DRAWER})") is is_open
+
+
+def test_each_shelf_of_the_fridge_is_behind_its_own_door_and_the_top_behind_none(world):
+    state = {str(fact) for fact in read_state(Beliefs(world)) if fact.predicate == "behind"}
+    assert "behind(fridge/shelf_1, fridge/lower_door)" in state
+    assert "behind(fridge/shelf_5, fridge/upper_door)" in state
+    assert "behind(microwave/inside, microwave/door)" in state
+    assert not any(text.startswith(("behind(fridge/top", "behind(table", "behind(microwave/top")) for text in state)
+
+
+def test_the_base_is_near_what_it_stands_at(world):
+    table = MAP.furniture["table"].pose
+    world.base = replace(world.base, pose=Pose2D(table.x - 0.9, table.y, 0.0))
+    assert believed(world, "near(table/top)")
+    assert not believed(world, "near(fridge/top)")
+
+
+def test_every_predicate_goes_by_the_name_that_it_is_registered_under():
+    assert {name: predicate.name for name, predicate in known_predicates().items()} == {n: n for n in PREDICATES}
+    with pytest.raises(UnknownNameError, match="did you mean 'open'"):
+        holds(Beliefs(WorldModel(map=MAP)), parse_fact("opne(x)"))
+
+
+def test_a_drawer_is_a_place_and_a_container(world, domain):
+    problem = domain.problem(Beliefs(world))
+    assert DRAWER in problem.of_type("place")
+    assert DRAWER in problem.of_type("container")
+    assert "fridge/upper_door" not in problem.of_type("place")
+
+
+def test_from_a_closed_drawer_it_is_searched_taken_brought_and_the_drawer_closed(world, domain):
+    world.told["mug"] = DRAWER
+    assert plan(domain, world, "on(mug, table) and closed(drawer_3)") == [
+        f"OpenContainer({DRAWER})",
+        f"Search(mug, {DRAWER})",
+        f"PickUp(mug, {DRAWER})",
+        "PutAt(mug, table/top)",
+        f"CloseContainer({DRAWER})",
+    ]
+
+
+def test_what_holds_already_needs_no_plan(world, domain):
+    seen(world, "mug", "table/top")
+    assert plan(domain, world, "on(mug, table) and not open(drawer_3)") == []
+
+
+def test_behind_a_locked_door_nothing_is_planned(world, domain):
+    seen(world, "mug", "fridge/shelf_5")
+    world.locked.add("fridge/upper_door")
+    with pytest.raises(Unsolvable, match="on\\(mug, table/top\\)"):
+        plan(domain, world, "on(mug, table)")
+
+
+def test_what_was_looked_for_everywhere_cannot_be_planned_for(world, domain):
+    world.searched.update({("mug", name): 1.0 for name, kind in things(world).items() if kind in ("place", "drawer")})
+    with pytest.raises(Unsolvable, match="holding\\(mug\\)"):
+        plan(domain, world, "holding(mug)")
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ("on(mugg, table)", "unknown object 'mugg'; did you mean 'mug'?"),
+        ("onn(mug, table)", "unknown predicate 'onn'; did you mean 'on'?"),
+        ("on(mug, tabel/top)", "unknown place 'tabel/top'; did you mean 'table/top'?"),
+        ("on(mug)", "on takes 2 of these: object, place"),
+        ("open(mug)", "mug is a object, and a container is asked for"),
+        ("open(drawer_chest)", "which 'drawer_chest'?"),
+        ("not accessible(drawer_3)", "cannot be negated"),
+        ("forall p - place: near(p)", "forall is not accepted"),
+    ],
+)
+def test_a_goal_that_makes_no_sense_is_refused_with_the_closest_names(world, domain, goal, words):
+    with pytest.raises(GoalError) as raised:
+        domain.problem(Beliefs(world), goal)
+    assert words in str(raised.value)
+
+
+def test_what_is_short_for_others_is_written_out_in_a_goal(world, domain):
+    problem = domain.problem(Beliefs(world), f"accessible({DRAWER})")
+    assert [str(literal) for literal in problem.goal] == [f"open({DRAWER})"]
+
+
+def test_the_shipped_abilities_load_as_subtrees_with_their_ports():
+    def call(name: str, ports: Iterable[str]) -> str:
+        given = " ".join(f'{port}="x"' for port in ports)
+        return f'<SubTree ID="{name}" {given}/>'
+
+    calls = "".join(call(ability.name, ability.operator.parameters) for ability in abilities_of(NodeRegistry()))
+    tree = load_tree(
+        f'<root BTCPP_format="4"><include path="subtrees/abilities.xml"/><BehaviorTree ID="All"><Sequence>{calls}'
+        "</Sequence></BehaviorTree></root>",
+        node_registry(),
+        search_path=[data_root() / "trees"],
+        main_tree="All",
+    )
+    assert len(tree.nodes) > 50
+    assert shipped_abilities().is_file()
+
+
+class Wipe(Skill):
+    """Wipe a place."""
+
+    DECLARATION = Declaration(
+        parameters={"place": "place"}, pre=("hand_empty",), effects=("clean({place})",), cost=2.0, parts=("arm",)
+    )
+
+
+def test_a_third_party_leaf_that_declares_parameters_is_planned_with(world):
+    registry = NodeRegistry()
+    registry.register(Wipe)
+    assert plan(Domain.of(registry), world, "clean(table)") == ["Wipe(table/top)"]
+
+
+@pytest.mark.parametrize(
+    ("declared", "words"),
+    [
+        (Declaration(parameters={"place": "place"}, effects=("clean({plaec})",)), "no parameter {plaec}"),
+        (Declaration(parameters={}, effects=("clean(",)), "Wipe: effects: column"),
+        (Declaration(parameters={}, cost=0.0), "cost is 0.0; more than 0 is accepted"),
+    ],
+)
+def test_a_declaration_that_cannot_be_read_is_told(declared, words):
+    with pytest.raises(DeclarationError) as raised:
+        operator_of("Wipe", declared)
+    assert words in str(raised.value)
+
+
+def test_a_predicate_with_other_arguments_than_declared_is_told():
+    class Odd(Skill):
+        """Odd."""
+
+        DECLARATION = Declaration(parameters={"place": "place"}, effects=("on({place}, {place})",))
+
+    registry = NodeRegistry()
+    registry.register(Odd)
+    with pytest.raises(DeclarationError, match="on takes object, place"):
+        Domain.of(registry)
