@@ -136,7 +136,7 @@ class _Question:
             try:
                 return problem, plan_within(PLANNERS.resolve(planner)(), problem, self.limits)
             except Unsolvable as error:
-                raise PlanningError(explain(problem) or str(error)) from error
+                raise PlanningError(explain(self.limits.applied_to(problem)) or str(error)) from error
         return self._with_language(text or "", problem, planner, record, replay)
 
     def _with_language(

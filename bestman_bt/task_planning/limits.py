@@ -21,7 +21,9 @@ from bestman_bt.task_planning.symbolic import (
     instantiate,
 )
 
-_ALLOWED = "allowed"
+ALLOWED = "allowed"
+"""The predicate of things that may be used, in problems with limits."""
+
 _FORM = "steps=20; cost=40; only=PickUp, PutDown; without=knife, fridge/door"
 
 
@@ -116,7 +118,7 @@ class PlanLimits:
         operators = self.operators(problem)
         if not forbidden:
             return replace(problem, operators=operators)
-        allowed = frozenset(Fact(_ALLOWED, (name,)) for name in problem.objects if name not in forbidden)
+        allowed = frozenset(Fact(ALLOWED, (name,)) for name in problem.objects if name not in forbidden)
         return replace(problem, operators=tuple(map(_guarded, operators)), state=problem.state | allowed)
 
     def faults(self, actions: Collection[Action]) -> list[str]:
@@ -165,5 +167,5 @@ def _meant(name: str, problem: Problem) -> list[str]:
 
 
 def _guarded(operator: Operator) -> Operator:
-    allowed = tuple(Literal(Fact(_ALLOWED, (f"{{{parameter}}}",))) for parameter in operator.parameters)
+    allowed = tuple(Literal(Fact(ALLOWED, (f"{{{parameter}}}",))) for parameter in operator.parameters)
     return replace(operator, pre=(*operator.pre, *allowed))

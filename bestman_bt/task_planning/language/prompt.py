@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from bestman_bt.task_planning.language.chat import Message
-from bestman_bt.task_planning.limits import PlanLimits
+from bestman_bt.task_planning.limits import ALLOWED, PlanLimits
 from bestman_bt.task_planning.predicates import UNSEEN
 from bestman_bt.task_planning.state import known_predicates
 from bestman_bt.task_planning.symbolic import Operator, Problem
@@ -100,7 +100,8 @@ def _predicates(problem: Problem) -> dict[str, Any]:
 
 def _not_seen(problem: Problem) -> dict[str, list[str]]:
     """The objects of which no more is believed than where they may be, with these places."""
-    seen = {name for fact in problem.state if fact.predicate != UNSEEN.name for name in fact.arguments}
+    said = (fact for fact in problem.state if fact.predicate not in (UNSEEN.name, ALLOWED))
+    seen = {name for fact in said for name in fact.arguments}
     hidden: dict[str, list[str]] = {
         name: [] for name in problem.objects if name not in seen and problem.is_a(name, "object")
     }

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.registry import UnknownNameError
+from bestman_bt.registry import PLANNERS, UnknownNameError
 from bestman_bt.task_planning.language import (
     EndpointNotSetError,
     LanguagePlannerParameters,
@@ -14,7 +14,7 @@ from bestman_bt.task_planning.language import (
     RefusedError,
     plan_from_text,
 )
-from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits
+from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
 from bestman_bt.task_planning.symbolic import Unsolvable, parse_literals
 from tests.task_planning.language.kitchen_problem import GOAL, INSTRUCTION, RIGHT, kitchen
 from tests.task_planning.language.misbehaving_server import Server, Way, says, serving
@@ -68,6 +68,17 @@ def test_a_goal_given_as_facts_is_planned_for_by_the_model(ask: Callable[[Server
         ask(server)
         proposal = plan_from_text("", replace(kitchen(), instruction="", goal=parse_literals("on(mug, table)")))
     assert str(proposal.plan) == PLAN
+
+
+def test_by_its_name_in_the_registry_it_plans_within_limits_too(ask: Callable[[Server], None]) -> None:
+    problem = replace(kitchen(spoon="object"), instruction="", goal=parse_literals("on(mug, table)"))
+    with serving(says(RIGHT)) as server:
+        ask(server)
+        planner = PLANNERS.resolve("language")()
+        assert str(plan_within(planner, problem, PlanLimits.from_string("without=fridge"))) == PLAN
+        assert '"not seen": {"spoon": []}' in server.questions[0]["messages"][1]["content"]
+        with pytest.raises(NoValidAnswerError, match=r"it needs allowed\(drawer\)"):
+            plan_within(planner, problem, PlanLimits.from_string("without=drawer"))
 
 
 def test_limits_hold_for_the_symbolic_planners_steps(ask: Callable[[Server], None]) -> None:
