@@ -21,7 +21,7 @@ class SymbolicPlannerParameters:
     """
 
     max_evaluations: int = 20_000
-    improvement: int = 100
+    improvement: int = 300
     weights: tuple[float, ...] = (3.0, 1.0)
 
 
