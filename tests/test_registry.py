@@ -9,7 +9,17 @@ from importlib import import_module
 import pytest
 
 from bestman_bt.engine import Node
-from bestman_bt.registry import ALGORITHMS, BEHAVIOURS, CONNECTIONS, DRIVERS, Registry, UnknownNameError, suggestion
+from bestman_bt.registry import (
+    ALGORITHMS,
+    BEHAVIOURS,
+    BUILDERS,
+    CONNECTIONS,
+    DRIVERS,
+    Registry,
+    UnknownNameError,
+    suggestion,
+)
+from bestman_bt.task_planning.builders import TreeBuilder
 from hal.api import Robot
 from hal.hardware import Connection
 from hal.twins.twin_host import TWINS
@@ -48,14 +58,23 @@ def test_every_connection_is_one_and_has_a_twin(name: str) -> None:
     assert name in TWINS
 
 
+@pytest.mark.parametrize("name", BUILDERS.names())
+def test_every_tree_builder_is_one_with_described_parameters(name: str) -> None:
+    builder = BUILDERS.resolve(name)
+    assert issubclass(builder, TreeBuilder)
+    assert inspect.getdoc(getattr(import_module(builder.__module__), f"{builder.__name__}Parameters"))
+
+
 def test_every_skill_of_the_library_is_registered() -> None:
-    """A class in behaviours/ that a tree cannot name would be a leaf that nobody can use."""
+    """A class beside those that trees can name would be a leaf that nobody can use."""
     modules = {BEHAVIOURS.resolve(name).__module__ for name in BEHAVIOURS}
     leaves = {
         value.__name__
         for module in modules
         for value in vars(import_module(module)).values()
-        if isinstance(value, type) and issubclass(value, Node) and value.__module__.startswith("behaviours.")
+        if isinstance(value, type)
+        and issubclass(value, Node)
+        and value.__module__.startswith(("behaviours.", "bestman_bt.task_planning."))
     }
     bases = {name for name in leaves if name.startswith("_")} | {"Explained", "OnRobot"}
     assert leaves - bases - {"Skill", "InstantSkill", "SkillCondition"} == set(BEHAVIOURS)
