@@ -77,5 +77,7 @@ def unified_planning() -> Any:
         import up_fast_downward  # noqa: F401 - that it is there
     except ModuleNotFoundError as error:
         raise PlannerMissingError(f"{error.name} is missing: pip install 'bestman-bt[planning]'") from error
-    unified_planning.shortcuts.get_environment().credits_stream = None
+    environment = unified_planning.shortcuts.get_environment()
+    environment.credits_stream = None
+    environment.error_used_name = False  # in PDDL an action may be called as a predicate is
     return unified_planning

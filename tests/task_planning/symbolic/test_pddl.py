@@ -1,0 +1,137 @@
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.task_planning.symbolic import (
+    Fact,
+    Forall,
+    Literal,
+    Operator,
+    Problem,
+    SymbolicPlanner,
+    Unsolvable,
+    parse_conditions,
+    parse_literals,
+)
+from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
+from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
+from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
+
+DOMAIN = """(define (domain blocks) ; a comment
+  (:requirements :strips :typing :action-costs)
+  (:types block - object)
+  (:predicates (on ?x ?y - block) (clear ?x - block) (table ?x - block))
+  (:functions (total-cost) - number)
+  (:action stack
+    :parameters (?x ?y - block)
+    :precondition (and (clear ?x) (clear ?y) (table ?x) (not (= ?x ?y)))
+    :effect (and (on ?x ?y) (not (clear ?y)) (not (table ?x)) (increase (total-cost) 2)))
+)
+"""
+PROBLEM = """(define (problem two)
+  (:domain blocks)
+  (:objects A b - block)
+  (:init (clear a) (clear b) (table a) (table b) (= (total-cost) 0))
+  (:goal (and (on a b)))
+  (:metric minimize (total-cost)))
+"""
+
+
+@pytest.fixture
+def files(tmp_path):
+    def write(domain=DOMAIN, problem=PROBLEM):
+        (tmp_path / "domain.pddl").write_text(domain)
+        (tmp_path / "problem.pddl").write_text(problem)
+        return tmp_path / "domain.pddl", tmp_path / "problem.pddl"
+
+    return write
+
+
+def drawer_problem(goal: str, state: str = "on(cup, chest/drawer); hand_empty") -> Problem:
+    inside = parse_conditions("forall c - container: behind({place}, c) -> open(c)")
+    away = parse_conditions("forall p - place: not near(p)")
+    assert isinstance(away[0], Forall)
+    here = {"object": "object", "place": "place"}
+    on, held, empty = Fact("on", ("{object}", "{place}")), Fact("holding", ("{object}",)), Fact("hand_empty")
+    near, opened = Fact("near", ("{place}",)), Fact("open", ("{container}",))
+    operators = (
+        Operator("PickUp", here, (Literal(on), Literal(empty)), inside, (held, near), (on, empty), (away[0],), 3.0),
+        Operator("PutAt", here, (Literal(held),), inside, (on, empty, near), (held,), (away[0],), 3.0),
+        Operator("Open", {"container": "container"}, (~Literal(opened), Literal(empty)), (), (opened,), cost=4.0),
+        Operator("Close", {"container": "container"}, (Literal(opened), Literal(empty)), (), (), (opened,), cost=2.0),
+    )
+    objects = {"cup": "object", "Table/Top": "place", "chest/drawer": "drawer"}
+    facts = frozenset(one.fact for one in parse_literals(state + "; behind(chest/drawer, chest/drawer)"))
+    supertypes = {"drawer": ("place", "container")}
+    return Problem(objects, facts, parse_literals(goal), operators, supertypes)
+
+
+def test_a_problem_is_read_from_pddl_and_solved(files):
+    plan = SymbolicPlanner().plan(read_pddl(*files()))
+    assert [str(action) for action in plan.actions] == ["stack(a, b)"]
+    assert plan.cost == 2.0
+
+
+def test_what_is_written_is_read_as_the_same_problem(tmp_path):
+    problem = drawer_problem("on(cup, Table/Top) and not open(chest/drawer)")
+    text = PddlText(problem)
+    (tmp_path / "d.pddl").write_text(text.domain())
+    (tmp_path / "p.pddl").write_text(text.problem())
+    again = SymbolicPlanner().plan(read_pddl(tmp_path / "d.pddl", tmp_path / "p.pddl"))
+    names = [text.action(action.name, action.arguments) for action in again.actions]
+    assert [(operator.name, arguments) for operator, arguments in names] == [
+        ("Open", ("chest/drawer",)),
+        ("PickUp", ("cup", "chest/drawer")),
+        ("PutAt", ("cup", "Table/Top")),
+        ("Close", ("chest/drawer",)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("(clear ?x) (clear ?y) (table ?x)", "(or (clear ?x) (clear ?y))", 8, "or is not supported"),
+        ("(on ?x ?y) (not", "(on ?x ?z) (not", 9, "?z is no parameter"),
+        ("(increase (total-cost) 2)", "(increase (total-cost) (size ?x))", 9, "NUMBER"),
+        (":types", ":durative-action", 3, ":durative-action is not supported"),
+        ("(domain blocks)", "(problem blocks)", 1, "(define (domain NAME) …) is expected"),
+        ("2)))\n)", "2)))", 1, "'(' is never closed"),
+        ("2)))\n)", "2)))\n))", 10, "')' without '('"),
+        ("(:types block - object)", "(:types block -)", 3, "a type is expected after '-'"),
+    ],
+)
+def test_a_malformed_domain_is_told_with_file_and_line(files, old, new, line, words):
+    assert old in DOMAIN
+    with pytest.raises(PddlError) as raised:
+        read_pddl(*files(DOMAIN.replace(old, new)))
+    assert raised.value.line == line
+    assert words in str(raised.value)
+    assert "domain.pddl" in raised.value.file
+
+
+def test_a_malformed_problem_is_told_with_file_and_line(files):
+    with pytest.raises(PddlError, match=r"problem\.pddl:5: forall takes a variable"):
+        read_pddl(*files(problem=PROBLEM.replace("(and (on a b))", "(forall (on a b))")))
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path):
+    with pytest.raises(PddlError, match="cannot be read"):
+        read_pddl(tmp_path / "none.pddl", tmp_path / "none.pddl")
+
+
+def test_fast_downward_solves_it_and_the_validator_agrees_with_both_planners():
+    problem = drawer_problem("on(cup, Table/Top) and not open(chest/drawer)")
+    theirs, ours = FastDownwardPlanner().plan(problem), SymbolicPlanner().plan(problem)
+    assert [str(action) for action in theirs.actions] == [str(action) for action in ours.actions]
+    assert is_valid(problem, ours)
+    broken = type(ours)(ours.actions[1:])
+    assert not is_valid(problem, broken)
+
+
+def test_fast_downward_says_that_there_is_no_plan():
+    with pytest.raises(Unsolvable):
+        FastDownwardPlanner().plan(drawer_problem("on(cup, Table/Top)", "open(chest/drawer); hand_empty"))
+
+
+def test_a_goal_that_holds_needs_no_engine():
+    assert len(FastDownwardPlanner().plan(drawer_problem("hand_empty"))) == 0
