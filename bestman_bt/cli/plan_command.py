@@ -20,11 +20,10 @@ from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.simulation import folded
-from bestman_bt.task_planning.symbolic import GoalError, PlanningError, TaskPlan, Unsolvable
+from bestman_bt.task_planning.symbolic import GoalError, PlanningError, TaskPlan
 from bestman_bt.task_planning.symbolic import Problem as PlanningProblem
 from bestman_bt.task_planning.symbolic.facts import parse_literals
 from bestman_bt.task_planning.verification import verify
@@ -133,10 +132,7 @@ class _Question:
         if self.world is not None:
             problem = _with_facts(problem, self.world)
         if text is None and planner != "language":
-            try:
-                return problem, plan_within(PLANNERS.resolve(planner)(), problem, self.limits)
-            except Unsolvable as error:
-                raise PlanningError(explain(self.limits.applied_to(problem)) or str(error)) from error
+            return problem, plan_within(PLANNERS.resolve(planner)(), problem, self.limits)
         return self._with_language(text or "", problem, planner, record, replay)
 
     def _with_language(

@@ -9,6 +9,7 @@ from urllib.parse import quote, unquote
 
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.symbolic import (
     Action,
     Fact,
@@ -18,6 +19,7 @@ from bestman_bt.task_planning.symbolic import (
     PlanningError,
     Problem,
     TaskPlan,
+    Unsolvable,
     instantiate,
 )
 
@@ -142,11 +144,16 @@ class PlanLimits:
 def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPlan:
     """The plan of any planner for a problem, within limits.
 
-    Raises GoalError where the limits name what there is not, LimitsExceededError where the plan is longer or dearer
-    than allowed, and what the planner raises.
+    Raises Unsolvable with an explanation, GoalError where the limits name what there is not, LimitsExceededError where
+    the plan is longer or dearer than allowed, and what the planner raises.
     """
     limits = limits.resolved(problem)
-    found = planner.plan(limits.applied_to(problem))
+    limited = limits.applied_to(problem)
+    try:
+        found = planner.plan(limited)
+    except Unsolvable as error:
+        why, bounds = explain(limited) or str(error), limits.to_string()
+        raise Unsolvable(f"{why}, within the limits {bounds}" if bounds else why, error.missing) from error
     operators = {operator.name: operator for operator in problem.operators}
     unknown = [action.name for action in found.actions if action.name not in operators]
     if unknown:

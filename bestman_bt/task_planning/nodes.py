@@ -13,7 +13,6 @@ from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
 from bestman_bt.task_planning.conditions import beliefs_of
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.monitoring import PlanMonitor
 from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
@@ -139,13 +138,14 @@ def _plan(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> TaskPla
     try:
         return plan_within(planner, problem, limits)
     except Unsolvable as error:
-        raise SkillFailure("unsolvable", explain(limits.applied_to(problem)) or str(error)) from error
+        raise SkillFailure("unsolvable", str(error)) from error
     except PlanningError as error:
         raise SkillFailure("no_plan", str(error)) from error
 
 
 def _running_ability(tree: Tree) -> str:
     """What is being done: the outermost subtrees or leaves that run."""
-    running = [node for node in tree.nodes if node.state == RUNNING and node.place is not None]
-    top = [node for node in running if node.place.prefix == "" and (isinstance(node, SubTree) or not node.children)]
-    return ", ".join(node.name for node in top)
+    running = [
+        node for node in tree.nodes if node.state == RUNNING and (isinstance(node, SubTree) or not node.children)
+    ]
+    return ", ".join(node.name for node in running if node.place is not None and node.place.prefix == "")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
 from bestman_bt.task_planning.symbolic import (
     Action,
@@ -57,8 +56,12 @@ def test_a_planner_that_keeps_to_no_limit_gets_no_plan_through() -> None:
         plan_within(Inventive(invented), problem, PlanLimits())
 
 
-def test_the_explanation_names_the_limit_that_is_in_the_way() -> None:
-    assert "allowed(drawer)" in explain(PlanLimits.from_string("without=drawer").applied_to(fetching()))
+def test_without_a_plan_the_limits_are_told_beside_the_reason() -> None:
+    with pytest.raises(Unsolvable, match=r"is out of reach .*, within the limits without=drawer, drawer/board$"):
+        plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string("without=drawer"))
+    with pytest.raises(Unsolvable) as refused:
+        plan_within(SymbolicPlanner(), replace(fetching(), goal=parse_literals("behind(table, fridge)")), PlanLimits())
+    assert "limits" not in str(refused.value)
 
 
 @pytest.mark.parametrize(("text", "words"), [("steps=2", "3 steps; at most 2"), ("cost=8.5", "cost 9; at most 8.5")])

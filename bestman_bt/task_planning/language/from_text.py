@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from bestman_bt.registry import PLANNERS
-from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.language.chat import ChatEndpoint
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndpoint
 from bestman_bt.task_planning.language.goals import GoalReader
@@ -19,7 +18,7 @@ from bestman_bt.task_planning.language.planner import (
 )
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
 from bestman_bt.task_planning.limits import plan_within
-from bestman_bt.task_planning.symbolic import PlanningError, Problem, Unsolvable
+from bestman_bt.task_planning.symbolic import PlanningError, Problem
 
 
 def plan_from_text(
@@ -54,11 +53,7 @@ def plan_from_text(
         if issubclass(made, LanguagePlanner):
             return made(parameters, endpoint, further).propose(problem)
         meant, usage = GoalReader(parameters, endpoint).read(problem)
-    try:
-        plan = plan_within(PLANNERS.resolve(planner)(), meant, parameters.limits)
-    except Unsolvable as error:
-        why = explain(parameters.limits.applied_to(meant)) or str(error)
-        raise Unsolvable(why, error.missing) from error
+    plan = plan_within(PLANNERS.resolve(planner)(), meant, parameters.limits)
     faults = further(meant, plan) if further is not None else ()
     if faults:
         raise PlanningError("; ".join(faults))
