@@ -1,0 +1,50 @@
+"""The planner of the documentation, from a package of its own that is found by its entry point."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.registry import Registry
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.symbolic import Fact, Operator, Problem, Unsolvable, parse_literals
+
+PAGE = (Path(__file__).parents[2] / "docs" / "task_planning.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def planner(tmp_path, monkeypatch) -> TaskPlanner:
+    """As pip installs the package: its module, and the entry points of its pyproject.toml as metadata."""
+    (program,) = re.findall(r"```python\n(from collections import deque.*?)```", PAGE, re.DOTALL)
+    (group, name, target) = re.search(r'entry-points\."(.+?)"\]\n(\w+) = "(.+?)"', PAGE).groups()
+    assert len(program.splitlines()) <= 30
+    (tmp_path / "my_planner.py").write_text(program)
+    metadata = tmp_path / "my_planner-1.0.dist-info"
+    metadata.mkdir()
+    (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: my-planner\nVersion: 1.0\n")
+    (metadata / "entry_points.txt").write_text(f"[{group}]\n{name} = {target}\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    planners = Registry("bestman_bt.planners", "task planner", {})
+    assert "breadth_first" in planners.names()
+    yield planners.resolve("breadth_first")()
+    sys.modules.pop("my_planner")
+
+
+def steps(goal: str) -> Problem:
+    operators = tuple(
+        Operator(f"Step{number}", add=(Fact(f"at{number + 1}"),), pre=parse_literals(f"at{number}"))
+        for number in range(3)
+    )
+    return Problem({}, frozenset({Fact("at0")}), parse_literals(goal), operators)
+
+
+def test_a_planner_of_another_package_is_found_and_plans(planner):
+    assert [str(action) for action in planner.plan(steps("at2")).actions] == ["Step0()", "Step1()"]
+
+
+def test_it_says_when_there_is_no_plan(planner):
+    with pytest.raises(Unsolvable):
+        planner.plan(steps("at2 and not at0"))
