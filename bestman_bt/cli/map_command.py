@@ -9,14 +9,14 @@ import numpy as np
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json
+from bestman_bt.cli.options import Json, Png
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.map_file import read_map
 
 _AROUND = 0.5
 """Metres that a picture shows around what is known."""
-_UNKNOWN_COLOUR = (0.80, 0.84, 0.88)
+_UNKNOWN_COLOUR = (204, 214, 224)
 
 verbs = typer.Typer(
     add_completion=False,
@@ -35,7 +35,7 @@ def root() -> None:
 @verbs.command()
 def show(
     file: Annotated[Path, typer.Argument(help="A map's YAML file, as ExploreAndMap and nav2 write it.")],
-    png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture with axes in metres.")] = None,
+    png: Png = None,
     as_json: Json = False,
 ) -> None:
     """Show what a map holds."""
@@ -86,15 +86,16 @@ def _picture(grid: OccupancyGrid, path: Path, title: str) -> None:
     rows, columns = grid.data.shape
     x, y = grid.origin.tolist()
     extent = (x, x + columns * grid.resolution, y, y + rows * grid.resolution)
-    known = 1.0 - grid.data.clip(FREE, OCCUPIED) / OCCUPIED
-    image = np.where((grid.data == UNKNOWN)[..., None], _UNKNOWN_COLOUR, known[..., None])
-    known_cells = np.argwhere(grid.data != UNKNOWN)
-    shown = known_cells if len(known_cells) else np.array([[0, 0], [rows - 1, columns - 1]])
-    left, bottom = grid.to_points(shown.min(axis=0)) - _AROUND
-    right, top = grid.to_points(shown.max(axis=0)) + _AROUND
+    greys = np.rint(np.linspace(255, 0, OCCUPIED - FREE + 1))
+    colours = np.vstack([np.repeat(greys[:, None], 3, axis=1), _UNKNOWN_COLOUR]).astype(np.uint8)  # UNKNOWN is -1
+    known = grid.data != UNKNOWN
+    shown = known if known.any() else ~known
+    of_rows, of_columns = np.flatnonzero(shown.any(axis=1)), np.flatnonzero(shown.any(axis=0))
+    left, bottom = grid.to_points(np.array([of_rows[0], of_columns[0]])) - _AROUND
+    right, top = grid.to_points(np.array([of_rows[-1], of_columns[-1]])) + _AROUND
     figure, axes = plt.subplots(figsize=(8.0, 0.8 + 7.2 * (top - bottom) / (right - left)), dpi=110)
-    axes.imshow(image, origin="lower", extent=extent, interpolation="nearest")
-    axes.set(xlim=(left, right), ylim=(bottom, top), facecolor=_UNKNOWN_COLOUR)
+    axes.imshow(colours[grid.data], origin="lower", extent=extent, interpolation="nearest")
+    axes.set(xlim=(left, right), ylim=(bottom, top), facecolor=tuple(channel / 255 for channel in _UNKNOWN_COLOUR))
     axes.set_title(title)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json
+from bestman_bt.cli.options import Json, Png
 from bestman_bt.configuration import ConfigurationError, Problem, data_names, find_data, own_objects
 from bestman_bt.configuration.quantity import parse_quantity
 from bestman_bt.messages import ObjectModel
@@ -89,7 +89,7 @@ def list_objects(as_json: Json = False) -> None:
 @verbs.command()
 def show(
     name: Annotated[str, typer.Argument(help="An object's name or YAML file.")],
-    png: Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture with axes and grasps.")] = None,
+    png: Png = None,
     robot: Robot = ROBOT,
     as_json: Json = False,
 ) -> None:

@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+
+def _writable_png(path: Path | None) -> Path | None:
+    """Told before the work that the picture is of."""
+    if path is None:
+        return None
+    if path.suffix.lower() != ".png":
+        raise typer.BadParameter(f"pictures are PNG files: FILE.png, got '{path}'")
+    if path.is_dir() or not path.parent.is_dir():
+        raise typer.BadParameter(f"'{path}' is a folder" if path.is_dir() else f"there is no folder '{path.parent}'")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise typer.BadParameter(f"'{path}' may not be written")
+    return path
+
 
 Seed = Annotated[int, typer.Option(min=0, help="Decides the scene, the noise and every sample; a whole number.")]
 Settings = Annotated[
@@ -20,4 +35,7 @@ Driver = Annotated[
     str, typer.Option(help="Which robot: pybullet, hardware for the controllers in the robot's YAML, or replay.")
 ]
 Scene = Annotated[str | None, typer.Option(help="A shipped scene or a YAML file.")]
+Png = Annotated[
+    Path | None, typer.Option(metavar="FILE.png", help="Write a picture.", callback=_writable_png, show_default=False)
+]
 Robot = Annotated[str | None, typer.Option(help="A shipped robot or a YAML file.")]

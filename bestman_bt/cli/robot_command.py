@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json
+from bestman_bt.cli.options import Json, Png
 from bestman_bt.configuration import ConfigurationError, Problem, own_parts
 
 verbs = typer.Typer(
@@ -19,7 +19,6 @@ verbs = typer.Typer(
     epilog=__doc__,
 )
 Name = Annotated[str, typer.Argument(help="A robot's name or YAML file, or BASE+ARM+HAND of three parts.")]
-Png = Annotated[Path | None, typer.Option(metavar="FILE.png", help="Write a picture.")]
 
 
 @verbs.command()

@@ -115,6 +115,8 @@ def parse_document(text: str, source: str, faults: list[Problem] | None = None) 
         raise ConfigurationError([Problem(source, None, "", f"is not YAML: {error}")]) from error
     except RecursionError as error:
         raise ConfigurationError([Problem(source, None, "", "is nested too deeply")]) from error
+    except ValueError as error:  # as Python says of a whole number of more than 4300 digits
+        raise ConfigurationError([Problem(source, None, "", f"holds a value that cannot be read: {error}")]) from error
     if not isinstance(data, dict):
         problems.append(Problem(source, 1, "", f"should hold fields (name: value), got {type(data).__name__}"))
     if problems:

@@ -43,7 +43,10 @@ def parse_quantity(value: object, *dimensions: str) -> float:
     Raises PydanticCustomError (a ValueError) that names the units that would be accepted.
     """
     if isinstance(value, (int, float)) and not isinstance(value, bool):
-        return _finite(float(value), value)
+        try:
+            return _finite(float(value), value)
+        except OverflowError as error:
+            raise _error(f"expected a number below 1e308, got one of {len(str(abs(int(value))))} digits") from error
     expected = " or ".join(
         f"{'an' if d[0] in 'aeiou' else 'a'} {d} in {next(iter(_UNITS[d]))} ({', '.join(_UNITS[d])})"
         for d in dimensions

@@ -5,16 +5,19 @@ http://wiki.ros.org/map_server and nav2_map_server's map_io: modes trinary, scal
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+import warnings
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Annotated, Literal
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
+from pydantic import AfterValidator, Field
 
+from bestman_bt.configuration import ConfigurationError, Document, check, read_document
+from bestman_bt.configuration.quantity import Number, Share
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
@@ -26,36 +29,57 @@ nav2's own 0.25 takes the grey that it writes for unknown cells, 205, for free o
 """
 WHITE, GREY, BLACK = 254, 205, 0
 """What ROS writes for free, unknown and occupied."""
+MOST_CELLS = 64_000_000
+"""Cells of the largest map that is read: 400 m by 400 m at 5 cm."""
+_EIGHT_BITS = ("1", "L", "LA", "P", "RGB", "RGBA")
+"""Pillow's modes of images whose shades are 0 to 255."""
 
 
 class MapFileError(ValueError):
     """A map that cannot be read or written: names the file, the field and what would be accepted."""
 
 
+def _unturned(origin: tuple[float, ...]) -> tuple[float, ...]:
+    if len(origin) not in (2, 3):
+        raise ValueError("should be [x, y, yaw] in metres and radians")
+    if len(origin) == 3 and abs(origin[2]) > 1e-9:
+        raise ValueError("should have a yaw of 0: maps that are turned are not read; turn the image instead")
+    return origin
+
+
+@dataclass(frozen=True)
+class _MapFile:
+    """The YAML of a map: resolution in metres per pixel, the place of the image's lower left corner in metres."""
+
+    image: Annotated[str, Field(min_length=1)]
+    resolution: Annotated[Number, Field(ge=1e-4, le=100.0)]
+    origin: Annotated[tuple[Annotated[Number, Field(ge=-1e7, le=1e7)], ...], AfterValidator(_unturned)]
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
+    negate: Literal[0, 1, False, True] = 0
+    free_thresh: Share = FREE_THRESHOLD
+    occupied_thresh: Share = OCCUPIED_THRESHOLD
+
+
 def read_map(path: str | Path) -> OccupancyGrid:
-    """The map of a YAML file; its image is looked for beside it. Raises MapFileError."""
+    """The map of a YAML file; its image is looked for beside it. Raises MapFileError with all that is wrong."""
     path = Path(path)
-    data = _document(path)
-    mode = data.get("mode", "trinary")
-    if mode not in MODES:
-        raise _wrong(path, "mode", mode, f"one of {', '.join(MODES)}")
-    negate = data.get("negate", 0)
-    if negate not in (0, 1):
-        raise _wrong(path, "negate", negate, "0 or 1")
-    resolution = _number(path, data, "resolution")
-    if resolution <= 0.0:
-        raise _wrong(path, "resolution", resolution, "metres per pixel, more than 0")
-    free = _number(path, data, "free_thresh", FREE_THRESHOLD)
-    occupied = _number(path, data, "occupied_thresh", OCCUPIED_THRESHOLD)
-    if not 0.0 <= free < occupied <= 1.0:
-        raise _wrong(path, "free_thresh", free, f"0 to 1 and less than occupied_thresh, {occupied:g}")
-    origin = _origin(path, data)
-    image = data.get("image")
-    if not isinstance(image, str) or not image:
-        raise _wrong(path, "image", image, "the name of an image file")
-    grey, opaque = _pixels(path, path.parent / image)
-    values = _values(grey, opaque, mode, bool(negate), free, occupied)
-    return OccupancyGrid(values[::-1], resolution, origin)  # an image's first row is the map's last
+    if not path.exists():
+        raise MapFileError(f"{path}: there is no such file; expected a map's YAML")
+    try:
+        document = read_document(path)
+        file = check(document, _MapFile)
+    except ConfigurationError as error:
+        raise MapFileError(str(error)) from error
+    if file.free_thresh >= file.occupied_thresh:
+        free, occupied = f"{file.free_thresh:g}", f"{file.occupied_thresh:g}"
+        if "free_thresh" in document.data:
+            raise _wrong(document, "free_thresh", f"should be less than occupied_thresh, {occupied}, got {free}")
+        raise _wrong(document, "occupied_thresh", f"should be more than free_thresh, {free}, got {occupied}")
+    grey, opaque = _pixels(document, path.parent / file.image)
+    values = _values_of_shades(file)[grey]
+    if file.mode == "scale":
+        values[~opaque] = UNKNOWN
+    return OccupancyGrid(values[::-1], file.resolution, np.array(file.origin[:2]))  # an image's first row is the last
 
 
 def write_map(grid: OccupancyGrid, path: str | Path, mode: str = "trinary") -> Path:
@@ -67,7 +91,7 @@ def write_map(grid: OccupancyGrid, path: str | Path, mode: str = "trinary") -> P
     path = Path(path)
     path = path if path.suffix == ".yaml" else path.with_name(path.name + ".yaml")
     if mode not in MODES:
-        raise _wrong(path, "mode", mode, f"one of {', '.join(MODES)}")
+        raise MapFileError(f"{path}: mode: got {mode!r}, expected one of {', '.join(MODES)}")
     if grid.data.size == 0:
         raise MapFileError(f"{path}: the map is empty; nothing was written")
     data = grid.data[::-1]
@@ -103,68 +127,51 @@ def write_map(grid: OccupancyGrid, path: str | Path, mode: str = "trinary") -> P
     return path
 
 
-def _values(
-    grey: NDArray[np.uint8], opaque: NDArray[np.bool_], mode: str, negate: bool, free: float, occupied: float
-) -> NDArray[np.int8]:
-    if mode == "raw":
-        return np.where(grey <= OCCUPIED, grey, UNKNOWN).astype(np.int8)
-    black = grey / 255.0 if negate else 1.0 - grey / 255.0
-    if mode == "trinary":
-        between: NDArray[Any] = np.full(grey.shape, UNKNOWN)
+def _values_of_shades(file: _MapFile) -> NDArray[np.int8]:
+    """What each of the 256 shades of an opaque cell means."""
+    shades = np.arange(256)
+    if file.mode == "raw":
+        return np.where(shades <= OCCUPIED, shades, UNKNOWN).astype(np.int8)
+    black = shades / 255.0 if file.negate else 1.0 - shades / 255.0
+    if file.mode == "trinary":
+        between = np.full(shades.shape, float(UNKNOWN))
     else:
-        between = np.rint((black - free) / (occupied - free) * 100.0)
-        between = np.where(opaque, between.clip(FREE, OCCUPIED), UNKNOWN)
-    sure = np.ones_like(opaque) if mode == "trinary" else opaque
-    values = np.where(sure & (black > occupied), OCCUPIED, np.where(sure & (black < free), FREE, between))
+        span = file.occupied_thresh - file.free_thresh
+        between = np.rint((black - file.free_thresh) / span * 100.0).clip(FREE, OCCUPIED)
+    values = np.where(black > file.occupied_thresh, OCCUPIED, np.where(black < file.free_thresh, FREE, between))
     return values.astype(np.int8)
 
 
-def _pixels(path: Path, image_path: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
-    """Grey levels, and where the image is opaque."""
+def _pixels(document: Document, image_path: Path) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """Grey levels, the mean of the colours as nav2 has it, and where the image is opaque."""
+    name = document.data["image"]
     try:
-        with Image.open(image_path) as image:
-            image.load()
-            rgba = np.asarray(image.convert("RGBA"))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # a limit of our own follows
+            with Image.open(image_path) as image:
+                if image.width * image.height > MOST_CELLS:
+                    size = f"{image.width} × {image.height} pixels"
+                    raise _wrong(document, "image", f"{name} has {size}; up to {MOST_CELLS:,} are read")
+                if image.mode not in _EIGHT_BITS:
+                    words = (
+                        f"should have shades of 8 bits, 0 to 255, as ROS writes; {name} has more (mode {image.mode})"
+                    )
+                    raise _wrong(document, "image", words)
+                pixels = np.asarray(image.convert("LA" if image.mode in ("1", "L", "LA") else "RGBA"))
     except FileNotFoundError as error:
-        raise _wrong(path, "image", image_path.name, f"an image file; there is no {image_path}") from error
+        raise _wrong(document, "image", f"should be an image file, got {name!r}; there is no {image_path}") from error
+    except Image.DecompressionBombError as error:
+        raise _wrong(document, "image", f"{name} is too large; up to {MOST_CELLS:,} pixels are read") from error
+    except MapFileError:
+        raise
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
-        message = f"{path}: image: {image_path.name} is no image that can be read, or is cut off: {error}"
-        raise MapFileError(message) from error
-    grey = np.rint(rgba[..., :3].mean(axis=-1)).astype(np.uint8)
-    return grey, rgba[..., 3] == 255
+        raise _wrong(document, "image", f"{name} is no image that can be read, or is cut off: {error}") from error
+    colours = pixels.shape[-1] - 1
+    grey = pixels[..., 0]
+    if colours > 1:
+        grey = ((pixels[..., :colours].sum(axis=-1, dtype=np.uint16) + 1) // 3).astype(np.uint8)
+    return grey, pixels[..., -1] == 255
 
 
-def _document(path: Path) -> Mapping[str, Any]:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise MapFileError(f"{path}: there is no such file; expected a map's YAML") from error
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise MapFileError(f"{path}: cannot be read as a map's YAML: {str(error).splitlines()[0]}") from error
-    if not isinstance(data, Mapping):
-        raise MapFileError(f"{path}: should hold image, resolution and origin, got {type(data).__name__}")
-    return data
-
-
-def _origin(path: Path, data: Mapping[str, Any]) -> NDArray[np.float64]:
-    origin = data.get("origin")
-    if not isinstance(origin, list | tuple) or len(origin) not in (2, 3) or not all(_is_finite(v) for v in origin):
-        raise _wrong(path, "origin", origin, "[x, y, yaw] in metres and radians")
-    if len(origin) == 3 and abs(float(origin[2])) > 1e-9:
-        raise _wrong(path, "origin", origin, "a yaw of 0: maps that are turned are not read; turn the image instead")
-    return np.array([float(origin[0]), float(origin[1])])
-
-
-def _number(path: Path, data: Mapping[str, Any], field: str, default: float | None = None) -> float:
-    value = data.get(field, default)
-    if not _is_finite(value):
-        raise _wrong(path, field, value, "a finite number")
-    return float(value)
-
-
-def _is_finite(value: Any) -> TypeGuard[float]:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _wrong(path: Path, field: str, value: Any, wanted: str) -> MapFileError:
-    return MapFileError(f"{path}: {field}: got {value!r}, expected {wanted}")
+def _wrong(document: Document, field: str, message: str) -> MapFileError:
+    return MapFileError(str(document.problem((field,), message)))

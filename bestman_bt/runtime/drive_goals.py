@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.configuration.task import DriveConfig
+from bestman_bt.control.wheeled import footprint_of
 from bestman_bt.messages import PlacedShape, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, CostmapParameters, Footprint, areas_of_disc
 from bestman_bt.robot_model import RobotModel
@@ -29,8 +31,7 @@ _EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furnitur
 
 def base_footprint(robot: RobotModel) -> Footprint:
     """The outline of the robot's first base."""
-    base = next(iter(robot.bases.values()))
-    return Footprint(np.array(base.footprint), base.turning_drift)
+    return footprint_of(next(iter(robot.bases.values())))
 
 
 def true_costmap(world: World, robot: RobotModel) -> Costmap:
@@ -58,14 +59,26 @@ def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: Robo
     # A base that stands before furniture leaves it straight back.
     around = areas[truth.cells(_straight_behind(world.robot_start, _STRAIGHT)[:, :2])]
     home = int(around[around > 0][0]) if np.any(around) else 0
+    no_way = "no way from the start" if home else "no room to turn at the start"
     before_furniture = bool(rng.random() < asked.at_furniture)
+    refused: Counter[str] = Counter()
     for _ in range(_TRIES):
         goal = _before_furniture(known, truth.footprint, rng) if before_furniture else _anywhere(truth, rng)
-        if goal.distance_to(world.robot_start) < asked.distance or not truth.contains(goal.xy):
+        if goal is None:
+            refused["there is no furniture but passages"] += 1
+            break
+        if goal.distance_to(world.robot_start) < asked.distance:
+            refused[f"nearer to the start than {asked.distance:g} m"] += 1
             continue
-        if truth.clearance_at(goal) < _TRUE_CLEARANCE or believed.clearance_at(goal) <= 0.0:
+        if (
+            not truth.contains(goal.xy)
+            or truth.clearance_at(goal) < _TRUE_CLEARANCE
+            or believed.clearance_at(goal) <= 0
+        ):
+            refused["no room for the base"] += 1
             continue
         if not before_furniture and min(truth.distance_at(goal.xy), believed.distance_at(goal.xy)) < radius + _ROOM:
+            refused["no room to turn"] += 1
             continue
         behind = _straight_behind(goal, _STRAIGHT if before_furniture else 0.0)
         clearance = np.minimum(truth.footprint_clearance(behind), believed.footprint_clearance(behind))
@@ -73,7 +86,20 @@ def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: Robo
         free &= believed.distance_at(behind[:, :2]) > radius
         if home and np.any(free & (areas[truth.cells(behind[:, :2])] == home)):
             return goal
-    raise SceneError(f"scene {world.scene!r}, seed {seed}: the base can get to none of {_TRIES} poses drawn")
+        reason = f"no room to turn within {_STRAIGHT:g} m straight behind" if before_furniture else "no room to turn"
+        refused[no_way if np.any(free) else reason] += 1
+    raise SceneError(
+        f"scene {world.scene!r}, seed {seed}: {_none_drawn(known, before_furniture, refused)}; place furniture and "
+        f"start with more room, ask for a shorter drive.distance or {'less' if before_furniture else 'more'} "
+        "drive.at_furniture"
+    )
+
+
+def _none_drawn(known: SemanticMap, before_furniture: bool, refused: Counter[str]) -> str:
+    """Which kind of pose was drawn, and why none was taken, the commonest reason first."""
+    where = f"before furniture ({', '.join(_pieces_to_face(known))})" if before_furniture else "on open floor"
+    reasons = ", ".join(f"{reason} ({count})" for reason, count in refused.most_common())
+    return f"the base can get to none of {refused.total()} poses drawn {where}: {reasons}"
 
 
 def _anywhere(costmap: Costmap, rng: np.random.Generator) -> Pose2D:
@@ -82,10 +108,16 @@ def _anywhere(costmap: Costmap, rng: np.random.Generator) -> Pose2D:
     return Pose2D(float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
 
 
-def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D:
-    """Facing the front of a piece, somewhere along it."""
-    pieces = [piece for piece in known.furniture.values() if not piece.is_passage]
-    piece = pieces[int(rng.integers(len(pieces)))]
+def _pieces_to_face(known: SemanticMap) -> list[str]:
+    return [name for name, piece in known.furniture.items() if not piece.is_passage]
+
+
+def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D | None:
+    """Facing the front of a piece, somewhere along it; None where there is no piece."""
+    pieces = _pieces_to_face(known)
+    if not pieces:
+        return None
+    piece = known.furniture[pieces[int(rng.integers(len(pieces)))]]
     reach = max(0.0, piece.footprint[1] / 2 - 0.1)
     away = piece.footprint[0] / 2 + _BEFORE_FURNITURE + float(footprint.corners[:, 0].max())
     return piece.pose @ Pose2D(-away, float(rng.uniform(-reach, reach)), 0.0)

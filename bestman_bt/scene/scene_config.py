@@ -155,7 +155,7 @@ class SceneFile:
     """A scene.
 
     ``generator``: makes ``walls``, ``furniture`` and, where it is not given, the region of the ``robot_start``; all
-    other scenes give these and ``objects``. ``unmapped``: furniture that came after the map was made.
+    other scenes give these. ``unmapped``: furniture that came after the map was made.
     ``moving_doors``: by ``furniture/door``.
     ``clearance``: metres between objects, so that a hand fits. ``start_clearance``: metres from the robot's frame to
     walls and furniture. ``passage``: radius in metres of what shall get everywhere in an apartment: a base that

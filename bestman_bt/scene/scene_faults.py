@@ -35,7 +35,7 @@ def scene_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
 def _generator_faults(file: SceneFile, document: Document) -> Iterator[Problem]:
     """What a file owes without a generator, and what it leaves to one."""
     if file.generator is None:
-        for name in ("walls", "furniture", "objects", "robot_start"):
+        for name in ("walls", "furniture", "robot_start"):
             if document.data.get(name) is None:
                 yield document.problem((name,), "is missing")
         return

@@ -19,8 +19,12 @@ _EFFORT, _VELOCITY = 1000.0, 10.0  # URDF asks for limits; nothing here drives t
 
 
 def joint_name(articulation: Articulation) -> str:
-    """Name of the joint of a door or drawer; its link has the articulation's own name."""
+    """Name of the joint of a door or drawer; its link is ``piece/door``, as a piece may be named like its door."""
     return f"{articulation.name}_joint"
+
+
+def _link_name(piece: str, articulation: Articulation) -> str:
+    return f"{piece}/{articulation.name}"
 
 
 def furniture_urdf(name: str, model: FurnitureModel, folder: Path) -> str:
@@ -31,7 +35,7 @@ def furniture_urdf(name: str, model: FurnitureModel, folder: Path) -> str:
         robot.append(_leaf(name, articulation, folder))
         joint = ElementTree.SubElement(robot, "joint", name=joint_name(articulation), type=articulation.kind)
         ElementTree.SubElement(joint, "parent", link=name)
-        ElementTree.SubElement(joint, "child", link=articulation.name)
+        ElementTree.SubElement(joint, "child", link=_link_name(name, articulation))
         ElementTree.SubElement(joint, "origin", xyz=_text(articulation.origin), rpy="0 0 0")
         ElementTree.SubElement(joint, "axis", xyz=_text(articulation.axis))
         limit = {"lower": "0", "upper": repr(articulation.upper), "effort": str(_EFFORT), "velocity": str(_VELOCITY)}
@@ -48,7 +52,7 @@ def _leaf(name: str, articulation: Articulation, folder: Path) -> ElementTree.El
     text = body_urdf(f"{name}_{articulation.name}", articulation.mass, parts, colored, folder)
     link = ElementTree.fromstring(text).find("link")
     assert link is not None
-    link.set("name", articulation.name)
+    link.set("name", _link_name(name, articulation))
     inertial = link.find("inertial")
     assert inertial is not None
     inertial.clear()

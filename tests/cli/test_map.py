@@ -50,3 +50,15 @@ def test_a_wrong_map_is_wrong_input(bestman_bt: Command, folder: Path, text: str
     assert answer.code == 2
     assert words in answer.err
     assert "hall.yaml" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("png", "words"), [("nowhere/a.png", "no folder"), ("hall.foo", "FILE.png"), (".", "FILE.png")]
+)
+def test_a_picture_that_cannot_be_written_is_wrong_input(
+    bestman_bt: Command, folder: Path, png: str, words: str
+) -> None:
+    write_map(OccupancyGrid(np.zeros((4, 4), dtype=np.int8), 0.05, np.zeros(2)), folder / "hall.yaml")
+    answer = bestman_bt("map", "show", "hall.yaml", "--png", png)
+    assert answer.code == 2
+    assert words in answer.err

@@ -57,6 +57,7 @@ def test_merging_leaves_the_merged_documents_alone() -> None:
         ("a: \x00\n", "x.yaml: is not YAML"),
         ("a: &a [*a]\n", "x.yaml:1: a[0]: contains itself"),
         ("a: " + "[" * 5000 + "]" * 5000 + "\n", "x.yaml: is nested too deeply"),
+        ("a: " + "1" * 5000 + "\n", "x.yaml: holds a value that cannot be read: Exceeds the limit"),
         (ALIASES, "x.yaml: holds more than 100000 values"),
     ],
 )

@@ -42,6 +42,7 @@ def test_a_quantity_becomes_its_si_number(text: object, dimension: str, value: f
         ("three", "angle", "expected an angle in rad (rad, deg, °), got 'three'"),
         (True, "length", "expected a length in m (m, cm, mm), got True"),
         ([1], "length", "expected a length in m (m, cm, mm), got [1]"),
+        (10**400, "length", "expected a number below 1e308, got one of 401 digits"),
         (float("nan"), "length", "expected a finite number, got nan"),
         ("1e999", "length", "expected a finite number, got '1e999'"),
     ],

@@ -74,22 +74,72 @@ def test_a_plain_map_of_an_older_ros_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"resolution": 0}, "resolution: got 0.0, expected metres per pixel"),
-        ({"resolution": "fine"}, "resolution: got 'fine', expected a finite number"),
-        ({"resolution": None}, "resolution: got None"),
-        ({"origin": [0.0]}, r"origin: got \[0.0\], expected"),
-        ({"origin": [0.0, 0.0, 0.3]}, "expected a yaw of 0"),
-        ({"origin": [0.0, float("nan"), 0.0]}, "origin: got"),
-        ({"mode": "ternary"}, "mode: got 'ternary', expected one of trinary, scale, raw"),
-        ({"negate": 2}, "negate: got 2"),
-        ({"free_thresh": 0.7}, "free_thresh: got 0.7, expected 0 to 1 and less than occupied_thresh"),
-        ({"image": "other.pgm"}, "image: got 'other.pgm', expected an image file; there is no"),
-        ({"image": None}, "image: got None"),
+        ({"resolution": 0}, r"room\.yaml:9: resolution: should be greater than or equal to 0.0001, got 0"),
+        ({"resolution": "fine"}, "resolution: expected a number, got 'fine'"),
+        ({"resolution": 10**400}, "resolution: expected a number below 1e308, got one of 401 digits"),
+        ({"resolution": None}, "resolution: is missing"),
+        ({"resolutoin": 3}, "resolutoin: unknown field; did you mean 'resolution'?"),
+        ({"origin": [0.0]}, r"origin: should be \[x, y, yaw\] in metres and radians, got \[0.0\]"),
+        ({"origin": [0.0, 0.0, 0.3]}, "should have a yaw of 0"),
+        ({"origin": [0.0, float("nan"), 0.0]}, r"origin\[1\]: expected a finite number, got nan"),
+        ({"origin": [1e308, 0.0]}, r"origin\[0\]: should be less than or equal to 10000000"),
+        ({"mode": "ternary"}, "mode: should be 'trinary', 'scale' or 'raw', got 'ternary'"),
+        ({"negate": 2}, "negate: should be 0, 1, False or True, got 2"),
+        ({"free_thresh": 0.7}, "free_thresh: should be less than occupied_thresh, 0.65, got 0.7"),
+        ({"free_thresh": None, "occupied_thresh": 0.1}, "occupied_thresh: should be more than free_thresh, 0.196, got"),
+        ({"occupied_thresh": 3}, "occupied_thresh: should be less than or equal to 1, got 3"),
+        ({"image": "other.pgm"}, "image: should be an image file, got 'other.pgm'; there is no"),
+        ({"image": None}, "image: is missing"),
     ],
 )
 def test_a_wrong_field_is_named_with_what_would_be_right(tmp_path, changes, words):
     with pytest.raises(MapFileError, match=words):
         read_map(map_with(tmp_path, [[254, 0]], **changes))
+
+
+def test_all_that_is_wrong_is_told_at_once_with_its_lines(tmp_path):
+    path = tmp_path / "room.yaml"
+    path.write_text("image: room.pgm\nresolution: 5 cm\norigin: [0, 0, 0]\norigin: [0, 0, 0]\n")
+    with pytest.raises(MapFileError, match=r"room\.yaml:4: origin: is given twice"):
+        read_map(path)
+    path.write_text("image: room.pgm\nresolution: 5 cm\norigin: [0]\n")
+    with pytest.raises(MapFileError, match=r"(?s)room\.yaml:2: resolution: .*room\.yaml:3: origin: "):
+        read_map(path)
+    path.write_text("a: " + "[" * 3000)
+    with pytest.raises(MapFileError, match="nested too deeply|is not YAML"):
+        read_map(path)
+
+
+def test_numbers_are_read_as_nav2_writes_them(tmp_path):
+    path = map_with(tmp_path, [[254, 0]])
+    path.write_text("image: room.pgm\nresolution: 5e-2\norigin: [-1e-05, 2.5e+00, 0]\n")
+    grid = read_map(path)
+    assert grid.resolution == 0.05
+    assert grid.origin.tolist() == [-1e-05, 2.5]
+
+
+@pytest.mark.parametrize("largest", [256, 65535])
+def test_shades_of_more_than_8_bits_are_refused(tmp_path, largest):
+    path = map_with(tmp_path, [[254, 0]])
+    (tmp_path / "room.pgm").write_bytes(b"P5 2 1 %d\n" % largest + b"\x00\xff\x00\x00")
+    with pytest.raises(MapFileError, match=r"image: should have shades of 8 bits, .*room\.pgm has more"):
+        read_map(path)
+
+
+@pytest.mark.parametrize(("width", "words"), [(9000, "has 9000 × 9000 pixels; up to 64,000,000"), (10**5, "too large")])
+def test_an_image_larger_than_any_map_is_refused_before_it_is_read(tmp_path, width, words):
+    path = map_with(tmp_path, [[254, 0]])
+    (tmp_path / "room.pgm").write_bytes(b"P5 %d %d 255\n" % (width, width))
+    with pytest.raises(MapFileError, match=words):
+        read_map(path)
+
+
+def test_a_colour_is_as_dark_as_the_mean_of_its_channels(tmp_path):
+    path = map_with(tmp_path, [[0]], image="room.png", mode="raw")
+    Image.fromarray(np.array([[[10, 20, 31], [10, 20, 32], [255, 255, 255]]], dtype=np.uint8)).save(
+        tmp_path / "room.png"
+    )
+    assert read_map(path).data.tolist() == [[20, 21, -1]]
 
 
 def test_corrupt_files_are_told_and_not_guessed_at(tmp_path):
@@ -99,10 +149,10 @@ def test_corrupt_files_are_told_and_not_guessed_at(tmp_path):
     with pytest.raises(MapFileError, match=r"room\.pgm is no image that can be read, or is cut off"):
         read_map(path)
     path.write_text("image: [room.pgm\n")
-    with pytest.raises(MapFileError, match="cannot be read as a map's YAML"):
+    with pytest.raises(MapFileError, match=r"room\.yaml:2: is not YAML"):
         read_map(path)
     path.write_text("just words")
-    with pytest.raises(MapFileError, match="should hold image, resolution and origin, got str"):
+    with pytest.raises(MapFileError, match="should hold fields \\(name: value\\), got str"):
         read_map(path)
     with pytest.raises(MapFileError, match="there is no such file"):
         read_map(tmp_path / "nowhere.yaml")

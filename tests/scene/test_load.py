@@ -45,6 +45,15 @@ def test_an_override_reaches_into_a_placement() -> None:
         assert table.actual.inverse().apply(cup.pose.position[:2])[0] == pytest.approx(-0.2)
 
 
+def test_a_scene_may_be_without_objects(tmp_path: Path) -> None:
+    path = tmp_path / "room.yaml"
+    path.write_text(
+        "walls: {height: 2 m, thickness: 10 cm, lines: [[[-2, -2], [2, -2]]]}\n"
+        "furniture: {table: {model: table, at: [1, 0, 0]}}\nrobot_start: {x: [-1, -1], y: [0, 0]}\n"
+    )
+    assert draw_world(load_scene(path), 0).objects == ()
+
+
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [

@@ -12,6 +12,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.runtime.drive_goals import base_footprint, true_costmap
 from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.scene import SceneError
 from tests.evaluation.predicates.staged import Staged, judged, why
 
 DRIVE = {"scene": "kitchen", "predicate": "at_goal", "drive": {"distance": "2 m"}}
@@ -64,6 +65,26 @@ def test_the_seed_chooses_the_goal(setups: list[Setup]) -> None:
     again = goal_of(prepare(load_run("navigate_kitchen", seed=3)))
     assert again == goal_of(setups[3])
     assert len({(goal_of(setup).x, goal_of(setup).y) for setup in setups}) == len(setups)
+
+
+def test_where_no_goal_can_be_drawn_it_is_told_of_which_kind_and_why(tmp_path: Path) -> None:
+    scene = tmp_path / "hall.yaml"
+    scene.write_text(
+        "walls: {height: 2 m, thickness: 10 cm, lines: [[[-1, -2], [5, -2]], [[5, -2], [5, 2]], [[5, 2], [-1, 2]],\n"
+        "  [[-1, 2], [-1, -2]], [[2.0, -2], [2.0, 2]]]}\n"
+        "furniture: {table: {model: table, at: [3.0, 0, 0]}}\nrobot_start: {x: [0, 0], y: [0, 0]}\n"
+    )
+    words = {
+        "drive.at_furniture=1": r"none of 1000 poses drawn before furniture \(table\): no .* less drive.at_furniture",
+        "drive.at_furniture=0": r"none of 1000 poses drawn on open floor: .*no way from the start \(.*more drive.at",
+    }
+    for setting, expected in words.items():
+        config = load_run("navigate_kitchen", scene=str(scene), seed=0, settings=[setting, "drive.distance=1.9"])
+        with pytest.raises(SceneError, match=expected):
+            goal_of(prepare(config))
+    scene.write_text(scene.read_text().replace("{table: {model: table, at: [3.0, 0, 0]}}", "{}"))
+    with pytest.raises(SceneError, match="no furniture but passages"):
+        goal_of(prepare(load_run("navigate_kitchen", scene=str(scene), seed=0, settings=["drive.at_furniture=1"])))
 
 
 def test_the_truth_has_furniture_where_it_really_stands(setups: list[Setup]) -> None:

@@ -89,6 +89,14 @@ def test_what_stands_open_at_the_start_stays_so_without_a_reset_on_record(
         assert robot.simulation.client.counts["resets"] == 0
 
 
+def test_a_piece_may_be_named_like_its_door(robot_model: RobotModel, empty_world: World) -> None:
+    at = Pose2D(0.0, 2.2, 1.2)
+    door = PlacedFurniture("door", read_furniture("room_door"), at, at, open={"door": 0.5})
+    with PyBulletRobot(robot_model, dataclasses.replace(empty_world, furniture=(door,))) as robot:
+        assert GroundTruth(robot).articulation_names == ("door/door",)
+        assert GroundTruth(robot).articulation_position("door/door") == pytest.approx(0.5, abs=2e-3)
+
+
 def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: GroundTruth) -> None:
     assert set(truth.articulation_names) == set(LEAVES)
     robot.clock.sleep(2.0)
