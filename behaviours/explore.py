@@ -11,7 +11,9 @@ from py_trees.ports import PortInformation
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until
 from bestman_bt.control import READING_ERRORS, ControlStatus
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Positive
 from bestman_bt.messages.occupancy_grid import FREE
 from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
 from bestman_bt.navigation.localization import Localizer
@@ -44,7 +46,7 @@ class ExploreAndMap(Skill):
 
     INPUT_PORTS: ClassVar = {
         "file": PortInformation(str, required=False, description="where to save the map, NAME.yaml; else not saved"),
-        "max_time": PortInformation(float, required=False, default_value=900.0, description="seconds, then it ends"),
+        "max_time": BoundedPort(Positive, required=False, default_value=900.0, description="seconds, then it ends"),
     }
     OUTPUT_PORTS: ClassVar = {
         "grid": PortInformation(OccupancyGrid, required=False, description="the map"),

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from annotated_types import Gt, Lt
 from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Pose2D
+from bestman_bt.messages.bounds import Count, Positive
 from bestman_bt.navigation.localization import OdometryScan, Place
 
 KNOWN_POSITION_STD = 0.5
@@ -25,15 +28,15 @@ class Relocalise(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "looks": PortInformation(int, required=False, default_value=4, description="scans, with a turn between them"),
-        "turn": PortInformation(
-            float,
+        "looks": BoundedPort(Count, required=False, default_value=4, description="scans, with a turn between them"),
+        "turn": BoundedPort(
+            Annotated[float, Gt(-math.pi), Lt(math.pi)],
             required=False,
             default_value=math.pi / 2,
             description="radians between two scans, within a half turn",
         ),
-        "certainty": PortInformation(
-            float, required=False, default_value=0.95, description="probability that the place must have, below 1"
+        "certainty": BoundedPort(
+            Positive, required=False, default_value=0.95, description="probability that the place must have, below 1"
         ),
     }
     OUTPUT_PORTS: ClassVar = {
@@ -45,10 +48,6 @@ class Relocalise(Skill):
         """Look, search, turn; then let the tracking settle on what was found."""
         skills = self.skills
         looks, certainty = self.get_input("looks"), self.get_input("certainty")
-        if looks < 1:
-            raise SkillFailure("bad_input", f"looks is {looks}; at least 1 is accepted")
-        if not abs(self.get_input("turn")) < math.pi:
-            raise SkillFailure("bad_input", f"turn is {self.get_input('turn')} rad; less than half a turn is accepted")
         scans: list[OdometryScan] = []
         yield skills.base.park()
         for look in range(looks):
@@ -87,8 +86,8 @@ class InitialPoseReceived(SkillCondition):
     """Whether the base has a pose on the map to go on from: it was told one, or has found it, and has not lost it."""
 
     INPUT_PORTS: ClassVar = {
-        "max_position_std": PortInformation(
-            float, required=False, default_value=KNOWN_POSITION_STD, description="metres, of the believed position"
+        "max_position_std": BoundedPort(
+            Positive, required=False, default_value=KNOWN_POSITION_STD, description="metres, of the believed position"
         )
     }
 

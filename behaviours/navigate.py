@@ -12,7 +12,9 @@ from py_trees.ports import PortInformation
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until
 from bestman_bt.control import READING_ERRORS, ControlHandle
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Positive, WholeNumber
 from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
 from bestman_bt.world_model import BasePose
 
@@ -45,7 +47,9 @@ class NavigateTo(Skill):
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "max_replans": PortInformation(int, required=False, default_value=5, description="recoveries after a block"),
+        "max_replans": BoundedPort(
+            WholeNumber, required=False, default_value=5, description="recoveries after a block"
+        ),
     }
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path that is driven")}
     DECLARATION = Declaration(effects=("at({goal})",))
@@ -178,8 +182,8 @@ class At(SkillCondition):
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "tolerance": PortInformation(float, required=False, default_value=0.05, description="metres"),
-        "heading_tolerance": PortInformation(float, required=False, default_value=0.1, description="radians"),
+        "tolerance": BoundedPort(Positive, required=False, default_value=0.05, description="metres"),
+        "heading_tolerance": BoundedPort(Positive, required=False, default_value=0.1, description="radians"),
     }
 
     def check(self) -> tuple[str, str] | None:

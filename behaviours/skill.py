@@ -16,7 +16,7 @@ from behaviours.failure import Failure
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages import Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
 
 Result = TypeVar("Result")
@@ -88,11 +88,18 @@ class Explained(OnRobot):
     }
 
     def get_input(self, port: str) -> Any:
-        """The value of a port; SkillFailure (``bad_input``) for a number that is none, in a pose or a list, too."""
+        """The value of a port; SkillFailure (``bad_input``) for a number that is none, or a pose too far away."""
         value = super().get_input(port)
         if any(math.isnan(number) for number in _numbers(value)):
             raise SkillFailure("bad_input", f"{port} is {value}; finite numbers are accepted")
+        for pose in value if isinstance(value, Goals) else (value,):
+            if isinstance(pose, Pose2D) and pose.fault:
+                raise SkillFailure("bad_input", f"port '{port}': {pose.fault}")
         return value
+
+    def wrong_input(self, message: str) -> Exception:
+        """SkillFailure (``bad_input``) for a value that a port does not accept."""
+        return SkillFailure("bad_input", message)
 
     def explain(self, code: str, why: str) -> int:
         """Record why the leaf fails; returns FAILURE."""

@@ -45,6 +45,11 @@ class Registry:
         resolved: type = getattr(import_module(module), attribute)
         return resolved
 
+    def of_kind(self, kind: str, base: type) -> dict[str, type]:
+        """The registered subclasses of ``base`` whose names begin with ``kind/``, by what comes after that."""
+        classes = {name.removeprefix(f"{kind}/"): self.resolve(name) for name in self if name.startswith(f"{kind}/")}
+        return {name: cls for name, cls in classes.items() if issubclass(cls, base)}
+
     def _discover(self) -> None:
         if not self._discovered:
             self._discovered = True

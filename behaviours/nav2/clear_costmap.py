@@ -10,10 +10,12 @@ from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import SERVICE, without_meaning
 from behaviours.skill import InstantSkill
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Pose2D
+from bestman_bt.messages.bounds import Positive
 
 PORTS = {**SERVICE, **without_meaning("plugins")}
-RESET_DISTANCE = PortInformation(float, required=False, default_value=1.0, description="metres, the side of a square")
+RESET_DISTANCE = BoundedPort(Positive, required=False, default_value=1.0, description="metres, the side of a square")
 
 
 class ClearEntireCostmap(InstantSkill):

@@ -7,8 +7,9 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import SERVER, named
+from behaviours.nav2.ports import SERVER, PlannerName
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure
 from bestman_bt.navigation.path_pieces import joined
@@ -23,8 +24,11 @@ class _ComputePath(Skill):
     INPUT_PORTS: ClassVar = {
         **SERVER,
         "start": PortInformation(Pose2D, required=False, description="x;y;theta instead of where the base is"),
-        "planner_id": PortInformation(
-            str, required=False, default_value="", description="a global planner, as grid_astar; the configured one"
+        "planner_id": BoundedPort(
+            PlannerName,
+            required=False,
+            default_value="",
+            description="a global planner, as grid_astar; the configured one",
         ),
     }
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path; empty on failure")}
@@ -38,7 +42,7 @@ class _ComputePath(Skill):
         """Plan through ``goals`` and put the path out; how many of them it can get to, and what ended that."""
         skills = self.skills
         name = self.get_input("planner_id")
-        planner = named(skills.planners, name) if name else skills.algorithms.global_planning
+        planner = skills.planners(name) if name else skills.algorithms.global_planning
         begin = skills.world.base.pose if start is None else start
         legs: list[Path2D]
         legs, failure = yield self.compute("global_planning", _legs, planner, begin, goals, skills.seen_costmap())

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, Positive
 from bestman_bt.navigation.global_planning import PlanningFailure
 from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters
 from bestman_bt.navigation.localization import front_edge
@@ -35,12 +37,12 @@ class DockAt(Skill):
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
         "furniture": PortInformation(str, required=False, default_value="", description="whose front is looked at"),
-        "approach": PortInformation(float, required=False, default_value=0.5, description="metres, driven straight"),
-        "tolerance": PortInformation(float, required=False, default_value=0.006, description="metres"),
-        "heading_tolerance": PortInformation(
-            float, required=False, default_value=math.radians(0.6), description="radians"
+        "approach": BoundedPort(Positive, required=False, default_value=0.5, description="metres, driven straight"),
+        "tolerance": BoundedPort(Positive, required=False, default_value=0.006, description="metres"),
+        "heading_tolerance": BoundedPort(
+            Positive, required=False, default_value=math.radians(0.6), description="radians"
         ),
-        "attempts": PortInformation(int, required=False, default_value=3, description="approaches at most"),
+        "attempts": BoundedPort(Count, required=False, default_value=3, description="approaches at most"),
     }
     OUTPUT_PORTS: ClassVar = {
         "docked": PortInformation(Pose2D, required=False, description="the goal, by where the furniture was seen")
@@ -55,8 +57,6 @@ class DockAt(Skill):
         skills = self.skills
         goal, piece = self.get_input("goal"), self._piece()
         approach, attempts = self.get_input("approach"), self.get_input("attempts")
-        if approach <= 0.0 or attempts < 1:
-            raise SkillFailure("bad_input", f"approach is {approach} m, attempts {attempts}; both should be above 0")
         why = ""
         for _ in range(attempts):
             yield from self._stage(goal @ Pose2D(-approach, 0.0, 0.0))

@@ -7,9 +7,10 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import SERVER, named, without_meaning
+from behaviours.nav2.ports import SERVER, FollowerName, without_meaning
 from behaviours.skill import Awaitable, Skill, SkillFailure, Steps
 from bestman_bt.control import READING_ERRORS, ControlHandle
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D
 from bestman_bt.world_model import BasePose
 
@@ -25,8 +26,11 @@ class FollowPath(Skill):
         **SERVER,
         **without_meaning("goal_checker_id", "progress_checker_id", "path_handler_id"),
         "path": PortInformation(Path2D, required=False, description="the path, in the map frame"),
-        "controller_id": PortInformation(
-            str, required=False, default_value="", description="a local planner, as pure_pursuit; the configured one"
+        "controller_id": BoundedPort(
+            FollowerName,
+            required=False,
+            default_value="",
+            description="a local planner, as pure_pursuit; the configured one",
         ),
     }
 
@@ -54,7 +58,7 @@ class FollowPath(Skill):
         skills, controller = self.skills, self.get_input("controller_id")
         self._path, self._controller = path, controller
         self.feedback_message = f"driving {path.length:.1f} m"
-        follower = named(skills.followers, controller) if controller else None
+        follower = skills.followers(controller) if controller else None
         return skills.base.follow(path, skills.costmap(), follower)
 
     def _is_new(self, path: Path2D) -> bool:

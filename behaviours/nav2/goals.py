@@ -10,9 +10,10 @@ from py_trees.ports import PortInformation
 from behaviours.nav2.ports import FRAMES
 from behaviours.navigate import At
 from behaviours.skill import InstantSkill, SkillCondition
-from bestman_bt.engine import Decorator
+from bestman_bt.engine import BoundedPort, Decorator
 from bestman_bt.engine.ports import key_of
 from bestman_bt.messages import Goals, Pose2D
+from bestman_bt.messages.bounds import NonNegative, Positive
 
 WATCHED: dict[str, PortInformation] = {
     "goal": PortInformation(object, required=False, default_value="{goal}", description="what is watched"),
@@ -25,8 +26,8 @@ class GoalReached(At):
 
     INPUT_PORTS: ClassVar = {
         **FRAMES,
-        "tolerance": PortInformation(float, required=False, default_value=0.25, description="metres"),
-        "heading_tolerance": PortInformation(float, required=False, default_value=math.pi, description="radians"),
+        "tolerance": BoundedPort(Positive, required=False, default_value=0.25, description="metres"),
+        "heading_tolerance": BoundedPort(Positive, required=False, default_value=math.pi, description="radians"),
     }
 
 
@@ -66,7 +67,7 @@ class ArePosesNear(SkillCondition):
         **FRAMES,
         "ref_pose": PortInformation(Pose2D, description="x;y;theta"),
         "target_pose": PortInformation(Pose2D, description="x;y;theta"),
-        "tolerance": PortInformation(float, required=False, default_value=0.5, description="metres"),
+        "tolerance": BoundedPort(Positive, required=False, default_value=0.5, description="metres"),
     }
 
     def check(self) -> tuple[str, str] | None:
@@ -81,7 +82,9 @@ class RemovePassedGoals(InstantSkill):
     INPUT_PORTS: ClassVar = {
         **FRAMES,
         "input_goals": PortInformation(Goals, description="x;y;theta;x;y;theta, in driving order"),
-        "radius": PortInformation(float, required=False, default_value=0.5, description="metres that count as passed"),
+        "radius": BoundedPort(
+            NonNegative, required=False, default_value=0.5, description="metres that count as passed"
+        ),
     }
     OUTPUT_PORTS: ClassVar = {"output_goals": PortInformation(Goals, description="those that are left")}
 

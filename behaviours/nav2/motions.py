@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from py_trees.ports import PortInformation
+from annotated_types import Ge, Le
 
-from behaviours.nav2.ports import SERVER, without_meaning
+from behaviours.nav2.ports import SERVER, are_literals, without_meaning
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until
 from bestman_bt.control import ControlHandle
+from bestman_bt.engine import BoundedPort, NotZero
+from bestman_bt.messages.bounds import NonNegative
 from bestman_bt.world_model import BasePose
 
 TURN_AT_ONCE = math.pi / 2
 """Radians; a base turns within ±pi, so longer turns are made of several."""
-TIME_ALLOWANCE = PortInformation(
+Turns = Annotated[float, Ge(-100.0), Le(100.0)]
+"""Radians: sixteen turns at most; who asks for more means another unit."""
+Moving = Annotated[float, NotZero()]
+"""Metres or m/s; nothing moves by none."""
+TIME_ALLOWANCE = BoundedPort(
     float, required=False, default_value=10.0, description="seconds, then it fails as timeout; 0 or less: no limit"
 )
 COLLISION_CHECKS = without_meaning("disable_collision_checks")
@@ -46,7 +52,7 @@ class Spin(_Motion):
 
     INPUT_PORTS: ClassVar = {
         **without_meaning("is_recovery"),
-        "spin_dist": PortInformation(float, required=False, default_value=1.57, description="radians, to the left"),
+        "spin_dist": BoundedPort(Turns, required=False, default_value=1.57, description="radians, to the left"),
     }
 
     def execute(self) -> Steps:
@@ -62,34 +68,46 @@ class DriveOnHeading(_Motion):
     """Drive straight on; the collision monitor stops it before whatever is in the way, which ends it as blocked."""
 
     INPUT_PORTS: ClassVar = {
-        "dist_to_travel": PortInformation(
-            float, required=False, default_value=0.15, description="metres, backwards where it is negative"
+        "dist_to_travel": BoundedPort(
+            Moving,
+            required=False,
+            default_value=0.15,
+            description="metres, backwards where it is negative",
         ),
-        "speed": PortInformation(float, required=False, default_value=0.025, description="m/s, of the distance's sign"),
+        "speed": BoundedPort(Moving, required=False, default_value=0.025, description="m/s, of the distance's sign"),
     }
+
+    def on_load(self) -> None:
+        """Judge the signs where both are literals."""
+        if are_literals(self, "dist_to_travel", "speed") and (words := self._of_two_signs()):
+            raise ValueError(words)
+
+    def _of_two_signs(self) -> str:
+        """In words that distance and speed lead to opposite sides; empty if they do not."""
+        distance, speed = self.get_input("dist_to_travel"), self.get_input("speed")
+        if distance * speed > 0.0:
+            return ""
+        return f"dist_to_travel is {distance} m and speed {speed} m/s; both of one sign are accepted"
 
     def execute(self) -> Steps:
         """Drive."""
-        distance, speed = self.get_input("dist_to_travel"), self.get_input("speed")
-        if distance * speed <= 0.0:
-            text = f"dist_to_travel is {distance} m and speed {speed} m/s; both of one sign and not 0 are accepted"
-            raise SkillFailure("bad_input", text)
-        yield from self.in_time(self.skills.base.drive(distance, abs(speed)), self.end())
+        if words := self._of_two_signs():
+            raise SkillFailure("bad_input", words)
+        distance, speed = self.get_input("dist_to_travel"), abs(self.get_input("speed"))
+        yield from self.in_time(self.skills.base.drive(distance, speed), self.end())
 
 
 class BackUp(_Motion):
     """Drive straight back."""
 
     INPUT_PORTS: ClassVar = {
-        "backup_dist": PortInformation(float, required=False, default_value=0.15, description="metres"),
-        "backup_speed": PortInformation(float, required=False, default_value=0.025, description="m/s"),
+        "backup_dist": BoundedPort(Moving, required=False, default_value=0.15, description="metres"),
+        "backup_speed": BoundedPort(Moving, required=False, default_value=0.025, description="m/s"),
     }
 
     def execute(self) -> Steps:
         """Drive."""
         distance, speed = abs(self.get_input("backup_dist")), abs(self.get_input("backup_speed"))
-        if not distance or not speed:
-            raise SkillFailure("bad_input", f"backup_dist is {distance} m, backup_speed {speed} m/s; neither may be 0")
         yield from self.in_time(self.skills.base.drive(-distance, speed), self.end())
 
 
@@ -98,12 +116,10 @@ class Wait(Skill):
 
     INPUT_PORTS: ClassVar = {
         **SERVER,
-        "wait_duration": PortInformation(float, required=False, default_value=1.0, description="seconds"),
+        "wait_duration": BoundedPort(NonNegative, required=False, default_value=1.0, description="seconds"),
     }
 
     def execute(self) -> Steps:
         """Wait."""
         duration = self.get_input("wait_duration")
-        if not (math.isfinite(duration) and duration >= 0.0):
-            raise SkillFailure("bad_input", f"wait_duration is {duration} s; 0 or more is accepted")
         yield self.skills.computation.submit(lambda: None, duration)

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import SERVER
+from behaviours.nav2.ports import SERVER, without_meaning
 from behaviours.navigate import NavigateTo
 from behaviours.skill import Declaration, SkillFailure, Steps
 from bestman_bt.messages import Goals
@@ -23,6 +23,7 @@ class NavigateThroughPoses(NavigateTo):
 
     INPUT_PORTS: ClassVar = {
         **SERVER,
+        **without_meaning("goal"),
         "goals": PortInformation(Goals, description="x;y;theta;x;y;theta in the map frame, metres and radians"),
     }
     DECLARATION = Declaration()

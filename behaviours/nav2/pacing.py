@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 from py_trees.ports import PortInformation
 
 from behaviours.nav2.goals import WATCHED
-from behaviours.nav2.ports import FRAMES
+from behaviours.nav2.ports import FRAMES, are_literals
 from behaviours.skill import OnRobot
-from bestman_bt.engine import IDLE, RUNNING, SKIPPED, SUCCESS, Decorator
+from bestman_bt.engine import IDLE, RUNNING, SKIPPED, SUCCESS, BoundedPort, Decorator
 from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.messages.bounds import NonNegative, Positive
 
 
 class SpeedController(OnRobot, Decorator):
@@ -22,16 +23,18 @@ class SpeedController(OnRobot, Decorator):
 
     INPUT_PORTS: ClassVar = {
         **WATCHED,
-        "min_rate": PortInformation(float, required=False, default_value=0.1, description="hertz, above 0"),
-        "max_rate": PortInformation(float, required=False, default_value=1.0, description="hertz"),
-        "min_speed": PortInformation(float, required=False, default_value=0.0, description="m/s"),
-        "max_speed": PortInformation(float, required=False, default_value=0.5, description="m/s"),
+        "min_rate": BoundedPort(Positive, required=False, default_value=0.1, description="hertz, above 0"),
+        "max_rate": BoundedPort(Positive, required=False, default_value=1.0, description="hertz"),
+        "min_speed": BoundedPort(NonNegative, required=False, default_value=0.0, description="m/s"),
+        "max_speed": BoundedPort(Positive, required=False, default_value=0.5, description="m/s"),
     }
 
     def on_load(self) -> None:
-        """Begin with no time running."""
+        """Begin with no time running; judge the limits where all are literals."""
         self._since, self._period, self._due = 0.0, 0.0, True
         self._goals: tuple[Any, Any] = (None, None)
+        if are_literals(self, "min_rate", "max_rate", "min_speed", "max_speed"):
+            self._limits()
 
     def on_tick(self) -> int:
         """Tick the child if it runs or is due."""
@@ -50,13 +53,19 @@ class SpeedController(OnRobot, Decorator):
 
     def _rate(self) -> float:
         """Hertz at which the base's speed asks for the child."""
-        low, high = self.get_input("min_rate"), self.get_input("max_rate")
-        slow, fast = self.get_input("min_speed"), self.get_input("max_speed")
-        if not (0.0 < low <= high and slow < fast):
-            raise self.error("rates should be above 0, and each maximum above its minimum")
+        low, high, slow, fast = self._limits()
         velocity = self.skills.base.velocity()
         share = (math.hypot(velocity.vx, velocity.vy) - slow) / (fast - slow)
         return float(low + min(max(share, 0.0), 1.0) * (high - low))
+
+    def _limits(self) -> tuple[float, float, float, float]:
+        low, high = self.get_input("min_rate"), self.get_input("max_rate")
+        slow, fast = self.get_input("min_speed"), self.get_input("max_speed")
+        if low > high:
+            raise self.error(f"min_rate is {low} Hz and max_rate {high} Hz, but the minimum is not above the maximum")
+        if slow >= fast:
+            raise self.error(f"min_speed is {slow} m/s and max_speed {fast} m/s, but the minimum is below the maximum")
+        return low, high, slow, fast
 
 
 class DistanceController(OnRobot, Decorator):
@@ -64,7 +73,7 @@ class DistanceController(OnRobot, Decorator):
 
     INPUT_PORTS: ClassVar = {
         **FRAMES,
-        "distance": PortInformation(float, required=False, default_value=1.0, description="metres, as the crow flies"),
+        "distance": BoundedPort(Positive, required=False, default_value=1.0, description="metres, as the crow flies"),
     }
 
     def on_load(self) -> None:
@@ -95,8 +104,8 @@ class PathLongerOnApproach(Decorator):
 
     INPUT_PORTS: ClassVar = {
         "path": PortInformation(Path2D, required=False, description="the path that is planned again and again"),
-        "prox_len": PortInformation(float, required=False, default_value=3.0, description="metres that count as close"),
-        "length_factor": PortInformation(float, required=False, default_value=2.0, description="that counts as longer"),
+        "prox_len": BoundedPort(Positive, required=False, default_value=3.0, description="metres that count as close"),
+        "length_factor": BoundedPort(Positive, required=False, default_value=2.0, description="that counts as longer"),
     }
 
     def on_load(self) -> None:

@@ -8,16 +8,16 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, without_meaning
-from behaviours.skill import InstantSkill, SkillCondition, SkillFailure
+from behaviours.nav2.ports import FRAMES, SERVER, SERVICE, SmootherName, without_meaning
+from behaviours.skill import InstantSkill, SkillCondition
+from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Goals, Path2D, Pose2D
+from bestman_bt.messages.bounds import NonNegative, Positive
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.navigation.local_planning import SweptPath
 from bestman_bt.navigation.path_pieces import before_goal, nearest_along, piece
 from bestman_bt.navigation.path_smoothing import PathSmoother
 
-SMOOTHERS = ("", "simple_smoother")
-"""Names of the one smoother that there is."""
 LEAVES = 1e-3
 """Metres by which interpolation may make a place that is left seem nearer."""
 PATH = PortInformation(Path2D, description="the path")
@@ -28,7 +28,7 @@ class TruncatePath(InstantSkill):
 
     INPUT_PORTS: ClassVar = {
         "input_path": PATH,
-        "distance": PortInformation(float, required=False, default_value=1.0, description="metres from the end"),
+        "distance": BoundedPort(float, required=False, default_value=1.0, description="metres from the end"),
     }
     OUTPUT_PORTS: ClassVar = {"output_path": PATH}
 
@@ -46,10 +46,10 @@ class TruncatePathLocal(InstantSkill):
         **FRAMES,
         **without_meaning("transform_tolerance", "angular_distance_weight"),
         "input_path": PATH,
-        "distance_forward": PortInformation(
+        "distance_forward": BoundedPort(
             float, required=False, default_value=8.0, description="metres ahead; below 0: to its end"
         ),
-        "distance_backward": PortInformation(float, required=False, default_value=4.0, description="metres behind"),
+        "distance_backward": BoundedPort(NonNegative, required=False, default_value=4.0, description="metres behind"),
         "pose": PortInformation(Pose2D, required=False, description="x;y;theta instead of where the base is"),
         "max_robot_pose_search_dist": PortInformation(
             float,
@@ -86,7 +86,7 @@ class SmoothPath(InstantSkill):
         "check_for_collisions": PortInformation(
             bool, required=False, default_value=False, description="keep the path as it was where it would touch"
         ),
-        "smoother_id": PortInformation(str, required=False, default_value="", description="simple_smoother"),
+        "smoother_id": BoundedPort(SmootherName, required=False, default_value="", description="simple_smoother"),
     }
     OUTPUT_PORTS: ClassVar = {
         "smoothed_path": PATH,
@@ -95,9 +95,7 @@ class SmoothPath(InstantSkill):
 
     def act(self) -> None:
         """Smooth."""
-        smoother = self.get_input("smoother_id")
-        if smoother not in SMOOTHERS:
-            raise SkillFailure("bad_input", f"smoother_id is {smoother!r}; there is {SMOOTHERS[1]}")
+        self.get_input("smoother_id")  # read to be checked where it is an entry: it must name what there is
         path: Path2D = self.get_input("unsmoothed_path")
         smoothed = PathSmoother().smooth(path)
         touches = (
@@ -115,7 +113,7 @@ class IsPathValid(SkillCondition):
         **without_meaning("max_cost", "consider_unknown_as_obstacle", "layer_name", "footprint"),
         **without_meaning("stop_at_first_collision"),
         "path": PATH,
-        "max_lookahead_distance": PortInformation(
+        "max_lookahead_distance": BoundedPort(
             float, required=False, default_value=-1.0, description="metres ahead that are looked at; below 0: all"
         ),
     }
@@ -147,7 +145,7 @@ class IsGoalNearby(SkillCondition):
     INPUT_PORTS: ClassVar = {
         **FRAMES,
         "path": PortInformation(Path2D, required=False, description="the path; none is not near"),
-        "proximity_threshold": PortInformation(float, required=False, default_value=1.0, description="metres"),
+        "proximity_threshold": BoundedPort(Positive, required=False, default_value=1.0, description="metres"),
         "max_robot_pose_search_dist": PortInformation(
             float,
             required=False,

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Annotated, Any
 
 from py_trees.ports import PortInformation
 
-from behaviours.skill import SkillFailure
+from bestman_bt.engine import Node, OneOf
+from bestman_bt.engine.ports import key_of
+from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.navigation.local_planning import PathFollower
+from bestman_bt.registry import ALGORITHMS
 
-Algorithm = TypeVar("Algorithm")
+PlannerName = Annotated[str, OneOf(lambda: ["", *ALGORITHMS.of_kind("global_planning", GlobalPlanner)])]
+FollowerName = Annotated[str, OneOf(lambda: ["", *ALGORITHMS.of_kind("local_planning", PathFollower)])]
+SmootherName = Annotated[str, OneOf(lambda: ("", "simple_smoother"))]
+"""Names of algorithms; an empty one is what is configured, or the only one that there is."""
 
 
 def without_meaning(*names: str) -> dict[str, PortInformation]:
@@ -25,9 +31,6 @@ SERVICE = without_meaning("service_name", "server_timeout")
 FRAMES = without_meaning("global_frame", "robot_base_frame")
 
 
-def named(by_name: Callable[[str], Algorithm], name: str) -> Algorithm:
-    """The algorithm that a port names; SkillFailure (``bad_input``) where there is none of that name."""
-    try:
-        return by_name(name)
-    except LookupError as error:
-        raise SkillFailure("bad_input", str(error)) from error
+def are_literals(node: Node, *ports: str) -> bool:
+    """Whether none of the ports is mapped to an entry: what they say together can be judged when the tree is loaded."""
+    return all(key_of(node.attributes.get(port, ""), port) is None for port in ports)

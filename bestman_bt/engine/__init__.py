@@ -6,6 +6,7 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine.authoring import build_tree, load_python_tree
 from bestman_bt.engine.blackboard import Blackboard, Entry
+from bestman_bt.engine.bounds import BoundedPort, NotZero, OneOf
 from bestman_bt.engine.clock import Clock, ManualClock, WakeableClock, WallClock
 from bestman_bt.engine.controls import (
     AsyncFallback,
@@ -117,6 +118,7 @@ __all__ = [
     "Blackboard",
     "BlackboardBackup",
     "BlackboardError",
+    "BoundedPort",
     "Clock",
     "Condition",
     "ConsumeQueue",
@@ -150,6 +152,8 @@ __all__ = [
     "NodeInfo",
     "NodeRegistry",
     "NodeStatus",
+    "NotZero",
+    "OneOf",
     "Output",
     "Parallel",
     "ParallelAll",

@@ -17,8 +17,9 @@ from bestman_bt.engine.errors import BlackboardError, EngineError, Problem, Tree
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.place import Place
 from bestman_bt.engine.ports import key_of, outer_key_of
-from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest
+from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.tree import Tree
 from bestman_bt.engine.xml.checking import PRE_CONDITIONS, Checker
 from bestman_bt.engine.xml.documents import Documents, read_documents

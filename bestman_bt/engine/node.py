@@ -206,6 +206,10 @@ class Node(PyTreesFace):
             writer = writers[port] = make_writer(self, port)
         writer(value)
 
+    def wrong_input(self, message: str) -> Exception:
+        """Return what reading a port raises where the entry has a value that the port does not accept."""
+        return self.error(message)
+
     def error(self, message: str) -> NodeError:
         """Return a ``NodeError`` that names this node."""
         return NodeError(message, node=self.path, node_type=self.type_id)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from py_trees.ports import PortInformation
 
+from bestman_bt.engine.bounds import BoundedPort, refusal
 from bestman_bt.engine.conversion import UNTYPED, cast, type_name
 from bestman_bt.engine.errors import BlackboardError, ConversionError
 
@@ -25,7 +26,7 @@ class Port:
     """One declared port; ``direction`` is ``input``, ``output`` or ``inout``.
 
     ``required``: it must be given. ``strict``: an entry that it is mapped to must have a value, also where the port
-    has a default for when it is not given.
+    has a default for when it is not given. ``bounds``: what a value must keep to; None: to its type alone.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Port:
     default: Any
     description: str
     strict: bool = False
+    bounds: tuple[Any, ...] | None = None
 
     @property
     def type_name(self) -> str:
@@ -64,6 +66,7 @@ def declared_ports(cls: type[Node]) -> dict[str, Port]:
             information.default_value,
             information.description,
             information.required,
+            information.bounds if isinstance(information, BoundedPort) else None,
         )
     return ports
 
@@ -103,7 +106,8 @@ def make_reader(node: Node, name: str) -> Callable[[], Any]:
     key = key_of(attribute, name)
     if key is None:
         return _constant(node, port, attribute)
-    return _entry_reader(node, port, node.board.slot(key), key)
+    read = _entry_reader(node, port, node.board.slot(key), key)
+    return read if port.bounds is None else _bounded(node, port, port.bounds, read)
 
 
 def _constant(node: Node, port: Port, attribute: Any) -> Callable[[], Any]:
@@ -136,6 +140,17 @@ def _entry_reader(node: Node, port: Port, slot: Slot, key: str) -> Callable[[], 
             raise node.error(f"port '{port.name}' from '{{{key}}}': {error}") from error
 
     return read
+
+
+def _bounded(node: Node, port: Port, bounds: tuple[Any, ...], read: Callable[[], Any]) -> Callable[[], Any]:
+    def read_within() -> Any:
+        value = read()
+        message = "" if value is None else refusal(value, bounds)
+        if message:
+            raise node.wrong_input(f"port '{port.name}': {message}")
+        return value
+
+    return read_within
 
 
 def make_writer(node: Node, name: str) -> Callable[[Any], None]:

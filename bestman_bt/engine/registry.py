@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from bestman_bt.engine import catalogue
 from bestman_bt.engine.conversion import UNTYPED, Converter, ConverterRegistry
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.ports import Port, declared_ports
+from bestman_bt.engine.spelling import closest
 
 
 class RegistryError(EngineError):
@@ -23,8 +22,8 @@ class RegistryError(EngineError):
 class NodeInfo:
     """One entry of the palette.
 
-    ``kind`` is Action, Condition, Control, Decorator or SubTree; ``checks`` holds, for each typed input port, the
-    converter that its literals must pass.
+    ``kind`` is Action, Condition, Control, Decorator or SubTree; ``checks`` holds, for each typed or bounded input
+    port, the converter that its literals must pass.
     """
 
     name: str
@@ -148,22 +147,13 @@ class NodeRegistry:
         return sorted(self._infos.values(), key=lambda info: info.name)
 
 
-def closest(name: str, known: Any) -> str:
-    """Return the item of ``known`` that is spelled most like ``name``, or an empty text."""
-    names = list(known)
-    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    if not matches:
-        lowered = {other.lower(): other for other in names}
-        matches = [lowered[m] for m in difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)]
-    return matches[0] if matches else ""
-
-
 def make_info(name: str, cls: type[Node], converters: ConverterRegistry, *, builtin: bool) -> NodeInfo:
     """Describe a node class."""
     ports = declared_ports(cls)
     checks: dict[str, Converter | None] = {}
     for port in ports.values():
-        if port.direction != "output" and port.data_type not in UNTYPED and port.data_type is not str:
+        typed = port.data_type not in UNTYPED and port.data_type is not str
+        if port.direction != "output" and (typed or port.bounds is not None):
             checks[port.name] = converters.converter(port.data_type)
     kind = cls.KIND
     low, high = getattr(cls, "MIN_CHILDREN", 0), getattr(cls, "MAX_CHILDREN", None)

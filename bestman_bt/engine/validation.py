@@ -16,8 +16,9 @@ from bestman_bt.engine.loading import check_documents, load_tree, main_tree_of
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.reachability import unreachable_children
-from bestman_bt.engine.registry import NodeRegistry, closest
+from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.tree import Tree
 from bestman_bt.engine.xml.documents import Documents, read_documents
 

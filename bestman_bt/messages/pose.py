@@ -10,6 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages.frozen_array import frozen_array
 
+MAX_HEADING = 4.0 * math.pi
+"""Radians; beyond, degrees are meant, or a number has gone wrong."""
+MAX_COORDINATE = 1e5
+"""Metres."""
+
 
 def wrap_angle(angle: float) -> float:
     """Return ``angle`` in radians, wrapped to [-pi, pi)."""
@@ -177,7 +182,19 @@ class Pose2D:
     @classmethod
     def from_string(cls, text: str) -> Pose2D:
         """Parse ``x;y`` or ``x;y;theta`` (metres, radians), the form of a port literal."""
-        return cls(*_parse_numbers(text, (2, 3), "a planar pose 'x;y' or 'x;y;theta' (metres, radians)"))
+        pose = cls(*_parse_numbers(text, (2, 3), "a planar pose 'x;y' or 'x;y;theta' (metres, radians)"))
+        if pose.fault:
+            raise ValueError(pose.fault)
+        return pose
+
+    @property
+    def fault(self) -> str:
+        """In words why nobody can be asked to drive there: too large a heading, too far away; else empty."""
+        if not abs(self.theta) <= MAX_HEADING:
+            return f"theta is {self.theta:.6g} rad; at most two turns, ±{MAX_HEADING:.2f} rad, are accepted"
+        if not max(abs(self.x), abs(self.y)) <= MAX_COORDINATE:
+            return f"x is {self.x:.6g} m and y {self.y:.6g} m; at most ±{MAX_COORDINATE:.6g} m are accepted"
+        return ""
 
     @property
     def xy(self) -> NDArray[np.float64]:

@@ -118,9 +118,3 @@ def test_a_building_that_is_not_on_the_map_is_told(anywhere, monkeypatch) -> Non
     elsewhere = SemanticMap(np.hstack([corners, np.roll(corners, -1, axis=0)]), {})
     monkeypatch.setattr(session.skills.world, "map", elsewhere)
     assert why_not(session, '<Relocalise looks="1"/>')[0] == "not_on_map"
-
-
-@pytest.mark.parametrize("ports", ['looks="0"', 'turn="4.0"'])
-def test_ports_out_of_range_are_refused(anywhere, ports) -> None:
-    session, _ = anywhere()
-    assert why_not(session, f"<Relocalise {ports}/>")[0] == "bad_input"

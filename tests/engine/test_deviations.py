@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import pytest
+from annotated_types import Gt
 
 from bestman_bt.engine import (
     FAILURE,
     RUNNING,
     SUCCESS,
+    BoundedPort,
     ManualClock,
     NodeError,
     NodeRegistry,
@@ -127,3 +131,16 @@ def test_not_a_number_is_refused_as_the_literal_of_a_port_for_numbers() -> None:
     assert load_tree(text.format("1"), registry).nodes
     with pytest.raises(TreeLoadError, match="'nan' is not a number"):
         load_tree(text.format("nan"), registry)
+
+
+@pytest.mark.parametrize("literal", ["0", "50cm"])
+def test_a_literal_out_of_the_bounds_of_a_port_or_with_a_unit_behind_it_is_refused(literal) -> None:
+    class Drive(SyncAction):
+        INPUT_PORTS = {"distance": BoundedPort(Annotated[float, Gt(0)])}
+
+    registry = NodeRegistry()
+    registry.register(Drive)
+    text = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Drive distance="{}"/></BehaviorTree></root>'
+    assert load_tree(text.format("0.5"), registry).nodes
+    with pytest.raises(TreeLoadError, match="port 'distance': .* is not accepted"):
+        load_tree(text.format(literal), registry)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from py_trees.ports import PortInformation
+from typing import Annotated
 
+from annotated_types import Gt
+
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.status import IDLE, RUNNING, SUCCESS
 
@@ -11,7 +14,7 @@ from bestman_bt.engine.status import IDLE, RUNNING, SUCCESS
 class RateController(Decorator):
     """Ticks its child when it starts, while it runs, and then once per period of ``hz``; RUNNING in between."""
 
-    INPUT_PORTS = {"hz": PortInformation(float, False, "Rate", 10.0)}
+    INPUT_PORTS = {"hz": BoundedPort(Annotated[float, Gt(0)], False, "Rate", 10.0)}
 
     def on_load(self) -> None:
         """Begin with no time running."""

@@ -6,11 +6,13 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from bestman_bt.engine.bounds import refusal
 from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
 from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
 from bestman_bt.engine.ports import key_of
-from bestman_bt.engine.registry import NodeInfo, NodeRegistry, closest
+from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler, assigns_to_no_key
+from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.status import NodeStatus
 from bestman_bt.engine.xml.documents import Documents, TreeDefinition
 from bestman_bt.engine.xml.elements import Element
@@ -193,7 +195,15 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
             typed = cast(value, port.data_type, registry.converters)
     except ConversionError as error:
         return str(error)
-    return f"{value!r} is not a number" if _holds_nan(typed) else ""
+    if _holds_nan(typed):
+        return f"{value!r} is not a number"
+    if port.bounds is None:
+        return ""
+    if isinstance(value, str) and partly_read(value, port.data_type):
+        number = "a whole number" if port.data_type is int else "a number"
+        means = f" ({port.description})" if port.description else ""
+        return f"{value!r} is not accepted, but {number} alone, without a unit{means}"
+    return refusal(typed, port.bounds)
 
 
 def _holds_nan(value: Any) -> bool:

@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from bestman_bt.engine import RUNNING, SUCCESS
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import wrap_angle
-from tests.behaviours.at_the_table import PERIOD, fastest, tick, tree_of
+from tests.behaviours.at_the_table import PERIOD, failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import succeeds, why_not
 
 
@@ -65,16 +65,22 @@ def test_waiting_lets_so_much_time_pass(driver) -> None:
 
 
 @pytest.mark.parametrize(
-    "body",
+    ("leaf", "port", "value"),
     [
-        '<DriveOnHeading dist_to_travel="0.2" speed="-0.1"/>',
-        '<DriveOnHeading dist_to_travel="0" speed="0.1"/>',
-        '<BackUp backup_speed="0"/>',
-        '<Wait wait_duration="-1"/>',
+        ('DriveOnHeading speed="-0.1"', "dist_to_travel", 0.2),
+        ("DriveOnHeading", "dist_to_travel", 0.0),
+        ("Spin", "spin_dist", math.inf),
+        ("BackUp", "backup_speed", 0.0),
+        ("Wait", "wait_duration", -1.0),
     ],
 )
-def test_ports_out_of_range_are_refused(driver, body) -> None:
-    assert why_not(driver, body)[0] == "bad_input"
+def test_entries_out_of_range_are_bad_input(driver, leaf, port, value) -> None:
+    tree = driver.load(tree_of(f'<{leaf} {port}="{{entry}}"/>'))
+    tree.blackboard.set("entry", value)
+    assert tick(tree) == FAILURE
+    code, words = failures_of(driver)[0]
+    assert code == "bad_input"
+    assert port in words
 
 
 def test_a_wall_ends_a_drive_before_it_is_touched_and_the_base_counts_as_stuck(kitchen) -> None:

@@ -1,0 +1,90 @@
+"""What a port accepts beyond its type: the bounds of ``annotated_types``, and names out of a list."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import Annotated, Any, get_args, get_origin
+
+from annotated_types import Ge, GroupedMetadata, Gt, Le, Lt
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine.spelling import closest
+
+
+@dataclass(frozen=True)
+class OneOf:
+    """One of the names that ``names`` returns when a value is checked, for what is registered may grow."""
+
+    names: Callable[[], Collection[str]]
+
+
+@dataclass(frozen=True)
+class NotZero:
+    """Any number but 0."""
+
+
+@dataclass(frozen=True)
+class BoundedPort(PortInformation):
+    """A port that says what it accepts, as ``BoundedPort(Annotated[float, Gt(0)])``: other literals do not load.
+
+    Its numbers are finite, and a literal is the number alone: ``50cm`` is not read as 50.
+    """
+
+    bounds: tuple[Any, ...] = field(default=(), init=False)
+
+    def __post_init__(self) -> None:
+        if get_origin(self.data_type) is Annotated:
+            data_type, *bounds = get_args(self.data_type)
+            object.__setattr__(self, "data_type", data_type)
+            object.__setattr__(self, "bounds", tuple(_flat(bounds)))
+        super().__post_init__()
+        if self.has_default and (message := refusal(self.default_value, self.bounds)):
+            raise ValueError(f"default: {message}")
+
+
+def refusal(value: Any, bounds: Iterable[Any]) -> str:
+    """Return why ``value`` is not accepted, in words, or an empty text."""
+    wanted = []
+    wrong = isinstance(value, float) and not math.isfinite(value)
+    for bound in bounds:
+        if isinstance(bound, OneOf):
+            return _unknown(value, bound.names())
+        holds, words = _condition(value, bound)
+        wanted.append(words)
+        wrong = wrong or not holds
+    number = "a whole number" if isinstance(value, int) else "a finite number"
+    return f"{value!r} is not accepted, but {' '.join([number, ' and '.join(wanted)]).strip()}" if wrong else ""
+
+
+def _flat(bounds: Iterable[Any]) -> Iterator[Any]:
+    for bound in bounds:
+        if isinstance(bound, GroupedMetadata):
+            yield from _flat(bound)
+        else:
+            yield bound
+
+
+def _condition(value: Any, bound: Any) -> tuple[bool, str]:
+    """Whether a number keeps to a bound, and what that asks for."""
+    match bound:
+        case Gt(gt=limit):
+            return value > limit, f"above {limit:.6g}"
+        case Ge(ge=limit):
+            return value >= limit, f"of {limit:.6g} or more"
+        case Lt(lt=limit):
+            return value < limit, f"below {limit:.6g}"
+        case Le(le=limit):
+            return value <= limit, f"of {limit:.6g} or less"
+        case NotZero():
+            return value != 0, "other than 0"
+    raise TypeError(f"{bound!r} is no bound of a port; Gt, Ge, Lt, Le, Interval, NotZero and OneOf are")
+
+
+def _unknown(name: str, names: Collection[str]) -> str:
+    if name in names:
+        return ""
+    known = ", ".join(repr(known) for known in sorted(filter(None, names)))
+    hint = closest(name, names)
+    return f"there is no {name!r}" + (f"; did you mean {hint!r}?" if hint else "") + f" (known: {known})"

@@ -1,0 +1,16 @@
+"""The known name that a misspelt one probably means."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any
+
+
+def closest(name: str, known: Any) -> str:
+    """Return the item of ``known`` that is spelled most like ``name``, or an empty text."""
+    names = list(known)
+    matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
+    if not matches:
+        lowered = {other.lower(): other for other in names}
+        matches = [lowered[m] for m in difflib.get_close_matches(name.lower(), list(lowered), n=1, cutoff=0.6)]
+    return matches[0] if matches else ""

@@ -1,0 +1,36 @@
+"""Numbers with a range, for the fields of parameter dataclasses: wrong ones are refused where a configuration is read.
+
+The types say what a value may be and cost nothing at run time. Every number of a configuration has to be finite, so no
+type says that.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+Positive = Annotated[float, Gt(0)]
+NonNegative = Annotated[float, Ge(0)]
+Share = Annotated[float, Ge(0), Le(1)]
+PositiveShare = Annotated[float, Gt(0), Le(1)]
+WholeNumber = Annotated[int, Ge(0)]
+Count = Annotated[int, Ge(1)]
+Several = Annotated[int, Ge(2)]
+
+
+class OrderError(ValueError):
+    """Two ``fields`` are each right, and wrong together."""
+
+    def __init__(self, message: str, fields: tuple[str, str]) -> None:
+        super().__init__(message)
+        self.fields = fields
+
+
+def check_order(parameters: object, *names: str) -> None:
+    """OrderError where a field is larger than the next one that is named, for ``__post_init__`` of parameters."""
+    for low, high in pairwise(names):
+        smaller, larger = getattr(parameters, low), getattr(parameters, high)
+        if smaller > larger:
+            raise OrderError(f"{low} ({smaller:g}) should not be larger than {high} ({larger:g})", (low, high))
