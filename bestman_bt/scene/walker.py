@@ -10,7 +10,7 @@ class Walker:
     """``route``: points in the map frame, metres, a closed round that begins at the first one and goes on without end.
 
     ``radius``, ``height`` in metres, ``mass`` in kilograms, ``speed`` in m/s. ``considerate``: it stops before the
-    robot; another one walks on as if the robot was not there.
+    robot and before other walkers; another one walks on as if nobody was there.
     """
 
     name: str

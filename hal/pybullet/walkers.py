@@ -20,8 +20,10 @@ AHEAD = 0.25
 """Metres along its round to the point that a walker makes for."""
 STOPS_BEFORE = 0.9
 """Metres between the middles of a considerate walker and the robot, beyond the walker's radius, at which it stops."""
+BEHIND_OTHERS = 0.15
+"""Metres between two walkers at which a considerate one stops behind another: it does not push."""
 IN_FRONT = math.radians(70.0)
-"""From its direction, each way: where a considerate walker minds the robot."""
+"""From its direction, each way: where a considerate walker minds the robot and others."""
 PATIENCE = 4.0
 """Seconds after which a walker that does not get on turns round, whoever or whatever is in its way."""
 GETS_ON = 0.15
@@ -73,17 +75,20 @@ class Walkers:
     def update(self, now: float) -> None:
         """Before each control period; ``now``: seconds since the scene was built."""
         robot, _ = self._reader.getBasePositionAndOrientation(self._robot)
-        for walk in self._walks:
-            start = walk.walker.route[0]
-            (x, *_), (y, *_) = self._read(walk.body, walk.slides)
-            here = (start[0] + x, start[1] + y)
+        places = [self._place(walk) for walk in self._walks]
+        for walk, here in zip(self._walks, places, strict=True):
             self._turn_if_stuck(walk, here, now)
-            direction = _direction(walk, here)
-            waits = walk.walker.considerate and _minds(walk.walker, here, direction, robot)
+            direction, radius = _direction(walk, here), walk.walker.radius
+            waits = walk.walker.considerate and _is_ahead(here, direction, robot[:2], STOPS_BEFORE + radius)
             if waits and not walk.waits:
                 self.log.append(Finding(now, f"{walk.walker.name} stops before the robot"))
             walk.waits = waits
-            speed = 0.0 if waits else walk.walker.speed
+            queues = walk.walker.considerate and any(
+                _is_ahead(here, direction, place, BEHIND_OTHERS + radius + other.walker.radius)
+                for other, place in zip(self._walks, places, strict=True)
+                if other is not walk
+            )
+            speed = 0.0 if waits or queues else walk.walker.speed
             self._drive(
                 walk.body,
                 walk.slides,
@@ -91,6 +96,11 @@ class Walkers:
                 targetVelocities=[speed * direction[0], speed * direction[1]],
                 forces=[FORCE, FORCE],
             )
+
+    def _place(self, walk: _Walk) -> tuple[float, float]:
+        (x, *_), (y, *_) = self._read(walk.body, walk.slides)
+        start = walk.walker.route[0]
+        return start[0] + x, start[1] + y
 
     def _turn_if_stuck(self, walk: _Walk, here: tuple[float, float], now: float) -> None:
         if math.dist(here, walk.place) > GETS_ON:
@@ -116,14 +126,12 @@ def _direction(walk: _Walk, here: tuple[float, float]) -> tuple[float, float]:
     return dx / length, dy / length
 
 
-def _minds(
-    walker: Walker, here: tuple[float, float], direction: tuple[float, float], robot: tuple[float, float, float]
+def _is_ahead(
+    here: tuple[float, float], direction: tuple[float, float], there: tuple[float, float], within: float
 ) -> bool:
-    dx, dy = robot[0] - here[0], robot[1] - here[1]
+    dx, dy = there[0] - here[0], there[1] - here[1]
     distance = math.hypot(dx, dy)
-    if distance > STOPS_BEFORE + walker.radius:
-        return False
-    return dx * direction[0] + dy * direction[1] > distance * math.cos(IN_FRONT)
+    return distance < within and dx * direction[0] + dy * direction[1] > distance * math.cos(IN_FRONT)
 
 
 def _length(route: NDArray[np.float64]) -> float:

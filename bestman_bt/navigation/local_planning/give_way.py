@@ -40,7 +40,7 @@ class GiveWay:
     def share(self, pose: Pose2D, twist: Twist2D, moving: Sequence[MovingObstacle]) -> float:
         """How much of ``twist``, 0 to 1, a base at ``pose`` may drive.
 
-        Whoever is not come nearer to than by standing still is no reason to stand: the base may drive out of the way.
+        Where somebody comes who would walk into it even if it stood, it may drive out of the way, and else stands.
         """
         if not moving or (twist.vx == twist.vy == twist.wz == 0.0):
             return 1.0
@@ -49,7 +49,7 @@ class GiveWay:
         for share in self._parameters.shares:
             driving = self._distances(pose, Twist2D(share * twist.vx, share * twist.vy, share * twist.wz), tracks)
             into = (driving < 0.0) & (driving < driving[0] - self._parameters.nearer)
-            into &= driving.min(axis=0) < standing.min(axis=0) - self._parameters.nearer
+            into &= driving.min(axis=0) < standing.min(axis=0) + self._parameters.nearer
             if not into.any():
                 return share
         return 0.0

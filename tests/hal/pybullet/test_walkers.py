@@ -136,6 +136,21 @@ def test_people_who_run_into_each_other_are_not_held_against_the_run(
     ]
 
 
+def test_a_considerate_walker_stops_behind_a_slower_one_and_does_not_push_it(
+    model: RobotModel, world_with: Callable[..., World]
+) -> None:
+    (fast,) = world_with(True, speed=0.8, route=[(x, 1.0) for x in np.arange(0.4, 2.2, 0.1)]).walkers
+    slow = replace(fast, name="walker_2", speed=0.2, route=fast.route[8:] + fast.route[:8])  # 0.8 m ahead
+    with running(model, replace(world_with(True), walkers=(fast, slow))) as (robot, truth):
+        gaps = []
+        for _ in range(60):
+            robot.clock.sleep(0.05)
+            places = [np.array(truth.walker_position(name)) for name in ("walker_1", "walker_2")]
+            gaps.append(float(np.linalg.norm(places[0] - places[1])) - slow.radius - fast.radius)
+    assert gaps[0] > 0.2
+    assert 0.0 < min(gaps) < 0.16
+
+
 @pytest.mark.parametrize("considerate", [True, False])
 def test_a_robot_that_drives_into_a_walker_has_collided(
     model: RobotModel, world_with: Callable[..., World], considerate: bool

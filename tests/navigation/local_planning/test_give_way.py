@@ -31,6 +31,11 @@ def test_it_stands_for_somebody_who_comes_towards_it():
     assert share((1.5, 0.0, -0.6, 0.0)) < 0.5
 
 
+def test_it_does_not_turn_towards_somebody_who_would_walk_into_it_anyway():
+    turning = Twist2D(vx=0.22, wz=-0.7)
+    assert share((0.72, -0.25, -0.6, 0.2), twist=turning) == 0.0
+
+
 @pytest.mark.parametrize("walker", [(-1.2, 0.0, 0.7, 0.0), (-0.2, 1.2, 0.0, -0.6)])
 def test_it_drives_on_out_of_the_way_of_somebody_who_comes_from_behind_or_aside(walker):
     assert share(walker) == 1.0
