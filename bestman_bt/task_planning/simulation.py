@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeGuard
 
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import (
@@ -190,16 +190,16 @@ def _with_stubs(source: str | Path, subtrees: Sequence[Operator]) -> str:
     return document.to_xml()
 
 
-def _is_text(source: str | Path) -> bool:
+def _is_text(source: str | Path) -> TypeGuard[str]:
     return isinstance(source, str) and source.lstrip().startswith("<")
 
 
-def _is_replaced(element: XmlElement, names: Iterable[str]) -> bool:
+def _is_replaced(element: XmlElement, names: Collection[str]) -> bool:
     match element.tag:
         case "include":
             return element.attributes.get("path") == ABILITIES_FILE
         case "BehaviorTree":
-            return element.attributes.get("ID") in names
+            return element.attributes.get("ID", "") in names
         case _:
             return False
 

@@ -69,7 +69,7 @@ class Writer:
         """The node of an action; where something must hold all the way, under a guard that halts it."""
         name = f"{number}_{action.name}"
         if action.name in self._leaves:
-            node = self.node(action.name, name, **action.ports)
+            node = XmlElement(action.name, {"name": self._unique(name), **action.ports})
         else:
             node = XmlElement("SubTree", {"ID": action.name, "name": self._unique(name), **action.ports})
         if not action.hold:
