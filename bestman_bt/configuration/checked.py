@@ -10,11 +10,12 @@ import typing
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from bestman_bt.configuration.document import Document, FieldPath
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.secret import SecretMark, shown_setting
+from bestman_bt.messages.bounds import OrderError
 from bestman_bt.registry import suggestion
 
 T = TypeVar("T")
@@ -22,7 +23,12 @@ T = TypeVar("T")
 _PLAIN_WORDS = {
     "string_type": "should be text",
     "int_type": "should be a whole number",
+    "int_parsing": "should be a whole number",
+    "int_from_float": "should be a whole number",
+    "float_type": "should be a number",
+    "float_parsing": "should be a number without a unit (SI: metres, seconds, radians)",
     "bool_type": "should be true or false",
+    "bool_parsing": "should be true or false",
     "tuple_type": "should be a list",
     "list_type": "should be a list",
     "dict_type": "should hold names (name: value)",
@@ -88,8 +94,12 @@ def override(document: Document, dataclass_type: type, values: Mapping[str, Any]
 
 @functools.cache
 def _adapter(dataclass_type: type) -> TypeAdapter[Any]:
-    """Made once: that takes milliseconds, and a batch of episodes asks for the same few types."""
-    return TypeAdapter(dataclass_type)
+    """Made once: that takes milliseconds, and a batch of episodes asks for the same few types.
+
+    No number anywhere may be infinite or not a number. Pydantic takes this setting for unions, not for dataclasses.
+    """
+    union: Any = dataclass_type | None
+    return TypeAdapter(union, config=ConfigDict(allow_inf_nan=False))
 
 
 def _problem(document: Document, dataclass_type: Any, fault: dict[str, Any]) -> Problem:
@@ -109,6 +119,10 @@ def _problem(document: Document, dataclass_type: Any, fault: dict[str, Any]) -> 
     if _holds_secret(_annotation_at(dataclass_type, path)):
         return document.problem(path, f"{message}; its value is not shown")
     value = _written(document, path, fault["input"])
+    error = fault.get("ctx", {}).get("error")
+    if isinstance(error, OrderError):
+        given = next((name for name in error.fields if name in value), None)
+        return document.problem(path if given is None else (*path, given), message)
     return document.problem(path, f"{message}, got {'nothing' if value is None else repr(value)}")
 
 

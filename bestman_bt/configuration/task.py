@@ -210,9 +210,12 @@ def check_task(document: Document) -> TaskConfig:
     for slot, parameters in task.algorithms.items():
         if slot not in slots:
             problems.append(document.problem(("algorithms", slot), f"unknown slot; {suggestion(slot, slots)}"))
-        elif not isinstance(parameters.get("algorithm"), str):
+        elif "algorithm" not in parameters:
             message = "'algorithm' is missing: the name of the algorithm"
             problems.append(document.problem(("algorithms", slot), message))
+        elif not isinstance(parameters["algorithm"], str):
+            message = f"should be the name of an algorithm, got {parameters['algorithm']!r}"
+            problems.append(document.problem(("algorithms", slot, "algorithm"), message))
     if problems:
         raise ConfigurationError(problems)
     return task

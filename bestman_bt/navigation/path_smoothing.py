@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, WholeNumber
 from bestman_bt.navigation.local_planning.path_progress import densified
 from bestman_bt.navigation.path_pieces import joined
 
@@ -25,12 +26,12 @@ class PathSmootherParameters:
     ``refinements``: how often the result is smoothed again.
     """
 
-    spacing: float = 0.05
-    data_weight: float = 0.2
-    smooth_weight: float = 0.3
-    tolerance: float = 1e-6
-    max_iterations: int = 1000
-    refinements: int = 2
+    spacing: Positive = 0.05
+    data_weight: Positive = 0.2
+    smooth_weight: NonNegative = 0.3
+    tolerance: NonNegative = 1e-6
+    max_iterations: Count = 1000
+    refinements: WholeNumber = 2
 
 
 class PathSmoother:

@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import Any
 
 from behaviours.context import Algorithms
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, algorithm_parameters
+from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, algorithm_parameters
 from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
@@ -27,45 +27,71 @@ from bestman_bt.registry import ALGORITHMS, UnknownNameError, suggestion
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.world_model import SemanticMap
 
+_SLOTS: dict[str, tuple[type[Any], str]] = {
+    "segmentation": (Segmentation, "segmentation"),
+    "surfaces": (SupportSurfaces, "segmentation"),
+    "pose_estimation": (PoseEstimator, "pose_estimation"),
+    "multi_view": (MultiView, "pose_estimation"),
+    "detection": (Detector, "detection"),
+    "tracking": (Tracker, "tracking"),
+    "view_planning": (ViewPlanner, "view_planning"),
+    "affordance": (HandleDetector, "affordance"),
+    "occupancy": (OccupancyMapper, "occupancy"),
+    "grasp_pose": (GraspPlanner, "grasp_pose"),
+    "unknown_grasp_pose": (GraspPlanner, "grasp_pose"),
+    "handle_grasp_pose": (GraspPlanner, "grasp_pose"),
+    "kinematics": (InverseKinematics, "kinematics"),
+    "collision": (CollisionModel, "collision"),
+    "motion_planning": (MotionPlanner, "motion_planning"),
+    "trajectory": (TimeParametrization, "trajectory"),
+    "costmap": (LayeredCostmap, "global_planning"),
+    "global_planning": (GlobalPlanner, "global_planning"),
+    "local_planning": (PathFollower, "local_planning"),
+    "localization": (Localizer, "localization"),
+    "slam": (Slam, "slam"),
+    "exploration": (FrontierExplorer, "slam"),
+    "global_localization": (GlobalLocalizer, "localization"),
+    "odometry": (OdometryFilter, "localization"),
+}
+"""Slot → what it holds, and the kind under which that is registered."""
+
 
 def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
-    """The algorithms that skills ask; raises as ``make_algorithm``."""
+    """The algorithms that skills ask; ConfigurationError lists what is wrong in any slot."""
+    faults = ProblemCollector()
+    for slot in _SLOTS:
+        with faults.step():
+            _choose(config, slot)
+    faults.raise_if_any()
 
-    def make(slot: str, base: type[Any], *needs: Any, kind: str = "", **parts: Any) -> Any:
-        return make_algorithm(config, slot, base, *needs, kind=kind, **parts)
+    def make(slot: str, *needs: Any, **parts: Any) -> Any:
+        return make_algorithm(config, slot, *needs, **parts)
 
     return Algorithms(
-        detection=make(
-            "detection",
-            Detector,
-            segmentation=make("segmentation", Segmentation),
-            pose_estimator=make("pose_estimation", PoseEstimator),
-        ),
-        multi_view=make("multi_view", MultiView, kind="pose_estimation"),
-        tracking=make("tracking", Tracker),
-        view_planning=make("view_planning", ViewPlanner),
-        surfaces=make("surfaces", SupportSurfaces, kind="segmentation"),
-        affordance=make("affordance", HandleDetector),
-        occupancy=make("occupancy", OccupancyMapper),
-        grasp_pose=make("grasp_pose", GraspPlanner),
-        unknown_grasp_pose=make("unknown_grasp_pose", GraspPlanner, kind="grasp_pose"),
-        handle_grasp_pose=make("handle_grasp_pose", GraspPlanner, kind="grasp_pose"),
-        kinematics=make("kinematics", InverseKinematics, model),
-        collision=make("collision", CollisionModel, model),
-        motion_planning=TimedMotionPlanner(
-            make("motion_planning", MotionPlanner), make("trajectory", TimeParametrization)
-        ),
-        costmap=make("costmap", LayeredCostmap, kind="global_planning"),
-        global_planning=make("global_planning", GlobalPlanner),
-        slam=make("slam", Slam),
-        exploration=make("exploration", FrontierExplorer, kind="slam"),
-        global_localization=make("global_localization", GlobalLocalizer, kind="localization"),
+        detection=make("detection", segmentation=make("segmentation"), pose_estimator=make("pose_estimation")),
+        multi_view=make("multi_view"),
+        tracking=make("tracking"),
+        view_planning=make("view_planning"),
+        surfaces=make("surfaces"),
+        affordance=make("affordance"),
+        occupancy=make("occupancy"),
+        grasp_pose=make("grasp_pose"),
+        unknown_grasp_pose=make("unknown_grasp_pose"),
+        handle_grasp_pose=make("handle_grasp_pose"),
+        kinematics=make("kinematics", model),
+        collision=make("collision", model),
+        motion_planning=TimedMotionPlanner(make("motion_planning"), make("trajectory")),
+        costmap=make("costmap"),
+        global_planning=make("global_planning"),
+        slam=make("slam"),
+        exploration=make("exploration"),
+        global_localization=make("global_localization"),
     )
 
 
 def make_localizer(config: RunConfig, model: RobotModel, semantic_map: SemanticMap) -> Localizer:
     """What tells the base controller where the base is; raises as ``make_algorithm``."""
-    localizer: Localizer = make_algorithm(config, "localization", Localizer, semantic_map)
+    localizer: Localizer = make_algorithm(config, "localization", semantic_map)
     if any(base.drags_wheels for base in model.bases.values()):
         localizer.expect_dragged_wheels()
     return localizer
@@ -73,7 +99,7 @@ def make_localizer(config: RunConfig, model: RobotModel, semantic_map: SemanticM
 
 def make_odometry_filter(config: RunConfig, model: RobotModel) -> OdometryFilter:
     """What the base controller's odometry goes through; raises as ``make_algorithm``, and without the IMU it needs."""
-    made: OdometryFilter = make_algorithm(config, "odometry", OdometryFilter, kind="localization")
+    made: OdometryFilter = make_algorithm(config, "odometry")
     if made.uses_gyro and not model.imus:
         message = f"needs a robot with an inertial measurement unit, and {config.task.robot} has none"
         raise ConfigurationError([config.problem(("algorithms", "odometry", "algorithm"), message)])
@@ -82,47 +108,52 @@ def make_odometry_filter(config: RunConfig, model: RobotModel) -> OdometryFilter
 
 def make_local_planner(config: RunConfig) -> PathFollower:
     """What the base controller follows paths with; raises as ``make_algorithm``."""
-    follower: PathFollower = make_algorithm(config, "local_planning", PathFollower)
+    follower: PathFollower = make_algorithm(config, "local_planning")
     return follower
 
 
 def planner_by_name(config: RunConfig, name: str) -> GlobalPlanner:
     """A global planner that a tree names; raises UnknownNameError."""
-    planner: GlobalPlanner = _by_name(config, "global_planning", GlobalPlanner, name)
+    planner: GlobalPlanner = _by_name(config, "global_planning", name)
     return planner
 
 
 def follower_by_name(config: RunConfig, name: str) -> PathFollower:
     """A local planner that a tree names; raises UnknownNameError."""
-    follower: PathFollower = _by_name(config, "local_planning", PathFollower, name)
+    follower: PathFollower = _by_name(config, "local_planning", name)
     return follower
 
 
-def _by_name(config: RunConfig, slot: str, base: type[Any], name: str) -> Any:
+def _by_name(config: RunConfig, slot: str, name: str) -> Any:
     """As the configuration has it where that names the same one, else with its own defaults."""
     try:
-        return make_algorithm(config, slot, base, name=name)
+        return make_algorithm(config, slot, name=name)
     except ConfigurationError as error:
         raise UnknownNameError(error.problems[0].message) from error
 
 
-def make_algorithm(
-    config: RunConfig, slot: str, base: type[Any], *needs: Any, kind: str = "", name: str = "", **parts: Any
-) -> Any:
-    """The algorithm in ``slot``, a ``base``, made as ``Class(*needs, parameters=…, **parts)``.
+def make_algorithm(config: RunConfig, slot: str, *needs: Any, name: str = "", **parts: Any) -> Any:
+    """The algorithm in ``slot``, made as ``Class(*needs, parameters=…, **parts)``.
 
-    ``kind``: the registered kind where it is not called like the slot. ``name``: another one than the configured, which
-    then has its own default parameters. ``parts``: other algorithms that it stands on.
-    Its parameters are checked against the dataclass ``<Class>Parameters`` of the class's module.
+    ``name``: another one than the configured, which then has its own default parameters. ``parts``: other algorithms
+    that it stands on. Its parameters are checked against the dataclass ``<Class>Parameters`` of the class's module.
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
+    algorithm, parameters = _choose(config, slot, name)
+    return algorithm(*needs, **parts) if parameters is None else algorithm(*needs, parameters=parameters, **parts)
+
+
+def _choose(config: RunConfig, slot: str, name: str = "") -> tuple[type[Any], Any]:
+    """The class in a slot and its parameters, None where it takes none; raises as ``make_algorithm``."""
     configured, values = config.task.algorithm(slot)
     if name and name != configured:
         values = {}
     name = name or configured
-    algorithms = _of_kind(kind or slot, base)
+    algorithms = _in_slot(slot)
     if name not in algorithms:
         message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
+        if "known: " not in message:
+            message += f" (known: {', '.join(sorted(algorithms))})"
         raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
     algorithm = algorithms[name]
     parameters_type = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
@@ -130,20 +161,17 @@ def make_algorithm(
         if values:
             message = f"{name} takes no parameters, got {', '.join(values)}"
             raise ConfigurationError([config.problem(("algorithms", slot), message)])
-        return algorithm(*needs, **parts)
+        return algorithm, None
     try:
-        parameters = algorithm_parameters(slot, values, parameters_type)
+        return algorithm, algorithm_parameters(slot, values, parameters_type)
     except ConfigurationError as error:
         raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
-    return algorithm(*needs, parameters=parameters, **parts)
 
 
-def _of_kind(kind: str, base: type[Any]) -> dict[str, type[Any]]:
-    """The registered algorithms of a kind that a slot for ``base`` may hold, by name."""
-    resolved = {
-        name.removeprefix(f"{kind}/"): ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith(f"{kind}/")
-    }
-    return {name: algorithm for name, algorithm in resolved.items() if issubclass(algorithm, base)}
+def _in_slot(slot: str) -> dict[str, type[Any]]:
+    """The registered algorithms that a slot may hold, by name."""
+    base, kind = _SLOTS[slot]
+    return ALGORITHMS.of_kind(kind, base)
 
 
 def _placed(config: RunConfig, slot: str, problem: Problem) -> Problem:

@@ -7,8 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.configuration import load_run
 from bestman_bt.engine import load_tree
+from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import session
+from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner
 from bestman_bt.runtime.plugins import node_registry
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -37,6 +40,23 @@ def test_the_trees_in_python_load(page: str, tmp_path: Path) -> None:
         file = tmp_path / "tree.py"
         file.write_text(text)
         assert load_tree(file, node_registry()).nodes
+
+
+ALGORITHM_BLOCKS = [
+    pytest.param(text, id=f"{page.stem}-{number}")
+    for page in sorted(DOCS.rglob("*.md"))
+    for number, text in enumerate(fences(str(page.relative_to(CHECKOUT)), "yaml"))
+    if text.startswith("algorithms:")
+]
+
+
+@pytest.mark.parametrize("text", ALGORITHM_BLOCKS)
+def test_the_choices_of_algorithms_are_accepted(text: str, tmp_path: Path) -> None:
+    task = tmp_path / "task.yaml"
+    task.write_text("tree: navigate\nscene: kitchen\nrobot: diff_panda\n" + text)
+    config, model = load_run(task), load_robot_model("diff_panda")
+    make_algorithms(config, model)
+    make_local_planner(config)
 
 
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])

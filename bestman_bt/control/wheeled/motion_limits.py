@@ -6,6 +6,7 @@ import numpy as np
 
 from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.navigation.local_planning import MotionLimits
+from bestman_bt.robot_model import BaseModel
 from hal.api import BaseDescription
 
 
@@ -23,6 +24,6 @@ def motion_limits(base: BaseDescription) -> MotionLimits:
     )
 
 
-def footprint_of(base: BaseDescription) -> Footprint:
+def footprint_of(base: BaseDescription | BaseModel) -> Footprint:
     """What planners must know of the outline of a base."""
     return Footprint(np.array(base.footprint), base.turning_drift)

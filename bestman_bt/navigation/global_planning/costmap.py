@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
+from bestman_bt.messages.bounds import NonNegative, Positive, check_order
 from bestman_bt.messages.frozen_array import frozen_array
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
-from bestman_bt.navigation.global_planning.footprint import Footprint
+from bestman_bt.navigation.global_planning.footprint import Footprint, at_poses
 from bestman_bt.navigation.global_planning.layers import (
     CellLayer,
     CostmapLayer,
@@ -45,17 +46,20 @@ class CostmapParameters:
     out.
     """
 
-    resolution: float = 0.05
-    clearance: float = 0.005
-    furniture_position_error: float = 0.03
-    furniture_heading_error: float = math.radians(2.0)
-    cost_weight: float = 3.0
-    cost_decay: float = 0.15
-    floor_height: float = 0.02
-    robot_height: float = 1.8
+    resolution: Positive = 0.05
+    clearance: NonNegative = 0.005
+    furniture_position_error: NonNegative = 0.03
+    furniture_heading_error: NonNegative = math.radians(2.0)
+    cost_weight: NonNegative = 3.0
+    cost_decay: Positive = 0.15
+    floor_height: NonNegative = 0.02
+    robot_height: Positive = 1.8
     static: bool = True
     furniture: bool = True
     doors: bool = True
+
+    def __post_init__(self) -> None:
+        check_order(self, "floor_height", "robot_height")
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +251,7 @@ class Costmap:
 
         Zero or negative where it touches one or leaves the costmap. What stands out above counts where it meets.
         """
-        points = _outlines(self.footprint.outline(self.resolution / 2), poses)
+        points = at_poses(self.footprint.outline(self.resolution / 2), poses)
         around = self.distance_at(points).min(axis=1)
         inside = self.distance_at(poses[:, :2]) - self.footprint.inscribed_radius
         clearance: NDArray[np.float64] = np.minimum(around, inside)
@@ -263,7 +267,7 @@ class Costmap:
         if self.tall is None:
             return np.full(len(poses), np.inf)
         discs = self.footprint.discs_above
-        clearance: NDArray[np.float64] = (self._at_least(_outlines(discs[:, :2], poses)) - discs[:, 2]).min(
+        clearance: NDArray[np.float64] = (self._at_least(at_poses(discs[:, :2], poses)) - discs[:, 2]).min(
             axis=1, initial=np.inf
         )
         return clearance
@@ -288,15 +292,3 @@ class Costmap:
     def clearance_at(self, pose: Pose2D) -> float:
         """Metres between the footprint at ``pose`` and the next obstacle, as ``footprint_clearance``."""
         return float(self.footprint_clearance(np.array([[pose.x, pose.y, pose.theta]]))[0])
-
-
-def _outlines(outline: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (M, 2) of an outline at ``poses`` (N, 3), (N, M, 2)."""
-    cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
-    return np.stack(
-        [
-            poses[:, 0, None] + cos * outline[:, 0] - sin * outline[:, 1],
-            poses[:, 1, None] + sin * outline[:, 0] + cos * outline[:, 1],
-        ],
-        axis=-1,
-    )

@@ -157,3 +157,15 @@ def _lowest_beyond(beyond: NDArray[np.float64], height: NDArray[np.float64]) -> 
         if (x0 > 0.0) != (x1 > 0.0):
             lowest = min(lowest, float(z0 + (z1 - z0) * x0 / (x0 - x1)))
     return lowest
+
+
+def at_poses(outline: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (M, 2) of an outline at ``poses`` (N, 3), (N, M, 2)."""
+    cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
+    return np.stack(
+        [
+            poses[:, 0, None] + cos * outline[:, 0] - sin * outline[:, 1],
+            poses[:, 1, None] + sin * outline[:, 0] + cos * outline[:, 1],
+        ],
+        axis=-1,
+    )

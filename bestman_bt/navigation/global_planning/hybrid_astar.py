@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several
 from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.grid_search import costs_to
@@ -35,13 +36,13 @@ class HybridAStarParameters(StraightEndsParameters):
     ``max_expansions``: states after which the search gives up.
     """
 
-    turning_radius: float = 0.4
-    branch: float = 0.2
-    headings: int = 72
-    reverse_cost: float = 2.0
-    switch_cost: float = 0.5
-    clearance: float = 0.01
-    max_expansions: int = 30_000
+    turning_radius: Positive = 0.4
+    branch: Positive = 0.2
+    headings: Several = 72
+    reverse_cost: Positive = 2.0
+    switch_cost: NonNegative = 0.5
+    clearance: NonNegative = 0.01
+    max_expansions: Count = 30_000
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.messages.bounds import NonNegative, Several
 from bestman_bt.navigation.global_planning.base import GlobalPlanner, PlanningFailure, told_of_overhang
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.global_planning.room import Room
@@ -39,10 +40,10 @@ class PolylineParameters(StraightEndsParameters):
     was found the smoothing considers.
     """
 
-    turning_clearance: float = 0.02
-    slack: float = 0.01
-    turn_cost: float = 0.1
-    vertex_limit: int = 40
+    turning_clearance: NonNegative = 0.02
+    slack: NonNegative = 0.01
+    turn_cost: NonNegative = 0.1
+    vertex_limit: Several = 40
 
 
 class PolylinePlanner(GlobalPlanner):

@@ -13,6 +13,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from bestman_bt.messages.bounds import Count, Positive, Share, WholeNumber
 from bestman_bt.navigation.global_planning.polyline_planner import PolylineParameters, PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
 from bestman_bt.navigation.global_planning.turning_places import turning_places
@@ -27,11 +28,11 @@ class PRMParameters(PolylineParameters):
     ``longest`` metres at most: narrow places are passed from afar. ``seed``: of the samples.
     """
 
-    samples: int = 1000
-    near_obstacles: float = 0.7
-    neighbours: int = 10
-    longest: float = 2.5
-    seed: int = 0
+    samples: Count = 1000
+    near_obstacles: Share = 0.7
+    neighbours: Count = 10
+    longest: Positive = 2.5
+    seed: WholeNumber = 0
 
 
 class PRM(PolylinePlanner):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages.bounds import Count, Positive, Share, WholeNumber
 from bestman_bt.navigation.global_planning.polyline_planner import PolylineParameters, PolylinePlanner
 from bestman_bt.navigation.global_planning.room import Room
 from bestman_bt.navigation.global_planning.turning_places import turning_places
@@ -26,11 +27,11 @@ class RRTStarParameters(PolylineParameters):
     it each time after so many samples. ``seed``: of the samples.
     """
 
-    samples: int = 1500
-    near_obstacles: float = 0.5
-    longest: float = 2.0
-    goal_every: int = 15
-    seed: int = 0
+    samples: Count = 1500
+    near_obstacles: Share = 0.5
+    longest: Positive = 2.0
+    goal_every: Count = 15
+    seed: WholeNumber = 0
 
 
 class RRTStar(PolylinePlanner):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
+from bestman_bt.messages.bounds import NonNegative, Positive, check_order
 from bestman_bt.navigation.global_planning.base import PlanningFailure, PlanningFailureReason
 from bestman_bt.navigation.global_planning.costmap import Costmap
 
@@ -22,10 +23,13 @@ class StraightEndsParameters:
     margin at the start.
     """
 
-    straight: float = 0.4
-    max_straight: float = 1.2
-    step: float = 0.02
-    max_overlap: float = 0.06
+    straight: NonNegative = 0.4
+    max_straight: NonNegative = 1.2
+    step: Positive = 0.02
+    max_overlap: NonNegative = 0.06
+
+    def __post_init__(self) -> None:
+        check_order(self, "straight", "max_straight")
 
 
 class Ends(NamedTuple):

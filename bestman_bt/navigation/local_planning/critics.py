@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages.bounds import NonNegative, Positive
 from bestman_bt.navigation.global_planning.footprint import Footprint
 from bestman_bt.navigation.local_planning.cost_to_go import CostToGo
 from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
@@ -29,20 +30,20 @@ class CriticParameters:
     where they will be, ``moving``: weight of coming nearer than ``moving_distance``.
     """
 
-    goal: float = 1.0
-    goal_early: float = 0.4
-    path: float = 0.35
-    obstacle: float = 0.3
-    obstacle_decay: float = 0.12
-    heading: float = 0.25
-    backwards: float = 0.5
-    sideways: float = 0.2
-    turning: float = 0.03
-    contact: float = 10.0
-    prediction: float = 1.2
-    moving_margin: float = 0.08
-    moving_distance: float = 0.5
-    moving: float = 0.6
+    goal: NonNegative = 1.0
+    goal_early: NonNegative = 0.4
+    path: NonNegative = 0.35
+    obstacle: NonNegative = 0.3
+    obstacle_decay: Positive = 0.12
+    heading: NonNegative = 0.25
+    backwards: NonNegative = 0.5
+    sideways: NonNegative = 0.2
+    turning: NonNegative = 0.03
+    contact: NonNegative = 10.0
+    prediction: NonNegative = 1.2
+    moving_margin: NonNegative = 0.08
+    moving_distance: NonNegative = 0.5
+    moving: NonNegative = 0.6
 
 
 @dataclass(frozen=True, eq=False)

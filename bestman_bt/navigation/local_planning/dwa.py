@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, check_order
 from bestman_bt.navigation.local_planning.base import MotionLimits
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
@@ -24,16 +25,20 @@ class DWAParameters(ObstacleAwareParameters):
     how far the base must come before a velocity may change its sign a second time, or ``oscillation_time`` (s) pass.
     """
 
-    forward_samples: int = 11
-    sideways_samples: int = 5
-    turn_samples: int = 15
-    window: float = 0.3
-    horizon: float = 1.6
-    step: float = 0.1
-    reverse: float = 0.15
-    oscillation_distance: float = 0.05
-    oscillation_angle: float = 0.2
-    oscillation_time: float = 1.0
+    forward_samples: Count = 11
+    sideways_samples: Count = 5
+    turn_samples: Count = 15
+    window: Positive = 0.3
+    horizon: Positive = 1.6
+    step: Positive = 0.1
+    reverse: NonNegative = 0.15
+    oscillation_distance: NonNegative = 0.05
+    oscillation_angle: NonNegative = 0.2
+    oscillation_time: NonNegative = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_order(self, "step", "horizon")
 
 
 class DWA(ObstacleAwareFollower):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.messages.bounds import Positive
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.distance_grid import DistanceGrid
 from bestman_bt.navigation.local_planning.moving_obstacles import MovingObstacle
@@ -24,7 +25,7 @@ FAR = 10.0
 class LocalObstaclesParameters(ObstacleLayerParameters):
     """Those of its layer, for a square of 6 m."""
 
-    size: float = 6.0
+    size: Positive = 6.0
 
 
 class LocalObstacles:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from bestman_bt.messages.bounds import NonNegative, Positive, check_order
+
 
 @dataclass(frozen=True)
 class MovingObstaclesParameters:
@@ -22,17 +24,20 @@ class MovingObstaclesParameters:
     seen for that long. ``max_speed``: nothing here is faster.
     """
 
-    gap: float = 0.2
-    max_size: float = 0.9
-    gate: float = 0.4
-    acceleration: float = 0.7
-    position_std: float = 0.04
-    min_speed: float = 0.12
-    min_sigma: float = 1.5
-    min_distance: float = 0.10
-    forget: float = 0.8
-    forget_hidden: float = 3.0
-    max_speed: float = 2.0
+    gap: Positive = 0.2
+    max_size: Positive = 0.9
+    gate: Positive = 0.4
+    acceleration: Positive = 0.7
+    position_std: Positive = 0.04
+    min_speed: NonNegative = 0.12
+    min_sigma: NonNegative = 1.5
+    min_distance: NonNegative = 0.10
+    forget: NonNegative = 0.8
+    forget_hidden: NonNegative = 3.0
+    max_speed: Positive = 2.0
+
+    def __post_init__(self) -> None:
+        check_order(self, "min_speed", "max_speed")
 
 
 @dataclass(frozen=True)

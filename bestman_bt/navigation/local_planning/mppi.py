@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, Share, WholeNumber, check_order
 from bestman_bt.navigation.local_planning.base import MotionLimits
 from bestman_bt.navigation.local_planning.critics import Critics, Drives, Surroundings
 from bestman_bt.navigation.local_planning.obstacle_aware import ObstacleAwareFollower, ObstacleAwareParameters
@@ -26,18 +27,22 @@ class MPPIParameters(ObstacleAwareParameters):
     drives; low: the best few decide. ``reverse``: m/s backwards at most. ``seed``: of the samples.
     """
 
-    batch: int = 320
-    steps: int = 20
-    step: float = 0.1
-    iterations: int = 1
-    knots: int = 6
-    forward_std: float = 0.2
-    sideways_std: float = 0.2
-    turn_std: float = 0.5
-    fine: float = 0.3
-    temperature: float = 0.08
-    reverse: float = 0.15
-    seed: int = 0
+    batch: Several = 320
+    steps: Count = 20
+    step: Positive = 0.1
+    iterations: Count = 1
+    knots: Several = 6
+    forward_std: NonNegative = 0.2
+    sideways_std: NonNegative = 0.2
+    turn_std: NonNegative = 0.5
+    fine: Share = 0.3
+    temperature: Positive = 0.08
+    reverse: NonNegative = 0.15
+    seed: WholeNumber = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_order(self, "knots", "steps")
 
 
 class MPPI(ObstacleAwareFollower):

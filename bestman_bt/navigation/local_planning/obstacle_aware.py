@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, check_order
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, MotionLimits, PathFollower
 from bestman_bt.navigation.local_planning.braking import braking_time, safe_share
@@ -47,20 +48,23 @@ class ObstacleAwareParameters:
     the way is looked at again where no scan comes.
     """
 
-    max_speed: float = 0.6
-    max_turn_rate: float = 1.2
-    margin: float = 0.03
-    clearance: float = 0.05
-    hand_over: float = 0.6
-    entry: float = 0.42
-    carrot: float = 0.7
-    turn_first: float = 1.0
-    reaction: float = 0.1
-    field_every: int = 10
+    max_speed: Positive = 0.6
+    max_turn_rate: Positive = 1.2
+    margin: NonNegative = 0.03
+    clearance: NonNegative = 0.05
+    hand_over: NonNegative = 0.6
+    entry: NonNegative = 0.42
+    carrot: Positive = 0.7
+    turn_first: NonNegative = 1.0
+    reaction: NonNegative = 0.1
+    field_every: Count = 10
     critics: CriticParameters = field(default_factory=CriticParameters)
     obstacles: LocalObstaclesParameters = field(default_factory=LocalObstaclesParameters)
     ends: PurePursuitParameters = field(default_factory=PurePursuitParameters)
     turning: RotateToHeadingParameters = field(default_factory=RotateToHeadingParameters)
+
+    def __post_init__(self) -> None:
+        check_order(self, "entry", "hand_over")
 
 
 class ObstacleAwareFollower(PathFollower):

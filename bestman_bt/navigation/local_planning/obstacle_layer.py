@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.messages.bounds import Count, NonNegative, Positive
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.moving_obstacles import (
     MovingObstacle,
@@ -35,13 +36,13 @@ class ObstacleLayerParameters:
     ``ray_margin``: metres before a hit that its beam does not clear.
     """
 
-    size: float = 16.0
-    resolution: float = 0.025
-    roll: float = 0.5
-    range: float = 5.0
-    known: float = 0.06
-    evidence: int = 3
-    ray_margin: float = 0.05
+    size: Positive = 16.0
+    resolution: Positive = 0.025
+    roll: Positive = 0.5
+    range: Positive = 5.0
+    known: NonNegative = 0.06
+    evidence: Count = 3
+    ray_margin: NonNegative = 0.05
     moving: MovingObstaclesParameters = field(default_factory=MovingObstaclesParameters)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages.bounds import NonNegative, Positive, check_order
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 from bestman_bt.navigation.local_planning.path_progress import densified, metres_left
@@ -30,21 +31,24 @@ class PurePursuitParameters:
     when to set off after such a turn. ``position_tolerance``: along the path, at the end of a leg.
     """
 
-    max_speed: float = 0.6
-    max_turn_rate: float = 1.2
-    acceleration: float = 0.5
-    deceleration: float = 0.35
-    lateral_acceleration: float = 0.4
-    turn_acceleration: float = 2.0
-    creep_speed: float = 0.015
-    lookahead_time: float = 0.6
-    min_lookahead: float = 0.2
-    max_lookahead: float = 0.4
-    corner: float = 0.6
-    leg_heading_tolerance: float = 0.03
-    position_tolerance: float = 0.003
-    still: float = 0.02
+    max_speed: Positive = 0.6
+    max_turn_rate: Positive = 1.2
+    acceleration: Positive = 0.5
+    deceleration: Positive = 0.35
+    lateral_acceleration: Positive = 0.4
+    turn_acceleration: Positive = 2.0
+    creep_speed: Positive = 0.015
+    lookahead_time: Positive = 0.6
+    min_lookahead: Positive = 0.2
+    max_lookahead: Positive = 0.4
+    corner: NonNegative = 0.6
+    leg_heading_tolerance: NonNegative = 0.03
+    position_tolerance: NonNegative = 0.003
+    still: Positive = 0.02
     turning: RotateToHeadingParameters = field(default_factory=RotateToHeadingParameters)
+
+    def __post_init__(self) -> None:
+        check_order(self, "min_lookahead", "max_lookahead")
 
 
 @dataclass(frozen=True, eq=False)

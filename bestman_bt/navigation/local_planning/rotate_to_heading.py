@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages.bounds import NonNegative, Positive, check_order
 from bestman_bt.navigation.global_planning.costmap import Costmap
 from bestman_bt.navigation.local_planning.base import FollowerCommand, PathFollower
 
@@ -20,15 +21,18 @@ class RotateToHeadingParameters:
     what is beyond, ``max_place_speed`` m/s: wheels that are dragged over the floor push a loaded base away.
     """
 
-    max_speed: float = 1.2
-    acceleration: float = 1.5
-    gain: float = 3.0
-    min_speed: float = 0.05
-    tolerance: float = 0.005
-    still: float = 0.03
-    slack: float = 0.02
-    place_gain: float = 5.0
-    max_place_speed: float = 0.2
+    max_speed: Positive = 1.2
+    acceleration: Positive = 1.5
+    gain: Positive = 3.0
+    min_speed: NonNegative = 0.05
+    tolerance: NonNegative = 0.005
+    still: Positive = 0.03
+    slack: NonNegative = 0.02
+    place_gain: NonNegative = 5.0
+    max_place_speed: NonNegative = 0.2
+
+    def __post_init__(self) -> None:
+        check_order(self, "min_speed", "max_speed")
 
 
 class RotateToHeading(PathFollower):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D
+from bestman_bt.messages.bounds import Count, Positive, Share
 from bestman_bt.navigation.localization.ray_casting import cast_rays
 
 
@@ -23,14 +24,14 @@ class BeamModelParameters:
     beam that meets nothing where the map has something. ``explained_within``: metres.
     """
 
-    beams: int = 120
-    hit_std: float = 0.06
-    hit: float = 0.7
-    short: float = 0.2
-    random: float = 0.1
-    short_decay: float = 2.0
-    lost: float = 0.1
-    explained_within: float = 0.12
+    beams: Count = 120
+    hit_std: Positive = 0.06
+    hit: Share = 0.7
+    short: Share = 0.2
+    random: Share = 0.1
+    short_decay: Positive = 2.0
+    lost: Share = 0.1
+    explained_within: Positive = 0.12
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Share
 from bestman_bt.navigation.localization.base import GlobalLocalizer, LocalizationEstimate, OdometryScan, Place
 from bestman_bt.navigation.localization.beam_model import Agreement, BeamModelParameters, agreement
 from bestman_bt.navigation.localization.distance_field import DistanceField
@@ -32,19 +33,19 @@ class CorrelativeSearchParameters:
     that a place must explain. ``clearance``: of the base's centre from everything.
     """
 
-    resolution: float = 0.1
-    heading_step: float = math.radians(4.0)
-    points: int = 72
-    blur: float = 0.15
-    candidates: int = 40
-    apart: float = 0.3
-    turned_apart: float = math.radians(15.0)
-    matches: int = 3
-    same: float = 0.2
-    same_heading: float = math.radians(6.0)
-    independent_beams: float = 15.0
-    min_explained: float = 0.5
-    clearance: float = 0.2
+    resolution: Positive = 0.1
+    heading_step: Positive = math.radians(4.0)
+    points: Count = 72
+    blur: Positive = 0.15
+    candidates: Count = 40
+    apart: NonNegative = 0.3
+    turned_apart: NonNegative = math.radians(15.0)
+    matches: Count = 3
+    same: NonNegative = 0.2
+    same_heading: NonNegative = math.radians(6.0)
+    independent_beams: Positive = 15.0
+    min_explained: Share = 0.5
+    clearance: NonNegative = 0.2
     beam_model: BeamModelParameters = field(default_factory=BeamModelParameters)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages.bounds import NonNegative, Positive
 from bestman_bt.navigation.localization.odometry import OdometryFilter
 
 
@@ -27,15 +28,15 @@ class OdometryEkfParameters:
     deviations beyond which the wheels' turn is slip and left out.
     """
 
-    acceleration: float = 8.0
-    turn_slip: float = 0.1
-    drive_slip: float = 0.15
-    wheel_std: float = 0.002
-    slip: float = 0.1
-    gyro_noise: float = 0.0005
-    bias_std: float = 0.005
-    bias_walk: float = 2e-5
-    gate: float = 5.0
+    acceleration: Positive = 8.0
+    turn_slip: NonNegative = 0.1
+    drive_slip: NonNegative = 0.15
+    wheel_std: Positive = 0.002
+    slip: NonNegative = 0.1
+    gyro_noise: Positive = 0.0005
+    bias_std: NonNegative = 0.005
+    bias_walk: NonNegative = 2e-5
+    gate: Positive = 5.0
 
 
 class OdometryEkf(OdometryFilter):

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, check_order
 from bestman_bt.world_model import MapFurniture
 
 
@@ -21,13 +22,16 @@ class FrontEdgeParameters:
     and in the last of ``iterations``, so that handles do not pull. ``min_hits``, ``min_length``: of what is seen of it.
     """
 
-    gate: float = 0.08
-    ends: float = 0.03
-    first_scale: float = 0.08
-    last_scale: float = 0.025
-    iterations: int = 10
-    min_hits: int = 20
-    min_length: float = 0.2
+    gate: Positive = 0.08
+    ends: NonNegative = 0.03
+    first_scale: Positive = 0.08
+    last_scale: Positive = 0.025
+    iterations: Count = 10
+    min_hits: Several = 20
+    min_length: NonNegative = 0.2
+
+    def __post_init__(self) -> None:
+        check_order(self, "last_scale", "first_scale")
 
 
 @dataclass(frozen=True)

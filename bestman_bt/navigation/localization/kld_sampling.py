@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.messages.bounds import Count, Positive, check_order
+
 
 @dataclass(frozen=True)
 class KldParameters:
@@ -16,12 +18,15 @@ class KldParameters:
     ``bin_size`` metres, ``bin_angle`` radians: of the bins that the particles occupy. ``fewest``, ``most``: particles.
     """
 
-    error: float = 0.02
-    quantile: float = 2.33
-    bin_size: float = 0.25
-    bin_angle: float = math.radians(10.0)
-    fewest: int = 500
-    most: int = 20000
+    error: Positive = 0.02
+    quantile: Positive = 2.33
+    bin_size: Positive = 0.25
+    bin_angle: Positive = math.radians(10.0)
+    fewest: Count = 500
+    most: Count = 20000
+
+    def __post_init__(self) -> None:
+        check_order(self, "fewest", "most")
 
 
 def bins(poses: NDArray[np.float64], parameters: KldParameters) -> NDArray[np.int64]:

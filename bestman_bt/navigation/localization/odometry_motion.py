@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages.bounds import NonNegative
 
 
 @dataclass(frozen=True)
@@ -19,12 +20,12 @@ class OdometryMotionParameters:
     one.
     """
 
-    turn_per_turn: float = 0.12
-    turn_per_metre: float = 0.08
-    drive_per_metre: float = 0.12
-    drive_per_turn: float = 0.01
-    still_turn: float = 0.002
-    still_drive: float = 0.002
+    turn_per_turn: NonNegative = 0.12
+    turn_per_metre: NonNegative = 0.08
+    drive_per_metre: NonNegative = 0.12
+    drive_per_turn: NonNegative = 0.01
+    still_turn: NonNegative = 0.002
+    still_drive: NonNegative = 0.002
 
 
 def sample_motion(

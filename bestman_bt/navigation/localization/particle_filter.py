@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, PositiveShare, Share, WholeNumber, check_order
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.navigation.localization.distance_field import DistanceField
 from bestman_bt.navigation.localization.kld_sampling import KldParameters, bins, enough
@@ -37,28 +38,31 @@ class ParticleFilterParameters:
     without a scan, too. ``seed``: of the drawing.
     """
 
-    beams: int = 72
-    hit_std: float = 0.04
-    search_hit_std: float = 0.15
-    random: float = 0.05
-    independent_beams: float = 12.0
-    resolution: float = 0.02
-    reach: float = 0.6
-    good_fit: float = 0.7
-    slow: float = 0.01
-    fast: float = 0.2
-    candidates: int = 5000
-    unknown_std: float = 0.5
-    place_radius: float = 0.5
-    place_angle: float = math.radians(30.0)
-    sure: float = 0.9
-    inlier: float = 0.1
-    min_inlier_ratio: float = 0.35
-    clearance: float = 0.2
-    move_every: float = 0.1
-    seed: int = 0
+    beams: Count = 72
+    hit_std: Positive = 0.04
+    search_hit_std: Positive = 0.15
+    random: Share = 0.05
+    independent_beams: Positive = 12.0
+    resolution: Positive = 0.02
+    reach: Positive = 0.6
+    good_fit: Share = 0.7
+    slow: PositiveShare = 0.01
+    fast: PositiveShare = 0.2
+    candidates: Count = 5000
+    unknown_std: Positive = 0.5
+    place_radius: Positive = 0.5
+    place_angle: Positive = math.radians(30.0)
+    sure: Share = 0.9
+    inlier: Positive = 0.1
+    min_inlier_ratio: Share = 0.35
+    clearance: NonNegative = 0.2
+    move_every: NonNegative = 0.1
+    seed: WholeNumber = 0
     motion: OdometryMotionParameters = field(default_factory=OdometryMotionParameters)
     kld: KldParameters = field(default_factory=KldParameters)
+
+    def __post_init__(self) -> None:
+        check_order(self, "slow", "fast")
 
 
 class ParticleFilter(Localizer):

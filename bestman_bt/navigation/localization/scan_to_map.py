@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Share, check_order
 from bestman_bt.navigation.localization.base import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.navigation.localization.map_lines import PlanarMap, map_lines, open_furniture, within
 from bestman_bt.navigation.localization.pose_uncertainty import (
@@ -45,29 +46,32 @@ class ScanToMapParameters:
     where the pose is less certain than ``unknown_std``: a place that fits is then no more than one of many.
     """
 
-    iterations: int = 8
-    gate_first: float = 0.25
-    gate_decay: float = 0.6
-    gate_last: float = 0.04
-    associate_again: float = 0.002
-    robust_scale: float = 0.02
-    range_std: float = 0.01
-    wall_std: float = 0.001
-    furniture_std: float = 0.025
-    slip: float = 4e-5
-    turn_slip: float = 9e-5
-    turn_shift: float = 0.0
-    drift: float = 4e-5
-    dragged_turn_slip: float = 0.02
-    dragged_turn_shift: float = 0.005
-    min_inlier_ratio: float = 0.35
-    min_seen_ratio: float = 0.15
-    min_consistent_ratio: float = 0.8
-    early_by: float = 0.15
-    max_deviation: float = 4.5
-    sure_inlier_ratio: float = 0.6
-    surprise: float = 4.0
-    unknown_std: float = 0.5
+    iterations: Count = 8
+    gate_first: Positive = 0.25
+    gate_decay: Share = 0.6
+    gate_last: Positive = 0.04
+    associate_again: NonNegative = 0.002
+    robust_scale: Positive = 0.02
+    range_std: Positive = 0.01
+    wall_std: NonNegative = 0.001
+    furniture_std: NonNegative = 0.025
+    slip: NonNegative = 4e-5
+    turn_slip: NonNegative = 9e-5
+    turn_shift: NonNegative = 0.0
+    drift: NonNegative = 4e-5
+    dragged_turn_slip: NonNegative = 0.02
+    dragged_turn_shift: NonNegative = 0.005
+    min_inlier_ratio: Share = 0.35
+    min_seen_ratio: Share = 0.15
+    min_consistent_ratio: Share = 0.8
+    early_by: NonNegative = 0.15
+    max_deviation: Positive = 4.5
+    sure_inlier_ratio: Share = 0.6
+    surprise: Positive = 4.0
+    unknown_std: Positive = 0.5
+
+    def __post_init__(self) -> None:
+        check_order(self, "min_inlier_ratio", "sure_inlier_ratio")
 
 
 class ScanToMap(Localizer):

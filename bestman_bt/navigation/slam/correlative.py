@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, maximum_filter1d
 
 from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, Positive, Share
 
 
 @dataclass(frozen=True)
@@ -25,10 +26,10 @@ class CorrelativeParameters:
     count, below which nothing is found.
     """
 
-    resolution: float = 0.05
-    std: float = 0.06
-    levels: int = 4
-    min_score: float = 0.45
+    resolution: Positive = 0.05
+    std: Positive = 0.06
+    levels: Count = 4
+    min_score: Share = 0.45
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages import OccupancyGrid, Pose2D
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Share
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.navigation.slam.free_floor import FreeFloor
@@ -40,19 +41,19 @@ class FrontierExplorerParameters:
     the heading of a view.
     """
 
-    min_length: float = 0.30
-    spacing: float = 0.35
-    near: float = 1.8
-    clearance: float = 0.03
-    range: float = 5.0
-    rays: int = 120
-    depth: float = 2.0
-    min_gain: float = 0.4
-    closest: float = 0.40
-    discount: float = 0.25
-    stops: int = 8
-    again: float = 0.3
-    straight: float = 0.5
+    min_length: NonNegative = 0.30
+    spacing: Positive = 0.35
+    near: Positive = 1.8
+    clearance: NonNegative = 0.03
+    range: Positive = 5.0
+    rays: Count = 120
+    depth: Positive = 2.0
+    min_gain: NonNegative = 0.4
+    closest: NonNegative = 0.40
+    discount: Share = 0.25
+    stops: Count = 8
+    again: NonNegative = 0.3
+    straight: NonNegative = 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D
+from bestman_bt.messages.bounds import NonNegative, Positive, check_order
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
 GROWTH = 16
@@ -24,14 +25,18 @@ class LogOddsGridParameters:
     there is something beyond it, to look for and not to drive into.
     """
 
-    resolution: float = 0.05
-    hit: float = 0.85
-    miss: float = 0.3
-    limit: float = 4.0
-    occupied: float = 0.8
-    free: float = 0.25
-    keep: float = 0.06
-    border: float = 2.0
+    resolution: Positive = 0.05
+    hit: Positive = 0.85
+    miss: Positive = 0.3
+    limit: Positive = 4.0
+    occupied: Positive = 0.8
+    free: Positive = 0.25
+    keep: NonNegative = 0.06
+    border: NonNegative = 2.0
+
+    def __post_init__(self) -> None:
+        check_order(self, "occupied", "limit")
+        check_order(self, "free", "limit")
 
 
 class LogOddsGrid:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Share, WholeNumber, check_order
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
     deviation,
@@ -39,21 +40,25 @@ class LoopClosureParameters:
     has beside the noise of the hits, metres and radians.
     """
 
-    separation: int = 12
-    reach: float = 1.5
-    candidates: int = 2
-    sigmas: float = 3.0
-    min_distance: float = 0.10
-    min_angle: float = math.radians(2.0)
-    max_distance: float = 2.0
-    max_angle: float = math.radians(20.0)
-    jump: float = 0.20
-    min_inlier_ratio: float = 0.60
-    max_residual: float = 0.025
-    max_std: float = 0.03
-    max_deviation: float = 4.0
-    position_std: float = 0.008
-    heading_std: float = math.radians(0.15)
+    separation: WholeNumber = 12
+    reach: Positive = 1.5
+    candidates: Count = 2
+    sigmas: Positive = 3.0
+    min_distance: NonNegative = 0.10
+    min_angle: NonNegative = math.radians(2.0)
+    max_distance: Positive = 2.0
+    max_angle: Positive = math.radians(20.0)
+    jump: NonNegative = 0.20
+    min_inlier_ratio: Share = 0.60
+    max_residual: Positive = 0.025
+    max_std: Positive = 0.03
+    max_deviation: Positive = 4.0
+    position_std: NonNegative = 0.008
+    heading_std: NonNegative = math.radians(0.15)
+
+    def __post_init__(self) -> None:
+        check_order(self, "min_distance", "max_distance")
+        check_order(self, "min_angle", "max_angle")
 
 
 class LoopCloser:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from bestman_bt.messages import OccupancyGrid
+from bestman_bt.messages.bounds import NonNegative, Positive, WholeNumber, check_order
 from bestman_bt.messages.occupancy_grid import OCCUPIED
 
 
@@ -20,10 +21,13 @@ class OverhangsParameters:
     knows better.
     """
 
-    low: float = 0.10
-    high: float = 1.6
-    range: float = 3.0
-    min_points: int = 3
+    low: NonNegative = 0.10
+    high: Positive = 1.6
+    range: Positive = 3.0
+    min_points: WholeNumber = 3
+
+    def __post_init__(self) -> None:
+        check_order(self, "low", "high")
 
 
 class Overhangs:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, Share
 from bestman_bt.navigation.localization.pose_uncertainty import WEAK_PRIOR
 from bestman_bt.navigation.slam.oriented_points import OrientedPoints
 
@@ -28,15 +29,15 @@ class PointToLineParameters:
     points that a reference line is fitted to. ``inlier_distance``: from a reference line, of a hit that it explains.
     """
 
-    iterations: int = 12
-    gate_first: float = 0.30
-    gate_decay: float = 0.6
-    gate_last: float = 0.06
-    robust_scale: float = 0.03
-    range_std: float = 0.015
-    turning: float = 0.10
-    neighbours: int = 12
-    inlier_distance: float = 0.05
+    iterations: Count = 12
+    gate_first: Positive = 0.30
+    gate_decay: Share = 0.6
+    gate_last: Positive = 0.06
+    robust_scale: Positive = 0.03
+    range_std: Positive = 0.015
+    turning: NonNegative = 0.10
+    neighbours: Several = 12
+    inlier_distance: Positive = 0.05
 
 
 @dataclass(frozen=True, eq=False)

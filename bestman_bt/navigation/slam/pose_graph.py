@@ -15,6 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive
 from bestman_bt.messages.frozen_array import frozen_array
 
 
@@ -26,11 +27,11 @@ class PoseGraphParameters:
     its weight falls, and ``graduation``: by how much that is lowered at a time until it is reached.
     """
 
-    iterations: int = 20
-    smallest_step: float = 1e-5
-    damping: float = 1e-4
-    scaling: float = 12.0
-    graduation: float = 10.0
+    iterations: Count = 20
+    smallest_step: NonNegative = 1e-5
+    damping: Positive = 1e-4
+    scaling: Positive = 12.0
+    graduation: Positive = 10.0
 
 
 @dataclass(frozen=True, eq=False)

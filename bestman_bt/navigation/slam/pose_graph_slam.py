@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, OccupancyGrid, Pose2D, wrap_angle
+from bestman_bt.messages.bounds import Count, NonNegative, Positive, Several, Share, check_order
 from bestman_bt.navigation.localization import ScanMatch
 from bestman_bt.navigation.localization.pose_uncertainty import (
     WEAK_PRIOR,
@@ -50,33 +51,36 @@ class PoseGraphSlamParameters:
     """
 
     loop_closure: bool = True
-    keyframe_distance: float = 0.30
-    keyframe_angle: float = math.radians(20.0)
-    submap_keyframes: int = 16
-    cell: float = 0.02
-    min_hits: int = 20
-    slip: float = 6e-4
-    turn_slip: float = 1e-3
-    turn_shift: float = 0.0
-    drift: float = 4e-4
-    rest_std: float = 0.002
-    rest_heading_std: float = 0.002
-    min_inlier_ratio: float = 0.45
-    least_inlier_ratio: float = 0.20
-    sure_inlier_ratio: float = 0.60
-    sure_std: float = 0.03
-    max_deviation: float = 3.0
-    recovery_distance: float = 0.6
-    recovery_angle: float = math.radians(30.0)
-    position_std: float = 0.004
-    heading_std: float = math.radians(0.08)
-    redraw_distance: float = 0.015
-    redraw_angle: float = math.radians(0.15)
+    keyframe_distance: Positive = 0.30
+    keyframe_angle: Positive = math.radians(20.0)
+    submap_keyframes: Several = 16
+    cell: Positive = 0.02
+    min_hits: Count = 20
+    slip: NonNegative = 6e-4
+    turn_slip: NonNegative = 1e-3
+    turn_shift: NonNegative = 0.0
+    drift: NonNegative = 4e-4
+    rest_std: NonNegative = 0.002
+    rest_heading_std: NonNegative = 0.002
+    min_inlier_ratio: Share = 0.45
+    least_inlier_ratio: Share = 0.20
+    sure_inlier_ratio: Share = 0.60
+    sure_std: Positive = 0.03
+    max_deviation: Positive = 3.0
+    recovery_distance: NonNegative = 0.6
+    recovery_angle: NonNegative = math.radians(30.0)
+    position_std: NonNegative = 0.004
+    heading_std: NonNegative = math.radians(0.08)
+    redraw_distance: NonNegative = 0.015
+    redraw_angle: NonNegative = math.radians(0.15)
     line: PointToLineParameters = field(default_factory=PointToLineParameters)
     correlative: CorrelativeParameters = field(default_factory=CorrelativeParameters)
     closure: LoopClosureParameters = field(default_factory=LoopClosureParameters)
     graph: PoseGraphParameters = field(default_factory=PoseGraphParameters)
     occupancy: LogOddsGridParameters = field(default_factory=LogOddsGridParameters)
+
+    def __post_init__(self) -> None:
+        check_order(self, "least_inlier_ratio", "min_inlier_ratio", "sure_inlier_ratio")
 
 
 class PoseGraphSlam(Slam):
