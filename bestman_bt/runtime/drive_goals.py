@@ -61,12 +61,12 @@ def drive_goal(asked: DriveConfig, world: World, known: SemanticMap, robot: Robo
     home = int(around[around > 0][0]) if np.any(around) else 0
     no_way = "no way from the start" if home else "no room to turn at the start"
     before_furniture = bool(rng.random() < asked.at_furniture)
+    if before_furniture and not _pieces_to_face(known):
+        where = f"scene {world.scene!r}, seed {seed}"
+        raise SceneError(f"{where}: there is no furniture but passages to drive to; ask for drive.at_furniture=0")
     refused: Counter[str] = Counter()
     for _ in range(_TRIES):
         goal = _before_furniture(known, truth.footprint, rng) if before_furniture else _anywhere(truth, rng)
-        if goal is None:
-            refused["there is no furniture but passages"] += 1
-            break
         if goal.distance_to(world.robot_start) < asked.distance:
             refused[f"nearer to the start than {asked.distance:g} m"] += 1
             continue
@@ -112,11 +112,9 @@ def _pieces_to_face(known: SemanticMap) -> list[str]:
     return [name for name, piece in known.furniture.items() if not piece.is_passage]
 
 
-def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D | None:
-    """Facing the front of a piece, somewhere along it; None where there is no piece."""
+def _before_furniture(known: SemanticMap, footprint: Footprint, rng: np.random.Generator) -> Pose2D:
+    """Facing the front of a piece, somewhere along it."""
     pieces = _pieces_to_face(known)
-    if not pieces:
-        return None
     piece = known.furniture[pieces[int(rng.integers(len(pieces)))]]
     reach = max(0.0, piece.footprint[1] / 2 - 0.1)
     away = piece.footprint[0] / 2 + _BEFORE_FURNITURE + float(footprint.corners[:, 0].max())
