@@ -67,7 +67,8 @@ class FindRoomIn(InstantSkill):
         """Metres from each place (N, 2) to the next wall or thing, (N,)."""
         walls = (np.array(size) / 2 - np.abs(places)).min(axis=1)
         away = np.linalg.norm(places[:, None] - others[None], axis=2) - radii[None]
-        return np.minimum(walls, away.min(axis=1, initial=np.inf))
+        room: NDArray[np.float64] = np.minimum(walls, away.min(axis=1, initial=np.inf))
+        return room
 
 
 def _radius(model: ObjectModel) -> float:

@@ -93,7 +93,7 @@ class Domain:
         signatures = {**problem.predicates, **self.signatures}
         types = signatures.get(fact.predicate)
         if types is None:
-            raise GoalError(f"unknown predicate {fact.predicate!r}; {suggestion(fact.predicate, signatures)}")
+            raise GoalError(f"unknown predicate {fact.predicate!r}; {suggestion(fact.predicate, list(signatures))}")
         if len(types) != len(fact.arguments):
             raise GoalError(f"{fact}: {fact.predicate} takes {len(types)} of these: {', '.join(types) or 'nothing'}")
         names = (full_name(problem, name, kind) for name, kind in zip(fact.arguments, types, strict=True))

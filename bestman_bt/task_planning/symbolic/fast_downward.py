@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +40,7 @@ class FastDownwardPlanner(TaskPlanner):
                 raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
         if not problem.unmet_in(problem.state):
             return TaskPlan(())
-        planning = unified_planning()
+        planning = unified_planning(engine="up_fast_downward")
         text = PddlText(problem)
         stated = planning.io.PDDLReader().parse_problem_string(text.domain(), text.problem())
         with planning.shortcuts.OneshotPlanner(name=self.parameters.engine) as engine:
@@ -67,14 +68,16 @@ def is_valid(problem: Problem, plan: TaskPlan) -> bool:
         return bool(validator.validate(stated, planning.plans.SequentialPlan(steps)))
 
 
-def unified_planning() -> Any:
-    """The package, imported when it is used; PlannerMissingError where it is not installed."""
+def unified_planning(engine: str = "") -> Any:
+    """The package, imported when it is used; PlannerMissingError where it, or ``engine``, is not installed."""
     try:
         import unified_planning
         import unified_planning.io
         import unified_planning.plans
         import unified_planning.shortcuts
-        import up_fast_downward  # noqa: F401 - that it is there
+
+        if engine:
+            importlib.import_module(engine)
     except ModuleNotFoundError as error:
         raise PlannerMissingError(f"{error.name} is missing: pip install 'bestman-bt[planning]'") from error
     environment = unified_planning.shortcuts.get_environment()
