@@ -58,7 +58,8 @@ def test_the_shipped_names_are_listed() -> None:
 
 def test_an_installed_package_finds_its_own_data(tmp_path: Path) -> None:
     package = tmp_path / "site-packages" / "bestman_bt"
-    shutil.copytree(ROOT / "bestman_bt/configuration", package / "configuration")
+    for name in ("configuration", "messages"):
+        shutil.copytree(ROOT / "bestman_bt" / name, package / name)
     for name in ("__init__.py", "registry.py"):
         shutil.copy(ROOT / "bestman_bt" / name, package / name)
     for folder in ("assets", "configs"):
