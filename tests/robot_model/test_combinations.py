@@ -6,9 +6,11 @@ import itertools
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bestman_bt.configuration import data_names
+from bestman_bt.navigation.global_planning import Footprint
 from bestman_bt.robot_model import combine, load_robot_model
 
 BASES = ("differential_base", "omni_base", "husky_base")
@@ -40,6 +42,6 @@ def test_shipped_robots_have_what_skills_and_postures_need(name: str) -> None:
     assert {"home", "carry", "look"} <= set(robot.postures)
     assert robot.cameras
     assert robot.lidars
-    footprint = max(x * x + y * y for base in robot.bases.values() for x, y in base.footprint) ** 0.5
-    assert all(lidar.range_min > footprint for lidar in robot.lidars.values())
+    nearest = min(Footprint(np.array(base.footprint)).inscribed_radius for base in robot.bases.values())
+    assert all(lidar.range_min < nearest for lidar in robot.lidars.values())  # all outside the outline is seen
     assert all(camera.optical_frame for camera in robot.cameras.values())

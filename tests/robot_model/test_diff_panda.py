@@ -172,11 +172,6 @@ def test_the_footprint_holds_chassis_and_wheels_and_no_more(robot: RobotModel) -
     assert 0.56 * 0.44 < area < 0.56 * 0.52  # positive: counter-clockwise
 
 
-def test_the_lidar_measures_from_outside_the_robots_own_body(robot: RobotModel) -> None:
-    corners = np.array(robot.bases["base"].footprint)
-    assert robot.lidars["lidar"].range_min > np.linalg.norm(corners, axis=1).max()
-
-
 def test_the_tool_frame_looks_out_of_the_hand_and_closes_along_y(
     robot: RobotModel, kinematics: tuple[pin.Model, pin.GeometryModel]
 ) -> None:
