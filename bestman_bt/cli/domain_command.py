@@ -10,7 +10,8 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
-from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.cli.planning_config import planning_config
+from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as Fault
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.predicates import Beliefs
@@ -37,13 +38,7 @@ def command(
         raise ConfigurationError([Fault("-o", None, "", "is for --pddl")])
     from bestman_bt.runtime import prepare
 
-    if task is None:
-        scene, robot = scene or "kitchen", robot or "diff_panda"
-    config = load_run(
-        task, tree="plan_and_execute", scene=scene, robot=robot, seed=seed, settings=settings or (),
-        plugins=[str(plugin) for plugin in plugins or ()],
-    )  # fmt: skip
-    setup = prepare(config)
+    setup = prepare(planning_config(task, scene, robot, seed, settings, plugins))
     domain = Domain.of(setup.registry)
     problem = domain.problem(Beliefs(setup.world_model.as_at_the_start()), goal)
     with json_output(as_json) as tell:

@@ -14,7 +14,8 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.log_output import shown_log
 from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
-from bestman_bt.configuration import ConfigurationError, Problem, RunConfig, load_run
+from bestman_bt.cli.planning_config import planning_config
+from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
 from bestman_bt.engine import render_svg
 from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
@@ -75,12 +76,7 @@ def command(
     with json_output(as_json) as tell:
         PLANNERS.resolve(planner)
         made_by: TreeBuilder = BUILDERS.resolve(builder)()
-        if task is None:
-            scene, robot = scene or "kitchen", robot or "diff_panda"
-        config = load_run(
-            task, tree="plan_and_execute", scene=scene, robot=robot, seed=seed, settings=settings or (),
-            plugins=[str(plugin) for plugin in plugins or ()],
-        )  # fmt: skip
+        config = planning_config(task, scene, robot, seed, settings, plugins)
         setup = prepare(config)
         asked = _Question(setup, made_by, world, allowed)
         try:

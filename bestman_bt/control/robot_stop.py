@@ -2,20 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
-from hal.api import RobotError
+from hal.api import Robot, RobotError
 
 HELD = "somebody asked for this stop: it holds until the run has ended"
-
-
-class Stoppable(Protocol):
-    """What of ``hal.api.Robot`` is about stopping."""
-
-    @property
-    def stopped(self) -> bool: ...  # noqa: D102
-    def stop(self) -> None: ...  # noqa: D102
-    def clear_stop(self) -> None: ...  # noqa: D102
 
 
 class RobotStop:
@@ -24,7 +13,7 @@ class RobotStop:
     A stop that a person asks for (``hold``) cannot be cleared here; it ends with the session that this belongs to.
     """
 
-    def __init__(self, robot: Stoppable) -> None:
+    def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._held = False
 

@@ -34,7 +34,7 @@ walls:
 
 def somebody_opens_it(session: Session) -> None:
     """With a motor that is no stronger than a hand."""
-    simulation = session.robot.simulation  # type: ignore[attr-defined]
+    simulation = session.robot.simulation
     body, joint = simulation.built.articulations[LEAF]
     simulation.client.setJointMotorControl2(body, joint, pybullet.VELOCITY_CONTROL, targetVelocity=1.0, force=12.0)
 

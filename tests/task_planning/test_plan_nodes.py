@@ -90,8 +90,8 @@ def skills() -> Any:
     )
     context.world.models["cup"] = CUP
     context.world.objects["cup"] = believed("cup", "table/top")
-    context.arm = SimpleNamespace(name="arm")  # type: ignore[assignment]
-    context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})  # type: ignore[assignment]
+    context.arm = SimpleNamespace(name="arm")
+    context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})
     context.computation = InlineComputation(clock)
     context.costs = {"task_planning": 0.2, "bringing": 0.2}
     context.failures = []

@@ -91,7 +91,7 @@ def test_a_tree_fails_where_its_plan_does_not_help_any_more(builder: TreeBuilder
 def test_an_action_that_never_takes_effect_does_not_run_for_ever(builder: TreeBuilder) -> None:
     class Stubborn(SymbolicWorld):
         def finish(self, action: object) -> str:
-            self.done.append(action)  # type: ignore[arg-type]
+            self.done.append(action)
             return ""
 
     world = Stubborn(kitchen(FETCH_GOAL))

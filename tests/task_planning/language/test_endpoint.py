@@ -35,7 +35,7 @@ QUESTION = ChatRequest((Message("system", "be good"), Message("user", "hello")),
 def endpoint(server: Server, key: str = KEY, **changed: object) -> HttpEndpoint:
     settings = {"timeout": 10.0, "retries": 2, "backoff": 0.01, **changed}
     address = EndpointAddress(server.base_url, "small", ApiKey(key), (1.0, 2.0))
-    return HttpEndpoint(address, EndpointParameters(**settings))  # type: ignore[arg-type]
+    return HttpEndpoint(address, EndpointParameters(**settings))
 
 
 def test_only_the_documented_fields_are_sent() -> None:
@@ -90,10 +90,10 @@ def test_tokens_and_dollars_are_counted_and_logged(caplog: pytest.LogCaptureFixt
     ],
 )
 def test_a_bad_moment_is_followed_by_another_try_and_a_bad_server_by_an_error(way: object, reason: str) -> None:
-    with serving(way, says("better")) as server:  # type: ignore[arg-type]
+    with serving(way, says("better")) as server:
         assert endpoint(server).complete(QUESTION).text == "better"
         assert len(server.questions) == 2
-    with serving(way) as server:  # type: ignore[arg-type]
+    with serving(way) as server:
         with pytest.raises(EndpointUnreachableError, match=reason):
             endpoint(server, retries=1).complete(QUESTION)
         assert len(server.questions) == 2
@@ -101,7 +101,7 @@ def test_a_bad_moment_is_followed_by_another_try_and_a_bad_server_by_an_error(wa
 
 @pytest.mark.parametrize(("way", "reason"), [(sleeps(4.0), "no answer after"), (drips, "not done after")])
 def test_a_late_answer_is_given_up_and_asked_for_again(way: object, reason: str) -> None:
-    with serving(way) as server:  # type: ignore[arg-type]
+    with serving(way) as server:
         started = time.monotonic()
         with pytest.raises(EndpointUnreachableError, match=reason):
             endpoint(server, timeout=0.3, retries=1).complete(QUESTION)

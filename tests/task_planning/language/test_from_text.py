@@ -27,7 +27,7 @@ def reads(goal: list[str], refusal: str | None = None) -> Way:
 
 
 def limited(**limits: object) -> LanguagePlannerParameters:
-    return LanguagePlannerParameters(limits=PlanLimits(**limits))  # type: ignore[arg-type]
+    return LanguagePlannerParameters(limits=PlanLimits(**limits))
 
 
 @pytest.fixture
