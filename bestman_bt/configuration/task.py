@@ -29,6 +29,7 @@ from bestman_bt.registry import suggestion
 
 T = TypeVar("T")
 _TEN_DEGREES = math.radians(10.0)
+Count = Annotated[int, Field(ge=0, le=1000)]
 TickRate = Annotated[Frequency, Field(le=1000)]  # physics takes steps of about a millisecond
 
 
@@ -104,6 +105,22 @@ class DriveConfig:
 
 
 @dataclass(frozen=True)
+class PlanConfig:
+    """The facts of ``goal``, such as ``on(cup, table) and closed(drawer_3)``, shall come about.
+
+    ``told``: object → surface where somebody said that it is. ``planner``, ``builder``, ``limits``: as of the node
+    ``ReachGoal``. ``replans``: how often it may be planned anew.
+    """
+
+    goal: str
+    told: Mapping[str, str] = field(default_factory=dict)
+    planner: str = "symbolic"
+    builder: str = "reactive"
+    limits: str = ""
+    replans: Count = 6
+
+
+@dataclass(frozen=True)
 class TolerancesConfig:
     """How near a success has to come: metres, radians (``yaw`` None: any), seconds of rest before it is judged."""
 
@@ -118,7 +135,7 @@ class TaskConfig:
     """A task.
 
     ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``, ``reach``, ``lift``,
-    ``drive``: what else is asked.
+    ``drive``, ``plan``: what else is asked.
     ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: pairs that
     may touch, each an object, a piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``:
     metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most. ``known_start``: whether the robot is
@@ -136,6 +153,7 @@ class TaskConfig:
     reach: ReachConfig | None = None
     lift: LiftConfig | None = None
     drive: DriveConfig | None = None
+    plan: PlanConfig | None = None
     predicate: str | tuple[str, ...] | None = None
     tolerances: TolerancesConfig = field(default_factory=TolerancesConfig)
     allowed_contacts: tuple[tuple[str, str], ...] = ()
@@ -227,6 +245,8 @@ def _contradictions(task: TaskConfig, document: Document) -> Iterator[Problem]:
         yield document.problem(("goals",), "'goal' is given too; one goal or several")
     if task.drive is not None and task.all_goals:
         yield document.problem(("drive",), "a goal for an object is given too; both would be the tree's 'goal'")
+    if task.plan is not None and (task.drive is not None or task.all_goals or task.reach is not None):
+        yield document.problem(("plan",), "another goal is given too; both would be the tree's 'goal'")
     opening, tidy = task.opening, task.tidy
     if opening is not None:
         if opening.at_least is None and opening.at_most is None:

@@ -170,6 +170,10 @@ def _entries(setup: Setup) -> dict[str, Any]:
         entries["goal"] = reach
     if setup.drive_goal is not None:
         entries["goal"] = setup.drive_goal
+    plan = setup.config.task.plan
+    if plan is not None:
+        entries |= {"goal": plan.goal, "planner": plan.planner, "builder": plan.builder, "limits": plan.limits}
+        entries["replans"] = plan.replans
     if lift is not None:
         entries |= {"object": lift.object, "source": lift.source}
     return entries

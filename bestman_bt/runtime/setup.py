@@ -19,11 +19,13 @@ from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer, make_odometry_filter
 from bestman_bt.runtime.drive_goals import drive_goal
+from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
+from bestman_bt.task_planning.symbolic import Literal
 from bestman_bt.world_model import BasePose, WorldModel
 
 START_POSITION_ERROR = 0.03
@@ -48,6 +50,11 @@ class Setup:
     def goals(self) -> tuple[TaskGoal, ...]:
         """Which objects the task wants where."""
         return task_goals(self.config, self.world, self.world_model.models)
+
+    @cached_property
+    def plan_goal(self) -> tuple[Literal, ...]:
+        """The facts that the task wants, with the full names of things; none where it wants none."""
+        return plan_goal(self.config, self.registry, self.world_model)
 
     @property
     def reach_goal(self) -> Pose | None:
@@ -104,8 +111,10 @@ def prepare(config: RunConfig) -> Setup:
     if registry is None:
         raise ConfigurationError(dict.fromkeys(faults.problems))
     setup = Setup(config, registry, robot_model, world, world_model)
+    faults.problems += plan_problems(config, registry, world_model)
     if not faults.problems:
         world_model.told.update(told_places(setup.goals, world_model.map))
+        world_model.told.update(told_of_plan(config, world_model.map))
     try:
         faults.problems += policy_problems(load_for(setup), find_data("tree", config.task.tree))
     except TreeLoadError as error:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from bestman_bt.configuration import ConfigurationError, Problem, RunConfig
 from bestman_bt.evaluation.predicates.at_goal import at_goal
+from bestman_bt.evaluation.predicates.facts import fact_problems, facts, objects_of
 from bestman_bt.evaluation.predicates.inside import inside
 from bestman_bt.evaluation.predicates.lifted import lifted
 from bestman_bt.evaluation.predicates.opened import opened
@@ -20,6 +21,7 @@ from hal.pybullet import GroundTruth
 
 PREDICATES: dict[str, Predicate] = {
     "at_goal": at_goal,
+    "facts": facts,
     "inside": inside,
     "lifted": lifted,
     "opened": opened,
@@ -29,6 +31,7 @@ PREDICATES: dict[str, Predicate] = {
 }
 _NEEDS = {
     "at_goal": "drive",
+    "facts": "plan",
     "inside": "goal",
     "lifted": "lift",
     "opened": "opening",
@@ -38,6 +41,7 @@ _NEEDS = {
 }
 METRICS: dict[str, tuple[str, ...]] = {
     "at_goal": ("final_error_mm", "final_yaw_deg", "path_ratio"),
+    "facts": ("facts_share",),
     "inside": (),
     "lifted": ("lifted_mm",),
     "opened": ("angle_deg", "opening_mm"),
@@ -68,6 +72,7 @@ def find_judge(config: RunConfig) -> Judge | None:
         tidy, lift = session.setup.config.task.tidy, session.setup.config.task.lift
         named = [*(goal.object for goal in session.setup.goals), *(tidy.objects if tidy is not None else ())]
         named += [lift.object] if lift is not None else []
+        named += objects_of(session.setup.plan_goal)
         before = {name: truth.object_pose(name) for name in named if name in truth.object_names}
         clock.sleep(session.setup.config.task.tolerances.rest_time)
         positions = {name: tuple(float(x) for x in pose.position) for name, pose in before.items()}
@@ -88,7 +93,7 @@ def metric_names(config: RunConfig) -> list[str]:
 def _problems(config: RunConfig) -> Iterator[Problem]:
     task = config.task
     given: dict[str, bool] = {
-        name: getattr(task, name) is not None for name in ("opening", "tidy", "reach", "lift", "drive")
+        name: getattr(task, name) is not None for name in ("opening", "tidy", "reach", "lift", "drive", "plan")
     }
     given["goal"] = bool(task.all_goals)
     for index, name in enumerate(task.predicates):
@@ -99,3 +104,5 @@ def _problems(config: RunConfig) -> Iterator[Problem]:
             article = "an" if _NEEDS[name] == "opening" else "a"
             needed = "a goal" if _NEEDS[name] == "goal" else f"{article} {_NEEDS[name]}"
             yield config.problem((_NEEDS[name],), f"is missing: the predicate {name!r} needs {needed}")
+        elif name == "facts":
+            yield from fact_problems(config)

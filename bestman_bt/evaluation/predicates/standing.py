@@ -34,6 +34,13 @@ def rest_faults(evidence: Evidence, name: str, surface: str) -> list[str]:
     return faults
 
 
+def is_over(evidence: Evidence, name: str, surface: str) -> bool:
+    """Whether the middle of an object is above a surface, within its outline, and below the next one above."""
+    _, map_from_surface, size, room = surface_pose(evidence, surface)
+    local = map_from_surface.inverse().apply(evidence.truth.object_pose(name).position[None])[0]
+    return bool(np.all(np.abs(local[:2]) <= np.array(size) / 2)) and 0.0 < float(local[2]) < room
+
+
 def surface_pose(evidence: Evidence, name: str) -> tuple[PlacedFurniture, Pose, tuple[float, float], float]:
     """The piece, the true pose in the map of a surface of it (open drawers are where they are), its size, and its room.
 

@@ -21,14 +21,16 @@ def with_replanning(
     builder: str,
     registry: NodeRegistry,
     limits: PlanLimits | None = None,
+    replans: int = 6,
 ) -> str:
     """A file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises TreeLoadError.
 
-    ``limits``: of the plans that are made anew.
+    ``limits``: of the plans that are made anew. ``replans``: how often, after the first of these.
     """
     facts = " and ".join(str(literal) for literal in goal)
     as_planned = XmlElement("SubTree", {"ID": TREE_ID, "name": "as_planned"})
     entries = {"goal": facts, "planner": planner, "builder": builder, "limits": (limits or PlanLimits()).to_string()}
+    entries["replans"] = str(replans)
     anew = XmlElement("SubTree", {"ID": "ReachGoal", "name": "anew", **entries})
     either = XmlElement("Fallback", {"name": "as_planned_or_anew"}, [as_planned, anew])
     document = made.document()
