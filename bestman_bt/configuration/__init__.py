@@ -2,6 +2,7 @@
 
 from bestman_bt.configuration.checked import check, override, salvage
 from bestman_bt.configuration.data import beside, data_names, data_root, find_data, own_objects, own_parts, user_folders
+from bestman_bt.configuration.disturbance import DisturbanceConfig
 from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
@@ -18,6 +19,7 @@ from bestman_bt.configuration.task import (
 
 __all__ = [
     "ConfigurationError",
+    "DisturbanceConfig",
     "Document",
     "GoalConfig",
     "OpeningConfig",

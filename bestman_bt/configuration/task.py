@@ -12,6 +12,7 @@ from pydantic import Field
 
 from bestman_bt.configuration.checked import check
 from bestman_bt.configuration.data import beside, data_names, find_data
+from bestman_bt.configuration.disturbance import DisturbanceConfig, disturbance_faults
 from bestman_bt.configuration.document import Document, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem
 from bestman_bt.configuration.quantity import (
@@ -139,7 +140,7 @@ class TaskConfig:
     ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: pairs that
     may touch, each an object, a piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``:
     metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most. ``known_start``: whether the robot is
-    told, roughly, where on its map it starts.
+    told, roughly, where on its map it starts. ``disturbances``: what somebody does while the robot works.
     ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default.
     """
 
@@ -161,6 +162,7 @@ class TaskConfig:
     time_limit: PositiveTime = 300.0
     tick_rate: TickRate = 20.0
     known_start: bool = True
+    disturbances: tuple[DisturbanceConfig, ...] = ()
     algorithms: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     plugins: tuple[str, ...] = ()
     description: str = ""
@@ -263,6 +265,7 @@ def _contradictions(task: TaskConfig, document: Document) -> Iterator[Problem]:
     if task.reach is not None and task.reach.height[0] > task.reach.height[1]:
         lower, upper = task.reach.height
         yield document.problem(("reach", "height"), f"the smaller limit comes first, got [{lower:g}, {upper:g}]")
+    yield from disturbance_faults(task.disturbances, document)
 
 
 def task_of_tree(tree: str) -> str | None:
