@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from bestman_bt.configuration import Problem, RunConfig
 from bestman_bt.evaluation.predicates.standing import is_over, rest_faults, tilt_fault
@@ -87,5 +87,11 @@ def _closed(evidence: Evidence, container: str) -> str:
     return "" if evidence.truth.articulation_position(container) <= shut else f"the {container} is not shut"
 
 
-_FAULTS = {"on": _on, "holding": _holding, "hand_empty": _hand_empty, "open": _open, "closed": _closed}
+_FAULTS: dict[str, Callable[..., str]] = {
+    "on": _on,
+    "holding": _holding,
+    "hand_empty": _hand_empty,
+    "open": _open,
+    "closed": _closed,
+}
 """Predicate → what keeps a fact from being true, in words; empty where nothing does."""
