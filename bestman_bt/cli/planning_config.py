@@ -16,9 +16,9 @@ def planning_config(
     settings: Sequence[str] | None,
     plugins: Sequence[Path] | None,
 ) -> RunConfig:
-    """Those of ``task``; without one the kitchen and diff_panda, where nothing else is asked. ConfigurationError."""
+    """Those of ``task``; without one the furnished kitchen and diff_panda, where nothing else is asked. ConfigurationError."""
     if task is None:
-        scene, robot = scene or "kitchen", robot or "diff_panda"
+        scene, robot = scene or "kitchen_furnished", robot or "diff_panda"
     return load_run(
         task,
         tree="plan_and_execute",

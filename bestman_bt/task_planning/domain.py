@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -22,6 +24,9 @@ from bestman_bt.task_planning.symbolic.problem import (
     Operator,
     Problem,
 )
+
+_LOG = logging.getLogger(__name__)
+_NUMBER = re.compile(r"_\d+$")
 
 
 @dataclass(frozen=True)
@@ -121,7 +126,9 @@ class Domain:
 
 
 def full_name(problem: Problem, name: str, kind: str) -> str:
-    """The thing of a type that is meant: ``table`` for its only or first surface, ``drawer_3`` for the only one."""
+    """The thing of a type that is meant: ``table`` for its only or first surface, ``drawer_3`` for the only one, and
+    ``drawer`` for the first where they have numbers; a log says that there are others.
+    """
     known = problem.of_type(kind)
     if name in known:
         return name
@@ -133,6 +140,11 @@ def full_name(problem: Problem, name: str, kind: str) -> str:
         return parts[0]
     if of_furniture or parts:
         raise GoalError(f"which {name!r}? {', '.join(of_furniture or parts)} are known")
+    numbered = [one for one in known if _NUMBER.sub("", one.rpartition("/")[2]) == name]
+    if numbered:
+        if len(numbered) > 1:
+            _LOG.warning("%r is taken for %s; there are also %s", name, numbered[0], ", ".join(numbered[1:]))
+        return numbered[0]
     if name in problem.objects:
         raise GoalError(f"{name} is a {problem.objects[name]}, and a {kind} is asked for; {suggestion(name, known)}")
     raise GoalError(f"unknown {kind} {name!r}; {suggestion(name, known)}")

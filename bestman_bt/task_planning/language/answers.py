@@ -9,8 +9,10 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.language.conversation import FaultyAnswerError
 from bestman_bt.task_planning.language.schema import GoalAnswer, PlanAnswer
 from bestman_bt.task_planning.limits import PlanLimits
+from bestman_bt.task_planning.predicates import ON, UNSEEN
 from bestman_bt.task_planning.symbolic import (
     Action,
+    Fact,
     GoalError,
     Literal,
     PlanningError,
@@ -23,22 +25,54 @@ from bestman_bt.task_planning.symbolic.search import without_needless
 
 
 def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
-    """The problem with the goal of the answer, that of its own if it has one; raises FaultyAnswerError."""
+    """The problem with the goal of the answer, that of its own if it has one, in which things may be only where the
+    instruction says that they are; raises FaultyAnswerError.
+    """
     if problem.goal:
         return problem
-    domain = Domain(())
-    goal: list[Literal] = []
-    faults: list[str] = []
-    for number, text in enumerate(answer.goal):
-        try:
-            goal += domain.with_goal(problem, text).goal
-        except GoalError as error:
-            faults.append(f"goal[{number}]: {error}")
+    goal, faults = _facts(problem, "goal", answer.goal)
+    told, faults_of_told = _facts(problem, "told", answer.told)
+    faults += faults_of_told
+    faults += [
+        f"told: {literal} does not say where a thing is" for literal in told if literal.negated or not _is_place(literal)
+    ]
     if not goal and not faults:
         faults.append("goal: empty; say as facts what shall hold at the end, or give a refusal")
     if faults:
         raise FaultyAnswerError(faults)
-    return replace(problem, goal=tuple(dict.fromkeys(goal)))
+    state = problem.state - _ruled_out(problem, [literal.fact for literal in told])
+    return replace(problem, goal=tuple(dict.fromkeys(goal)), state=state)
+
+
+def _facts(problem: Problem, field: str, texts: Sequence[str]) -> tuple[list[Literal], list[str]]:
+    """What the texts say with the full names of things, and what is wrong with them."""
+    domain = Domain(())
+    literals: list[Literal] = []
+    faults: list[str] = []
+    for number, text in enumerate(texts):
+        try:
+            literals += domain.with_goal(problem, text).goal
+        except GoalError as error:
+            faults.append(f"{field}[{number}]: {error}")
+    return literals, faults
+
+
+def _is_place(literal: Literal) -> bool:
+    return literal.fact.predicate == ON.name
+
+
+def _ruled_out(problem: Problem, told: Sequence[Fact]) -> set[Fact]:
+    """Where things that were not seen are not, by what was told of them; a place that was searched says nothing."""
+    places: dict[str, set[str]] = {}
+    for fact in told:
+        name, place = fact.arguments
+        if Fact(UNSEEN.name, (name, place)) in problem.state:
+            places.setdefault(name, set()).add(place)
+    return {
+        fact
+        for fact in problem.state
+        if fact.predicate == UNSEEN.name and fact.arguments[1] not in places.get(fact.arguments[0], fact.arguments)
+    }
 
 
 def checked_plan(problem: Problem, limits: PlanLimits, answer: PlanAnswer) -> tuple[Problem, TaskPlan]:

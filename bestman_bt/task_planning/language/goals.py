@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from bestman_bt.task_planning.language.answers import checked_goal
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatRequest, Usage
 from bestman_bt.task_planning.language.conversation import ask_until_valid
@@ -36,4 +34,4 @@ class GoalReader:
         meant, usage = ask_until_valid(
             endpoint, request, GoalAnswer, lambda answer: checked_goal(told, answer), p.tries
         )
-        return replace(problem, goal=names.literals_back(meant.goal)), usage
+        return names.meant(problem, meant), usage

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from bestman_bt.task_planning.symbolic import Literal, Problem
+from bestman_bt.task_planning.symbolic import Problem
 
 LONGEST_NAME = 48
 
@@ -54,10 +54,12 @@ class PlainNames:
         world = {told: name for name, told in self.told.items()}
         return tuple(world[name] for name in names)
 
-    def literals_back(self, literals: Iterable[Literal]) -> tuple[Literal, ...]:
-        """The same for the names in literals."""
+    def meant(self, problem: Problem, solved: Problem) -> Problem:
+        """``problem`` with the goal of ``solved``, which is told in these names, and without what that rules out."""
         world = {told: name for name, told in self.told.items()}
-        return tuple(literal.bound(world) for literal in literals)
+        left = {fact.bound(world) for fact in solved.state}
+        goal = tuple(literal.bound(world) for literal in solved.goal)
+        return replace(problem, goal=goal, state=problem.state & left)
 
 
 def _is_plain(name: str) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.language.answers import checked_plan
@@ -69,7 +69,7 @@ class LanguagePlanner(TaskPlanner):
 
         def check(answer: PlanAnswer) -> tuple[Problem, TaskPlan]:
             solved, plan = checked_plan(told, limits, answer)
-            meant = replace(problem, goal=names.literals_back(solved.goal))
+            meant = names.meant(problem, solved)
             operators = {operator.name: operator for operator in problem.operators}
             actions = (instantiate(meant, operators[one.name], names.back(one.arguments)) for one in plan.actions)
             plan = TaskPlan(tuple(actions))

@@ -19,13 +19,18 @@ _MOST_FAULTS = 8
 
 
 class GoalAnswer(BaseModel):
-    """What the instruction asks for, as facts; ``refusal``: why it cannot be planned, in words."""
+    """What the instruction asks for, as facts; ``refusal``: why it cannot be planned, in words. ``told``: where the
+    instruction says that things are.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
     refusal: str | None = Field(None, description="null; or why this cannot or must not be done, in one sentence")
     goal: list[str] = Field(
         max_length=MOST_FACTS, description="what shall hold at the end: 'on(mug, table)', 'not open(drawer)'"
+    )
+    told: list[str] = Field(
+        [], max_length=MOST_FACTS, description="where the instruction says that a thing is: 'on(mug, drawer)'"
     )
 
 
