@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.engine import load_tree
+from bestman_bt.engine.logs import LogError, logged_nodes
+from bestman_bt.engine.xml.writer import full_tree_xml
+
+TREE = """
+<root BTCPP_format="4" main_tree_to_execute="Main">
+  <BehaviorTree ID="Main">
+    <Sequence name="&lt;b&gt;all&lt;/b&gt;">
+      <SubTree ID="Twice" name="first" goal="cup"/>
+      <SubTree ID="Twice"/>
+      <Inverter><AlwaysFailure/></Inverter>
+      <ScriptCondition name="is it?" code="true"/>
+    </Sequence>
+  </BehaviorTree>
+  <BehaviorTree ID="Twice">
+    <Sequence><AlwaysSuccess/><SubTree ID="Inner"/></Sequence>
+  </BehaviorTree>
+  <BehaviorTree ID="Inner"><Sleep name="wait" msec="5"/></BehaviorTree>
+</root>
+"""
+
+
+def test_the_nodes_of_a_log_have_the_numbers_names_types_and_paths_of_the_tree_that_ran() -> None:
+    tree = load_tree(TREE)
+
+    nodes = logged_nodes(full_tree_xml(tree))
+
+    assert [node.uid for node in nodes] == [node.uid for node in tree.nodes]
+    assert [node.path for node in nodes] == [node.path for node in tree.nodes]
+    assert [node.name for node in nodes] == [node.name for node in tree.nodes]
+    parents = {child.uid: node.uid for node in tree.nodes for child in node.nodes_below()}
+    assert {node.uid: node.parent for node in nodes} == {node.uid: parents.get(node.uid) for node in tree.nodes}
+
+
+def test_the_palette_of_a_log_tells_what_kind_each_node_is() -> None:
+    nodes = {node.path: node for node in logged_nodes(full_tree_xml(load_tree(TREE)))}
+
+    assert nodes["<b>all</b>"].category == "control"
+    assert nodes["first"].category == "subtree"
+    assert nodes["first"].type == "Twice"
+    assert nodes["first"].ports == {"goal": "cup"}
+    assert nodes["is it?"].category == "condition"
+    assert nodes["is it?"].is_leaf
+    assert not nodes["first"].is_leaf
+
+
+@pytest.mark.parametrize(
+    ("xml", "words"),
+    [
+        ("<root>", "cannot be read"),
+        ("<!DOCTYPE r [<!ENTITY a 'b'>]><root/>", "entity declarations are refused"),
+        ("<root/>", "no main tree"),
+        ('<root><BehaviorTree ID="T"><Sequence name="s"/></BehaviorTree></root>', "has the number ''"),
+        (
+            '<root><BehaviorTree ID="T"><A _uid="1"><B _uid="1"/></A></BehaviorTree></root>',
+            "two nodes with the number 1",
+        ),
+    ],
+)
+def test_what_is_no_tree_of_a_log_is_refused_in_words(xml: str, words: str) -> None:
+    with pytest.raises(LogError, match=words):
+        logged_nodes(xml)
+
+
+def test_a_log_whose_tree_contains_itself_has_an_end() -> None:
+    xml = (
+        '<root><BehaviorTree ID="M"><SubTree ID="T" _fullpath="t" _uid="1"/></BehaviorTree>'
+        '<BehaviorTree ID="T" _fullpath="t"><SubTree ID="T" _fullpath="t" _uid="2"/></BehaviorTree></root>'
+    )
+
+    assert [node.uid for node in logged_nodes(xml)] == [1, 2]
