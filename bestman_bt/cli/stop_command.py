@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from bestman_bt.runtime.control_client import ControlError, request, running_executors
+from bestman_bt.monitor.control_client import ControlError, request, running_executors
 
 
 def command() -> None:

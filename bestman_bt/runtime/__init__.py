@@ -1,6 +1,6 @@
 """The composition root: from a configuration to a robot, its beliefs, algorithms and skills, and a running tree.
 
-Names are imported when they are used: to reach a running executor one need not load the algorithms.
+Names are imported when they are used: who asks for one need not load the algorithms of all.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from bestman_bt.runtime.control_channel import ControlChannel
-    from bestman_bt.runtime.control_client import ControlError, request, running_executors
     from bestman_bt.runtime.executor import Ending, Execution, Executor
     from bestman_bt.runtime.plugins import node_registry
     from bestman_bt.runtime.robot_session import Session, open_session, session
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "ControlChannel": "control_channel",
-    "ControlError": "control_client",
     "Ending": "executor",
     "Execution": "executor",
     "Executor": "executor",
@@ -30,14 +28,11 @@ _HOMES = {
     "node_registry": "plugins",
     "open_session": "robot_session",
     "prepare": "setup",
-    "request": "control_client",
-    "running_executors": "control_client",
     "session": "robot_session",
 }
 
 __all__ = [
     "ControlChannel",
-    "ControlError",
     "Ending",
     "Execution",
     "Executor",
@@ -48,8 +43,6 @@ __all__ = [
     "node_registry",
     "open_session",
     "prepare",
-    "request",
-    "running_executors",
     "session",
 ]
 

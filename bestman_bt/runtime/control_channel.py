@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.engine import EngineError, StateChanges, status_name
-from bestman_bt.runtime.control_client import socket_folder
+from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.runtime.executor import Executor
 
 MAX_REQUEST = 65536

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Iterator
 from difflib import get_close_matches
 from xml.etree import ElementTree
 
-from bestman_bt.configuration import Problem, RunConfig
+from bestman_bt.configuration import DisturbanceConfig, Problem, RunConfig
 from bestman_bt.configuration.document import FieldPath
 from bestman_bt.configuration.quantity import parse_quantity
 from bestman_bt.configuration.task import GoalConfig, OpeningConfig
@@ -20,7 +20,7 @@ from bestman_bt.world_model import WorldModel
 def task_problems(
     config: RunConfig, world: World, known: WorldModel, robot: RobotModel, absent: Collection[str] = ()
 ) -> Iterator[Problem]:
-    """All unknown names of the task's goals, opening, tidying, reaching, lifting and allowed contacts.
+    """All unknown names of the task's goals, opening, tidying, reaching, lifting, disturbances and contacts.
 
     ``absent``: what the scene leaves out. Contacts with that may be allowed all the same, and it may be one of the
     objects to choose from.
@@ -43,6 +43,8 @@ def task_problems(
     if task.lift is not None:
         yield from _unknown(config, ("lift", "object"), task.lift.object, known.models, "the robot knows no object")
         yield from _unknown(config, ("lift", "source"), task.lift.source, _surfaces(known), "the map has no surface")
+    for index, disturbance in enumerate(task.disturbances):
+        yield from _disturbance_problems(config, ("disturbances", index), disturbance, known, absent)
     yield from _contact_problems(config, world, [*known.models, *known.map.furniture, *absent], robot)
 
 
@@ -87,6 +89,20 @@ def _goal_problems(
             yield from _unknown(config, (*path, "object", index), name, there, "the robot knows no object")
     for field in ("source", "surface"):
         yield from _unknown(config, (*path, field), getattr(goal, field), _surfaces(known), "the map has no surface")
+
+
+def _disturbance_problems(
+    config: RunConfig, path: FieldPath, asked: DisturbanceConfig, known: WorldModel, absent: Collection[str]
+) -> Iterator[Problem]:
+    leaves = [f"{name}/{leaf.name}" for name, piece in known.map.furniture.items() for leaf in piece.leaves]
+    if asked.object is not None:
+        there = [*known.models, *absent]
+        yield from _unknown(config, (*path, "object"), asked.object, there, "the scene has no object")
+    if asked.articulation is not None:
+        what = "the map has no door or drawer"
+        yield from _unknown(config, (*path, "articulation"), asked.articulation, leaves, what)
+    if asked.surface is not None:
+        yield from _unknown(config, (*path, "surface"), asked.surface, _surfaces(known), "the map has no surface")
 
 
 def _unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str], what: str) -> Iterator[Problem]:

@@ -13,7 +13,8 @@ import pytest
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
-from bestman_bt.runtime import Session, request
+from bestman_bt.monitor.control_client import request
+from bestman_bt.runtime import Session
 from hal.api import MobileBase
 from hal.pybullet import PyBulletRobot
 from tests.cli.command_line import Answer, Program, wait_for

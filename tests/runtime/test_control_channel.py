@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
-from bestman_bt.runtime import ControlChannel, ControlError, Ending, Execution, Executor, request, running_executors
-from bestman_bt.runtime.control_client import socket_folder
+from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
+from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
   <Repeat num_cycles="-1" name="again"><Blink name="blink"/></Repeat>

@@ -1,0 +1,305 @@
+"""What an execution tells of itself: the events of the control channel and of run folders.
+
+An event is one JSON object a line; ``event`` names its kind. Times are seconds of the robot's clock since the run's
+start, poses and points in the map frame, states as in ``bestman_bt.engine.status``, nodes by uid: 1 is the root,
+in pre-order. ``tree`` 0 is the main tree; others are trees that one of its leaves ticks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+VERSION = 1
+MAIN_TREE = 0
+
+Topic = Literal["states", "blackboard", "robot", "scan", "images", "log"]
+TOPICS: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "images", "log")
+"""What one can subscribe to; events of no topic are told to everybody."""
+Level = Literal["debug", "info", "warning", "error"]
+Category = Literal["action", "condition", "control", "decorator", "subtree"]
+
+
+class EventError(ValueError):
+    """A line is no event."""
+
+
+@dataclass(frozen=True)
+class RunEvent:
+    """What runs: the first event. ``started``: seconds since the epoch; ``tick_rate``: hertz.
+
+    ``folder``: of the run, absolute; empty where nothing is kept.
+    """
+
+    task: str
+    tree: str
+    scene: str
+    robot: str
+    seed: int
+    folder: str
+    pid: int
+    started: float
+    tick_rate: float
+    clock: Literal["simulated", "real"]
+    version: int = VERSION
+    event: Literal["run"] = "run"
+
+
+@dataclass(frozen=True)
+class DescribedNode:
+    """A node. ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree."""
+
+    uid: int
+    parent: int | None
+    name: str
+    type: str
+    category: Category
+    path: str
+    ports: dict[str, str]
+    scope: str
+
+
+@dataclass(frozen=True)
+class TreeEvent:
+    """A tree that is ticked from now on, parents before children; ``under``: uid of the main tree's leaf that does."""
+
+    nodes: list[DescribedNode]
+    xml: str
+    id: str
+    tree: int = MAIN_TREE
+    under: int | None = None
+    event: Literal["tree"] = "tree"
+
+
+@dataclass(frozen=True)
+class StatesEvent:
+    """Changes of one tick or halt, in order, as (uid, new state), and what nodes say of themselves, by uid.
+
+    Where all nodes are named, it is how they stand. In run folders the changes of the main tree are in the ``.btlog``.
+    """
+
+    time: float
+    tick: int
+    changes: list[tuple[int, int]]
+    messages: dict[int, str] = field(default_factory=dict)
+    tree: int = MAIN_TREE
+    event: Literal["states"] = "states"
+
+
+@dataclass(frozen=True)
+class ShownEntry:
+    """A blackboard entry: its type and value as text, and the value itself where it is plain and short.
+
+    ``type`` is empty for an entry that exists no more.
+    """
+
+    type: str
+    text: str
+    value: Any = None
+
+
+@dataclass(frozen=True)
+class BlackboardEvent:
+    """The entries that were written, by scope (path of the SubTree, empty for the main tree) and key."""
+
+    time: float
+    tick: int
+    entries: dict[str, dict[str, ShownEntry]]
+    event: Literal["blackboard"] = "blackboard"
+
+
+@dataclass(frozen=True)
+class RobotEvent:
+    """Where the robot believes to be (x, y, yaw), how sure it is (metres, radians), its joints, and what it holds.
+
+    ``diagnostics``: part → what is wrong with it.
+    """
+
+    time: float
+    tick: int
+    base: tuple[float, float, float]
+    believed_std: tuple[float, float]
+    joints: dict[str, float]
+    velocities: dict[str, float] | None = None
+    efforts: dict[str, float] | None = None
+    held: str | None = None
+    diagnostics: dict[str, str] | None = None
+    event: Literal["robot"] = "robot"
+
+
+@dataclass(frozen=True)
+class ScanEvent:
+    """The lidar's hits, thinned, and where the base believed to be when they were measured."""
+
+    time: float
+    base: tuple[float, float, float]
+    points: list[tuple[float, float]]
+    event: Literal["scan"] = "scan"
+
+
+@dataclass(frozen=True)
+class MapPiece:
+    """The outline of a named piece of furniture, counter-clockwise."""
+
+    name: str
+    polygon: list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class MapEvent:
+    """The map: ``walls`` as segments x1, y1, x2, y2.
+
+    ``png``: base64 of a grid where there is one, dark where it is occupied, its first row at the greatest y; then
+    ``resolution`` is metres per pixel and ``origin`` the lower left corner; ``width`` and ``height`` in pixels. Empty
+    otherwise, with the rectangle of all walls, metres.
+    """
+
+    resolution: float
+    origin: tuple[float, float]
+    width: int
+    height: int
+    png: str
+    furniture: list[MapPiece]
+    walls: list[tuple[float, float, float, float]]
+    event: Literal["map"] = "map"
+
+
+@dataclass(frozen=True)
+class PathEvent:
+    """The path that the base drives from now on; none where it is empty."""
+
+    time: float
+    planned: list[tuple[float, float]]
+    event: Literal["path"] = "path"
+
+
+@dataclass(frozen=True)
+class ImageEvent:
+    """A picture that a skill took: ``jpeg`` in base64, or, in run folders, the ``file`` relative to the folder.
+
+    ``node``: the leaf that failed when it was the last picture; empty for others.
+    """
+
+    time: float
+    camera: str
+    width: int
+    height: int
+    jpeg: str = ""
+    file: str = ""
+    node: str = ""
+    event: Literal["image"] = "image"
+
+
+@dataclass(frozen=True)
+class LogEvent:
+    """A line of the log; one a failure, with the path of the node, its code and its words."""
+
+    time: float
+    level: Level
+    message: str
+    node: str = ""
+    code: str = ""
+    logger: str = "tree"
+    event: Literal["log"] = "log"
+
+
+@dataclass(frozen=True)
+class PausedEvent:
+    """The execution waits: because somebody asked, or before or after ``node`` (path)."""
+
+    time: float
+    reason: Literal["asked", "breakpoint"]
+    node: str | None = None
+    when: Literal["before", "after"] | None = None
+    event: Literal["paused"] = "paused"
+
+
+@dataclass(frozen=True)
+class ResumedEvent:
+    """The execution goes on."""
+
+    time: float
+    event: Literal["resumed"] = "resumed"
+
+
+@dataclass(frozen=True)
+class BreakpointsEvent:
+    """All breakpoints, after one was set, cleared or used up."""
+
+    breakpoints: list[dict[str, Any]]
+    event: Literal["breakpoints"] = "breakpoints"
+
+
+@dataclass(frozen=True)
+class EndEvent:
+    """The last event: ``outcome`` as in ``result.json``; a run without it was interrupted."""
+
+    time: float
+    outcome: str
+    tree_status: str
+    why: str = ""
+    event: Literal["end"] = "end"
+
+
+@dataclass(frozen=True)
+class DroppedEvent:
+    """So many events were lost because their reader was too slow; how things stand follows."""
+
+    count: int
+    event: Literal["dropped"] = "dropped"
+
+
+Event: TypeAlias = (
+    RunEvent
+    | TreeEvent
+    | StatesEvent
+    | BlackboardEvent
+    | RobotEvent
+    | ScanEvent
+    | MapEvent
+    | PathEvent
+    | ImageEvent
+    | LogEvent
+    | PausedEvent
+    | ResumedEvent
+    | BreakpointsEvent
+    | EndEvent
+    | DroppedEvent
+)
+
+_TOPIC_OF: dict[str, Topic] = {
+    "states": "states",
+    "blackboard": "blackboard",
+    "robot": "robot",
+    "path": "robot",
+    "scan": "scan",
+    "image": "images",
+    "log": "log",
+}
+_EVENTS: TypeAdapter[Event] = TypeAdapter(Annotated[Event, Field(discriminator="event")])
+
+
+def topic_of(event: Event) -> Topic | None:
+    """The topic that an event belongs to; None for those that everybody is told."""
+    return _TOPIC_OF.get(event.event)
+
+
+def to_line(event: Event) -> bytes:
+    """An event as one line of JSON."""
+    return _EVENTS.dump_json(event) + b"\n"
+
+
+def from_line(line: bytes | str) -> Event:
+    """The event of a line.
+
+    Raises:
+        EventError: it is none, or misses something.
+    """
+    try:
+        return _EVENTS.validate_json(line)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise EventError(f"no event: {where}: {first['msg']}" if where else f"no event: {first['msg']}") from error
