@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bestman_bt.engine import StateChanges, Tree
-from bestman_bt.messages import PlacedShape, Pose
+from bestman_bt.messages import PlacedShape, Pose, Pose2D
 from bestman_bt.runtime import Session
 from bestman_bt.scene import Articulation, PlacedFurniture, World, wall_box
 from bestman_bt.sensing.rgbd import RGBDView
@@ -49,10 +52,9 @@ class Recording:
         for sensor in (skills.camera, skills.wrist_camera):
             if sensor is not None:
                 sensor.subscribe(partial(self._on_view, sensor.name))
-        goal = self._session.entries.get("goal")
         self._snapshot()
-        if goal is not None:
-            self._recorder.goal(goal.position, self._session.robot.clock.now())
+        for name, point in goal_points(self._session.entries).items():
+            self._recorder.goal(point, self._session.robot.clock.now(), name)
 
     def close(self) -> None:
         """Take a last snapshot and close the file."""
@@ -84,6 +86,20 @@ class Recording:
 
     def _on_view(self, camera: str, view: RGBDView) -> None:
         self._recorder.image(camera, view.image)
+
+
+def goal_points(entries: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
+    """The places among what a task tells its tree: entry → (3,) metres, map frame.
+
+    Only some goals are places: that of a plan is facts, as text.
+    """
+    points = {}
+    for name, value in entries.items():
+        if isinstance(value, Pose):
+            points[name] = value.position
+        elif isinstance(value, Pose2D):
+            points[name] = np.array([*value.xy, 0.0])
+    return points
 
 
 def recorded_bodies(world: World) -> list[RecordedBody]:

@@ -4,21 +4,51 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from rerun.chunk import RrdReader
 
 from bestman_bt.configuration import load_run
-from bestman_bt.evaluation.recording import Recording
+from bestman_bt.evaluation.recording import Recording, goal_points
+from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.runtime import open_session
 from hal.pybullet import SceneRecorder
 
+NOTHING_TO_DO = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>'
+
+
+def test_goals_that_are_places_are_marked_and_others_are_not() -> None:
+    entries = {
+        "goal": Pose(np.array([1.0, 2.0, 0.8])),
+        "where": Pose2D(3.0, 4.0, 0.5),
+        "facts": ("on cup table",),
+        "object": "cup",
+        "goals": [{"goal": Pose()}],
+    }
+    points = goal_points(entries)
+    assert points.keys() == {"goal", "where"}
+    np.testing.assert_array_equal(points["goal"], [1.0, 2.0, 0.8])
+    np.testing.assert_array_equal(points["where"], [3.0, 4.0, 0.0])
+
+
+def test_a_task_whose_goal_is_no_place_is_recorded(tmp_path: Path) -> None:
+    scenes: list[SceneRecorder] = []
+    path = tmp_path / "run.rrd"
+    config = load_run("plan_fetch_cup", seed=1)
+    with open_session(config, lambda robot: scenes.append(SceneRecorder(robot))) as session:
+        recording = Recording(path, session, session.load(NOTHING_TO_DO), scenes[0])
+        recording.open()
+        recording.close()
+    shown = {chunk.entity_path for chunk in RrdReader(path).stream()}
+    assert "/world/markers/belief" in shown
+    assert not any(path.endswith("/label") for path in shown)
+
 
 def test_the_pictures_of_each_camera_are_recorded_when_a_skill_takes_one(tmp_path: Path) -> None:
-    from rerun.chunk import RrdReader
-
     scenes: list[SceneRecorder] = []
     path = tmp_path / "run.rrd"
     with open_session(load_run("fetch_cup", seed=1), lambda robot: scenes.append(SceneRecorder(robot))) as session:
-        tree = session.load('<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>')
+        tree = session.load(NOTHING_TO_DO)
         recording = Recording(path, session, tree, scenes[0])
         recording.open()
         assert session.skills.wrist_camera is not None

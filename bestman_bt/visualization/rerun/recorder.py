@@ -211,8 +211,8 @@ class RerunRecorder:
         markers.clear(self._at(stamp).recording, name)
 
     def goal(self, point: ArrayLike, stamp: float, label: str = "goal") -> None:
-        """Record a pin on a point of the map, (3,) metres."""
-        markers.write_goal(self._at(stamp).recording, "goal", np.asarray(point, dtype=float), label)
+        """Record a pin on a point of the map, (3,) metres; the next one of this label replaces it."""
+        markers.write_goal(self._at(stamp).recording, label, np.asarray(point, dtype=float), label)
 
     def text(self, level: str, message: str, stamp: float) -> None:
         """Record a line of the log; ``level``: DEBUG, INFO, WARN or ERROR."""
