@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +17,7 @@ class SceneSnapshot:
     """Where everything is at ``stamp``: poses in the map frame, joint positions by name.
 
     ``leaf_poses``: of doors and drawers, ``furniture/name`` → map_from_leaf, a frame at the joint that is turned as the
-    furniture's while closed.
+    furniture's while closed. ``walker_poses``: of people, on the floor, upright.
     """
 
     stamp: float
@@ -25,6 +25,7 @@ class SceneSnapshot:
     joint_positions: Mapping[str, float]
     object_poses: Mapping[str, Pose]
     leaf_poses: Mapping[str, Pose]
+    walker_poses: Mapping[str, Pose] = field(default_factory=dict)
 
 
 class SceneRecorder:
@@ -57,4 +58,11 @@ class SceneRecorder:
             joint_positions=dict(zip(simulation.joint_names, map(float, simulation.joint_states()[0]), strict=True)),
             object_poses=poses,
             leaf_poses=leaves,
+            walker_poses={name: self._walker_pose(*walker) for name, walker in simulation.built.walkers.items()},
         )
+
+    def _walker_pose(self, body: int, slides: tuple[int, int]) -> Pose:
+        """Its root stands where its round begins."""
+        start, _ = self._reader.getBasePositionAndOrientation(body)
+        (x, *_), (y, *_) = self._reader.getJointStates(body, slides)
+        return Pose(np.array(start) + np.array([x, y, 0.0]))
