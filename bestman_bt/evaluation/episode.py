@@ -13,6 +13,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.driven_path import DrivenPath
+from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.predicates import Verdict, find_judge
 from bestman_bt.evaluation.recording import Recording
@@ -138,6 +139,11 @@ def _after_tick(
     calls: list[Callable[[], None]] = []
     if folder is not None:
         stack.enter_context(BtLogWriter(tree, folder / "transitions.btlog"))
+        if observers.scene is not None:
+            motion = MotionLog(folder, observers.scene)
+            motion.open()
+            stack.callback(motion.close)
+            calls.append(motion.after_tick)
         if session.setup.config.record and observers.scene is not None:
             recording = Recording(folder / "recording.rrd", session, tree, observers.scene)
             recording.open()
