@@ -12,6 +12,7 @@ from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunCo
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
@@ -20,8 +21,9 @@ from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
+from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from hal.api import Robot
-from hal.pybullet import GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
+from hal.pybullet import Disturber, GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
 from hal.replay import TAPE_NAME, RecordedRobot
 from hal.twins.remote_truth import RemoteTruth
 
@@ -32,13 +34,16 @@ Watcher = Callable[[Session, Tree], Callable[[], None]]
 class _Observers:
     """What looks at the simulation from outside; made right after connecting. Later, nobody gets a view for free."""
 
-    def __init__(self, folder: Path | None, judge: Path | None, prepare_robot: Callable[[Robot], None] | None) -> None:
-        self._folder, self._judge, self._prepare_robot = folder, judge, prepare_robot
+    def __init__(
+        self, disturbed: bool, folder: Path | None, judge: Path | None, prepare_robot: Callable[[Robot], None] | None
+    ) -> None:
+        self._disturbed, self._folder, self._judge, self._prepare_robot = disturbed, folder, judge, prepare_robot
         self.robot: PyBulletRobot | None = None
         self.truth: GroundTruth | None = None
         self.scene: SceneRecorder | None = None
         self.pictures: Pictures | None = None
         self.driven: DrivenPath | None = None
+        self.disturber: Disturber | None = None
 
     def attach(self, robot: Robot) -> None:
         if self._prepare_robot is not None:
@@ -49,6 +54,8 @@ class _Observers:
             self.scene = SceneRecorder(robot)
             if self._folder is not None:
                 self.pictures = Pictures(robot, self.truth, self._folder)
+            if self._disturbed:
+                self.disturber = Disturber(robot)
             robot.close_truth()
         elif self._judge is not None:
             self.truth = RemoteTruth(self._judge)
@@ -86,15 +93,17 @@ def run_episode(
 ) -> RunResult:
     """Run a task once and judge it.
 
-    ``folder``: receives ``result.json``, ``transitions.btlog`` and, where the configuration asks for it,
-    ``recording.rrd`` (of a simulated run) and the readings that the driver ``replay`` plays; ``pictures``: also
+    ``folder``: receives ``result.json``, ``transitions.btlog``, ``world.yaml`` (beliefs at the end) and, where the
+    configuration asks for it, ``recording.rrd`` (of a simulated run) and the readings that the driver ``replay`` plays;
+    ``pictures``: also
     ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without one, nobody
     judges a robot that is not simulated here. ``prepare_robot``: called right after connecting, the last moment to make
     a view of the truth whose reads are not counted. Raises as ``prepare_episode``, before anything is started.
     """
     setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     judge = find_judge(setup.config)
-    observers = _Observers(folder if pictures else None, twin_judge, prepare_robot)
+    disturbed = bool(setup.config.task.disturbances)
+    observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot)
     wall_start = time.perf_counter()
     with ExitStack() as stack:
         session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
@@ -115,6 +124,8 @@ def run_episode(
         record = observers.honesty_record()
         audited = audit(record, setup.config.task.allowed_contacts) if record is not None else None
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
+        if folder is not None:
+            write_world(folder / WORLD_NAME, setup, session.skills.world)
     if folder is not None:
         result.write(folder / "result.json")
     return result
@@ -151,6 +162,8 @@ def _after_tick(
             calls.append(recording.after_tick)
     if observers.driven is not None and session.setup.config.task.drive is not None:
         calls.append(observers.driven.after_tick)
+    if observers.disturber is not None and observers.truth is not None:
+        calls.append(Disturbances(session, observers.truth, observers.disturber).after_tick)
     if observers.pictures is not None:
         calls.append(_picture_of_the_grasp(session, observers.pictures))
     if watch is not None:

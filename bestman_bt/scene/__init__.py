@@ -1,11 +1,12 @@
 """Scenes from YAML and the worlds that a seed draws from them."""
 
-from bestman_bt.scene.draw import SceneError, draw_world, planar_radius
+from bestman_bt.scene.draw import SceneError, draw_world
 from bestman_bt.scene.furniture_file import read_furniture
 from bestman_bt.scene.load import SceneConfig, load_scene
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.scene.moving_door import MovingDoor
 from bestman_bt.scene.object_file import read_object
+from bestman_bt.scene.placing import planar_radius
 from bestman_bt.scene.scene import (
     LATCH_TRAVEL,
     Articulation,

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Iterable
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bestman_bt.messages import ObjectModel, Pose, Pose2D
+from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.scene.apartment_generator import ApartmentError
 from bestman_bt.scene.apartment_scene import with_apartment
 from bestman_bt.scene.changes import draw_changes, exactly_placed
@@ -18,8 +16,9 @@ from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.furniture_standing import standing_furniture, surface_of
 from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.moving_door import MovingDoor
+from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, planar_radius, standing_on
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
-from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Wall, World
 from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement, RegionConfig
 from bestman_bt.scene.standing_outlines import leaf_outlines, standing_outlines
 from bestman_bt.scene.walker import Walker
@@ -116,13 +115,13 @@ def _object(
     model = scene.models[name]
     piece, surface = surface_of(scene, placement.surface, furniture)
     if placement.at is not None:
-        return PlacedObject(name, model, _on_surface(piece, surface, Pose2D(*placement.at), model))
+        return PlacedObject(name, model, standing_on(piece.surface_pose(surface), Pose2D(*placement.at), model))
     assert placement.region is not None
     for _ in range(_TRIES):
         on_surface = _sample(generator, placement.region)
-        pose = _on_surface(piece, surface, on_surface, model)
+        pose = standing_on(piece.surface_pose(surface), on_surface, model)
         inside = depth_inside(rectangle(Pose2D(), surface.size), on_surface.xy) >= planar_radius(model)
-        room = min(_gap(pose, model, others), _room_beside(pose, model, piece, furniture))
+        room = min(gap_to_objects(pose, model, others), gap_to_furniture(pose, model, piece, furniture))
         if inside and room >= scene.file.clearance:
             return PlacedObject(name, model, pose)
     raise _NoRoomError(f"no room for {name!r} on {placement.surface}")
@@ -148,9 +147,9 @@ def _goal(
         pose = planar.to_pose(piece.elevation + float(surface.pose.position[2]) + float(model.size[2]) / 2)
         if min(depth_inside(outline, planar.xy) for outline in outlines) < goal.margin:
             continue
-        if _room_beside(pose, model, piece, furniture) < (goal.clearance or 0.0):
+        if gap_to_furniture(pose, model, piece, furniture) < (goal.clearance or 0.0):
             continue
-        if goal.clearance is None or _gap(pose, model, objects) >= goal.clearance:
+        if goal.clearance is None or gap_to_objects(pose, model, objects) >= goal.clearance:
             return pose
     raise _NoRoomError(f"no room for the goal {name!r} on {goal.surface}")
 
@@ -196,11 +195,6 @@ def _changed(
     return standing, walkers
 
 
-def _on_surface(piece: PlacedFurniture, surface: Surface, on_surface: Pose2D, model: ObjectModel) -> Pose:
-    lower = float(model.bounds()[0, 2])
-    return piece.surface_pose(surface) @ on_surface.to_pose(-lower)
-
-
 def _moving_doors(scene: SceneConfig, furniture: Iterable[PlacedFurniture]) -> tuple[MovingDoor, ...]:
     """Those whose furniture came: an unmapped piece may be absent."""
     there = {f"{piece.name}/{leaf.name}": leaf for piece in furniture for leaf in piece.model.articulations}
@@ -209,31 +203,3 @@ def _moving_doors(scene: SceneConfig, furniture: Iterable[PlacedFurniture]) -> t
         for name, asked in scene.file.moving_doors.items()
         if name in there
     )
-
-
-def planar_radius(model: ObjectModel) -> float:
-    """Radius of the circle about the object's frame that holds its collision shapes, seen from above, metres."""
-    if model.symmetry_order == 0:
-        return float(model.size[:2].max()) / 2
-    return math.hypot(*model.size[:2]) / 2
-
-
-def _gap(pose: Pose, model: ObjectModel, others: Iterable[PlacedObject]) -> float:
-    """Smallest distance from one object's circle to those of others at its height; infinite without others."""
-    here: NDArray[np.float64] = pose.position[:2]
-    gaps = [
-        float(np.linalg.norm(other.pose.position[:2] - here)) - planar_radius(model) - planar_radius(other.model)
-        for other in others
-        if abs(pose.position[2] - other.pose.position[2]) < (model.size[2] + other.model.size[2]) / 2
-    ]
-    return min(gaps, default=math.inf)
-
-
-def _room_beside(pose: Pose, model: ObjectModel, piece: PlacedFurniture, furniture: Iterable[PlacedFurniture]) -> float:
-    """Smallest distance from an object's circle to furniture that stands on ``piece``; infinite without such."""
-    distances = [
-        distance_to_polygon(rectangle(other.actual, other.model.footprint), pose.position[:2])
-        for other in furniture
-        if other.on == piece.name
-    ]
-    return min(distances, default=math.inf) - planar_radius(model)

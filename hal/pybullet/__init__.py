@@ -1,6 +1,7 @@
 """The Robotics API over PyBullet: honest physics, no resets, no glue."""
 
 from hal.pybullet.client import SimulationError
+from hal.pybullet.disturber import Disturber
 from hal.pybullet.ground_truth import GroundTruth
 from hal.pybullet.honesty_record import ContactIncident, Finding, HonestyRecord, Penetration
 from hal.pybullet.parameters import PhysicsParameters
@@ -12,6 +13,7 @@ from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
 
 __all__ = [
     "ContactIncident",
+    "Disturber",
     "Finding",
     "GroundTruth",
     "HonestyRecord",

@@ -85,6 +85,7 @@ class ReadPurpose(Enum):
     EVALUATION = "evaluation"
     RECORDING = "recording"
     WALKER = "walker"  # what people see of the robot
+    SCRIPT = "script"  # what somebody who interferes sees
 
 
 class SimulationError(RobotError):

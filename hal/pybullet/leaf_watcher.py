@@ -100,7 +100,9 @@ class LeafWatcher:
         if abs(leaf.drift) > DRIFT:
             self.jumps.append(Finding(self._stamp, f"{leaf.name} moved by {leaf.drift:.5f} without a velocity"))
             leaf.drift = 0.0
-        fault = self._fault_of_motor(leaf, velocity, effort) or self._fault_of_speed(leaf, velocity)
+        fault = ""
+        if (leaf.body, leaf.joint) not in self._simulation.interference.pushed:  # that is told as a disturbance
+            fault = self._fault_of_motor(leaf, velocity, effort) or self._fault_of_speed(leaf, velocity)
         if fault and not leaf.accused:
             self.unexplained_forces.append(Finding(self._stamp, f"{leaf.name} {fault}"))
         leaf.accused = bool(fault) or (leaf.accused and abs(velocity) > MOVING)

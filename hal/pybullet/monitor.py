@@ -56,7 +56,10 @@ class HonestyMonitor:
             contacts=self._contacts.incidents(),
             penetrations=self._contacts.penetrations(),
             disturbances=tuple(
-                sorted((*simulation.walkers.log, *simulation.moving_doors.log), key=lambda finding: finding.stamp)
+                sorted(
+                    (*simulation.walkers.log, *simulation.moving_doors.log, *simulation.interference.log),
+                    key=lambda finding: finding.stamp,
+                )
             ),
             missed_looks=max(0, simulation.steps // simulation.parameters.monitor_every - self._looks)
             + max(0, simulation.steps - self._steps),
@@ -71,8 +74,10 @@ class HonestyMonitor:
         motions, contacts = self._motions, self._contacts
         observation = self._observer.observe()
         contacts.watch(observation)
-        motions.watch(observation, contacts.touched, contacts.robot_forces)
-        self._open_hand.watch(observation, contacts.robot_forces)
+        put_down = self._simulation.interference.put_down
+        motions.watch(observation, contacts.touched, contacts.robot_forces, put_down)
+        self._open_hand.watch(observation, contacts.robot_forces, put_down)
+        put_down.clear()
         self._tampering.watch_constraints(observation.stamp)
         self._looks += 1
         if self._looks % FULL_CHECK_EVERY == 0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,14 +79,20 @@ class MotionWatcher:
         self.joint_limits: list[Finding] = []
         self.velocity_limits: list[Finding] = []
 
-    def watch(self, observation: Observation, touched: set[int], robot_forces: Mapping[int, float]) -> None:
+    def watch(
+        self,
+        observation: Observation,
+        touched: set[int],
+        robot_forces: Mapping[int, float],
+        put_down: Collection[int] = (),
+    ) -> None:
         """Take in one observation.
 
         ``touched``: the bodies that have contacts now, but for wheels on the floor. ``robot_forces``: the robot's
-        normal force on each body that it touches.
+        normal force on each body that it touches. ``put_down``: objects that a script has put where they are.
         """
         self._robot_touches = self._robot in touched or self._robot in self._touched_before
-        before = self._before
+        before = self._begin_anew(put_down, observation)
         if before is not None:
             time = observation.stamp - before.stamp
             undisturbed = not self._robot_touches and not any(body in self._objects for body in self.awake)
@@ -113,6 +119,18 @@ class MotionWatcher:
             path[1] += y * step
             path[2] += z * step
             path[3] += (a * a + b * b + c * c) ** 0.5 * step
+
+    def _begin_anew(self, put_down: Collection[int], observation: Observation) -> Observation | None:
+        """The look before, as if what was put down since then had always been where it is."""
+        if self._before is None:
+            return None
+        for body in put_down:
+            self._paths.pop(body, None)
+            self._drift[body][:] = (0.0, 0.0, 0.0)
+            self._afloat[body] = 0
+            self._awake_until[body] = observation.stamp + AWAKE_TIME
+        there = {body: observation.bodies[body] for body in put_down}
+        return self._before._replace(bodies={**self._before.bodies, **there})
 
     def _wake(self, observation: Observation, robot_forces: Mapping[int, float]) -> None:
         """Bodies that moved or that the robot touched a moment ago are integrated in every step until the next look."""

@@ -6,23 +6,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import pybullet
-
 from bestman_bt.scene import MovingDoor, World
 from hal.pybullet.client import PhysicsClient, ReadPurpose
 from hal.pybullet.honesty_record import Finding
-
-ARRIVED = math.radians(1.0)
+from hal.pybullet.leaf_push import Hand, Push
 
 
 @dataclass
 class _Script:
-    """``place``: body, joint. ``middle``: of its frame, x and y in the map. ``phase``: 0 waits, 1 moves, 2 rests."""
+    """``middle``: of its frame, x and y in the map. ``phase``: 0 waits, 1 moves, 2 rests."""
 
     door: MovingDoor
-    place: tuple[int, int]
+    push: Push
     middle: tuple[float, float]
-    friction: float
     phase: int = 0
 
 
@@ -32,8 +28,7 @@ class MovingDoors:
     def __init__(
         self, client: PhysicsClient, world: World, articulations: Mapping[str, tuple[int, int]], robot: int
     ) -> None:
-        self._read = client.function("getJointState")
-        self._drive = client.function("setJointMotorControl2")
+        self._hand = Hand(client)
         self._reader = client.reader(ReadPurpose.WALKER)
         self._robot = robot
         self._scripts = []
@@ -41,13 +36,14 @@ class MovingDoors:
             piece = next(p for p in world.furniture if p.name == door.leaf.partition("/")[0])
             leaf = next(a for a in piece.model.articulations if a.name == door.leaf.partition("/")[2])
             middle = (piece.actual.x, piece.actual.y)
-            self._scripts.append(_Script(door, articulations[door.leaf], middle, leaf.friction))
+            push = Push(articulations[door.leaf], leaf, door.to, door.speed, door.torque)
+            self._scripts.append(_Script(door, push, middle))
         self.log: list[Finding] = []
 
     @property
     def bodies(self) -> frozenset[int]:
         """Of the doors that it moves."""
-        return frozenset(script.place[0] for script in self._scripts)
+        return frozenset(script.push.place[0] for script in self._scripts)
 
     def __len__(self) -> int:
         return len(self._scripts)
@@ -60,15 +56,6 @@ class MovingDoors:
             if script.phase == 0 and math.dist(robot[:2], script.middle) < door.within:
                 script.phase = 1
                 self.log.append(Finding(now, f"somebody moves {door.leaf} to {math.degrees(door.to):.0f}°"))
-            if script.phase != 1:
-                continue
-            left = door.to - self._read(*script.place)[0]
-            if abs(left) < ARRIVED:
+            if script.phase == 1 and self._hand.push(script.push):
                 script.phase = 2
                 self.log.append(Finding(now, f"{door.leaf} has come to {math.degrees(door.to):.0f}°"))
-                self._turn(script, 0.0, script.friction)
-            else:
-                self._turn(script, math.copysign(door.speed, left), script.friction + door.torque)
-
-    def _turn(self, script: _Script, speed: float, torque: float) -> None:
-        self._drive(*script.place, pybullet.VELOCITY_CONTROL, targetVelocity=speed, force=torque)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from hal.pybullet.client import PhysicsClient, Reader
 from hal.pybullet.honesty_record import Finding
@@ -43,8 +43,16 @@ class OpenHandWatcher:
         self._looks = 0
         self.findings: list[Finding] = []
 
-    def watch(self, observation: Observation, robot_forces: Mapping[int, float]) -> None:
-        """Take in one observation and the normal forces of the robot on each body."""
+    def watch(
+        self, observation: Observation, robot_forces: Mapping[int, float], put_down: Collection[int] = ()
+    ) -> None:
+        """Take in one observation and the normal forces of the robot on each body.
+
+        ``put_down``: objects that a script has put where they are: the half second begins anew.
+        """
+        if put_down:
+            self._history.clear()
+            self._drawers.clear()
         self._history.append((observation, dict(robot_forces)))
         self._drawers.append(self._drawers_below(observation))
         self._looks += 1

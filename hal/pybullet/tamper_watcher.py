@@ -41,6 +41,8 @@ class TamperWatcher:
         """Once in a while, and at the end."""
         self.watch_constraints(stamp)
         engine, bodies = self._engine_state(), self._body_states()
+        slippery = self._simulation.interference.slippery
+        bodies |= {place: state for place, state in self._bodies.items() if place[0] in slippery}
         for key in engine:
             if engine[key] != self._engine[key]:
                 self.changes.append(Finding(stamp, f"{key} changed from {self._engine[key]} to {engine[key]}"))

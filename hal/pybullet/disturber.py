@@ -1,0 +1,188 @@
+"""Somebody who interferes with a run: puts objects elsewhere, pushes drawers shut, makes what is held slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pybullet
+
+from bestman_bt.messages import Pose
+from hal.pybullet.client import ReadPurpose, SimulationError
+from hal.pybullet.honesty_record import Finding
+from hal.pybullet.interference import Interference
+from hal.pybullet.leaf_push import Hand, Push
+from hal.pybullet.robot import PyBulletRobot
+
+KEEPS_AWAY = 0.10
+"""Metres from the robot, and from what it holds, within which nobody puts anything down or pushes anything."""
+OVERLAP = 1e-3
+"""Metres that an object may overlap with others where it is put; more is no free place."""
+PUTS_DOWN_FROM = 5e-4
+"""Metres above the surface at which an object is let go."""
+SLIP_TIME = 1.5
+"""Seconds after which an object that hangs in the hand without friction has its own again."""
+PUSH_TIME = 10.0
+"""Seconds after which somebody gives up pushing: something is in the way."""
+PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
+"""N and N m: what a hand pushes with."""
+
+
+@dataclass
+class _Push:
+    push: Push
+    name: str
+    until: float
+
+
+@dataclass
+class _Slip:
+    """``friction``, ``spinning``: the object's own, to be given back. ``until``: at the latest."""
+
+    name: str
+    friction: float
+    spinning: float
+    until: float
+
+
+class Disturber:
+    """The verbs of a scripted disturbance. Make it right after ``robot.connect()``, before ``close_truth``.
+
+    What it does is told in ``HonestyRecord.disturbances`` and is no fault of the run. One that is made later works,
+    too, but is a cheat like any other: each of its acts is counted and seen. It never acts on what is within
+    ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever its doing.
+    """
+
+    def __init__(self, robot: PyBulletRobot) -> None:
+        self._simulation = simulation = robot.simulation
+        client = simulation.client
+        self._reader = client.reader(ReadPurpose.SCRIPT)
+        self._interference = simulation.interference if self._reader.trusted else Interference()
+        self._put = client.function("resetBasePositionAndOrientation")
+        self._set_velocity = client.function("resetBaseVelocity")
+        self._change = client.function("changeDynamics")
+        self._values = client.function("getDynamicsInfo")
+        self._hand = Hand(client)
+        self._leaves = {
+            f"{piece.name}/{leaf.name}": leaf for piece in robot.world.furniture for leaf in piece.model.articulations
+        }
+        self._pushes: list[_Push] = []
+        self._slips: dict[int, _Slip] = {}
+        simulation.controls.append(self._update)
+
+    def move_object(self, name: str, pose: Pose, surface: str) -> bool:
+        """Lift an object and put it down at ``pose`` in the map frame, at rest; ``surface``: where that is, in words.
+
+        False, and nothing is done, while the robot or another object is at it, or while its new place is not free.
+        """
+        body = self._object(name)
+        before = self._reader.getBasePositionAndOrientation(body)
+        if self._near_robot(body) or self._touches_objects(body):
+            return False
+        raised = pose.position + np.array((0.0, 0.0, PUTS_DOWN_FROM))
+        self._put(body, raised.tolist(), pose.quaternion.tolist())
+        self._set_velocity(body, [0.0] * 3, [0.0] * 3)
+        self._interference.put_down.add(body)
+        if self._near_robot(body) or self._overlaps(body):
+            self._put(body, *before)
+            return False
+        self._change(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
+        way = float(np.linalg.norm(pose.position - before[0]))
+        self._tell(f"somebody moves the {name} by {way:.2f} m, on {surface}")
+        return True
+
+    def push_shut(self, articulation: str, speed: float) -> bool:
+        """Begin to push a door or drawer shut with the force of a hand; ``speed``: m/s or rad/s.
+
+        False, and nothing is done, while the robot is near. If it comes near later, the hand waits.
+        """
+        if articulation not in self._leaves:
+            raise SimulationError(
+                f"there is no door or drawer {articulation!r}; there is {', '.join(self._leaves) or 'none'}"
+            )
+        leaf, place = self._leaves[articulation], self._simulation.built.articulations[articulation]
+        if any(running.push.place == place for running in self._pushes) or self._near_robot(*place):
+            return False
+        push = Push(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
+        self._pushes.append(_Push(push, articulation, self._now + PUSH_TIME))
+        self._tell(f"somebody pushes {articulation} shut")
+        return True
+
+    def let_slip(self, name: str) -> bool:
+        """Take an object's friction away until it is out of the hand; False if the robot does not touch it."""
+        body = self._object(name)
+        if body in self._slips or not self._touched(body):
+            return False
+        values = self._values(body, -1)
+        self._slips[body] = _Slip(name, values[1], values[7], self._now + SLIP_TIME)
+        self._interference.slippery.add(body)
+        self._change(body, -1, lateralFriction=0.0, spinningFriction=0.0)
+        self._tell(f"the {name} slips in the hand")
+        return True
+
+    @property
+    def _now(self) -> float:
+        """As the monitor's stamps: seconds since the scene was built."""
+        return self._simulation.steps * self._simulation.parameters.time_step
+
+    def _tell(self, text: str) -> None:
+        self._interference.log.append(Finding(self._now, text))
+
+    def _update(self) -> None:
+        """Before each control period."""
+        self._pushes = [running for running in self._pushes if not self._push_ends(running)]
+        for body, slip in list(self._slips.items()):
+            touched = self._touched(body)
+            if not touched or self._now > slip.until:
+                self._change(body, -1, lateralFriction=slip.friction, spinningFriction=slip.spinning)
+                self._interference.slippery.discard(body)
+                del self._slips[body]
+                self._tell(f"the {slip.name} {'is still in' if touched else 'is out of'} the hand")
+
+    def _push_ends(self, running: _Push) -> bool:
+        """Push on, or wait where the robot is near; whether that was the last of it."""
+        push, pushed = running.push, self._interference.pushed
+        waits = self._near_robot(*push.place)
+        pushed.discard(push.place)
+        if waits:
+            self._hand.rest(push)
+        elif self._hand.push(push):
+            self._tell(f"somebody has shut {running.name}")
+            return True
+        else:
+            pushed.add(push.place)
+        if self._now < running.until:
+            return False
+        self._hand.rest(push)
+        pushed.discard(push.place)
+        self._tell(f"somebody lets go of {running.name}")
+        return True
+
+    def _object(self, name: str) -> int:
+        objects = self._simulation.built.objects
+        if name not in objects:
+            raise SimulationError(f"there is no object {name!r}; there is {', '.join(objects) or 'none'}")
+        return objects[name]
+
+    def _touched(self, body: int) -> bool:
+        return bool(self._reader.getContactPoints(bodyA=self._simulation.built.robot, bodyB=body))
+
+    def _touches_objects(self, body: int) -> bool:
+        others = set(self._simulation.built.objects.values())
+        return any(contact[2] in others for contact in self._reader.getContactPoints(bodyA=body))
+
+    def _near_robot(self, body: int, link: int | None = None) -> bool:
+        """Whether the robot, or an object that it touches, is within ``KEEPS_AWAY`` of a body or one of its links."""
+        built = self._simulation.built
+        held = [other for other in built.objects.values() if other != body and self._touched(other)]
+        which = {} if link is None else {"linkIndexB": link}
+        return any(self._reader.getClosestPoints(other, body, KEEPS_AWAY, **which) for other in (built.robot, *held))
+
+    def _overlaps(self, body: int) -> bool:
+        """With anything that stands there: closest points are found where bodies are now."""
+        return any(
+            point[8] < -OVERLAP
+            for other in self._simulation.built.body_names
+            if other != body
+            for point in self._reader.getClosestPoints(body, other, 0.0)
+        )
