@@ -6,7 +6,6 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterator
 
-from bestman_bt.task_planning.builders.steps import effects_of
 from bestman_bt.task_planning.symbolic import (
     Action,
     Literal,
@@ -38,7 +37,7 @@ class _Frontier:
         self._achievers: dict[Literal, list[Action]] = defaultdict(list)
         actions = [action for operator in problem.operators for action in _instances(problem, operator)]
         for action in actions:
-            for effect in effects_of(action):
+            for effect in action.effects:
                 self._achievers[effect].append(action)
         _, self._reached = reachable_actions(actions, problem.state)
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from bestman_bt.engine import XmlElement
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import Writer
-from bestman_bt.task_planning.builders.steps import effects_of
 from bestman_bt.task_planning.symbolic import Action, Literal, PlanningError, TaskPlan
 
 MAX_ACTIONS = 2000
@@ -48,7 +47,7 @@ class BackchainBuilder(TreeBuilder):
 class _Chain:
     def __init__(self, actions: tuple[Action, ...], writer: Writer) -> None:
         self.actions = actions
-        self.effects = [effects_of(action) for action in actions]
+        self.effects = [action.effects for action in actions]
         self.writer = writer
         self.count = 0
 

@@ -24,17 +24,12 @@ class Step:
     @property
     def effects(self) -> frozenset[Literal]:
         """What holds after it because of it."""
-        return frozenset().union(*(effects_of(action) for action in self.actions))
+        return frozenset().union(*(action.effects for action in self.actions))
 
     @property
     def alone(self) -> tuple[Step, ...]:
         """Each of several actions as a step of its own, for when the others are done; none of a single one."""
         return tuple(Step((action,)) for action in self.actions) if len(self.actions) > 1 else ()
-
-
-def effects_of(action: Action) -> frozenset[Literal]:
-    """What an action brings about, and what it undoes."""
-    return frozenset(map(Literal, action.add)) | {Literal(fact, negated=True) for fact in action.delete}
 
 
 def steps_one_by_one(plan: TaskPlan) -> tuple[Step, ...]:

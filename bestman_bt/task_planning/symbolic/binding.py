@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from bestman_bt.task_planning.symbolic.problem import (
+    EQUAL,
     Action,
     Condition,
-    Fact,
     Literal,
     Operator,
     PlanningError,
     Problem,
 )
-
-EQUAL = "="
-"""The predicate that holds of a thing and itself."""
 
 
 def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Action:
@@ -35,34 +32,24 @@ def bind(problem: Problem, operator: Operator, arguments: Sequence[str]) -> Acti
     """As ``instantiate``, for arguments that fit."""
     values = {f"{{{name}}}": value for name, value in zip(operator.parameters, arguments, strict=True)}
     hold = frozenset(written_out(problem, operator.hold, values))
-    pre = frozenset(written_out(problem, operator.pre, values)) | hold
-    each = written_out(problem, operator.each, values)
-    add = frozenset(fact.bound(values) for fact in operator.add) | {one.fact for one in each if not one.negated}
-    delete = frozenset(fact.bound(values) for fact in operator.delete) | {one.fact for one in each if one.negated}
-    unequal = frozenset(need for need in pre if need.fact.predicate != EQUAL or not _equal(need))
-    return Action(operator, tuple(arguments), unequal, hold, add, delete - add)
+    pre = hold.union(written_out(problem, operator.pre, values))
+    effects = written_out(problem, operator.effects, values)
+    add = frozenset(one.fact for one in effects if not one.negated)
+    delete = frozenset(one.fact for one in effects if one.negated) - add
+    needed = frozenset(one for one in pre if one.fact.predicate != EQUAL or not one.holds_in(()))
+    return Action(operator, tuple(arguments), needed, hold, add, delete)
 
 
 def written_out(problem: Problem, conditions: Iterable[Condition], values: Mapping[str, str]) -> list[Literal]:
     """Conditions with ``values`` for parameters; ``forall`` becomes a literal for each thing with ``given``."""
     literals: list[Literal] = []
     for condition in conditions:
-        if isinstance(condition, Literal):
-            literals.append(condition.bound(values))
-            continue
         bound = condition.bound(values)
-        for name in problem.of_type(condition.type):
-            each = bound.bound({condition.variable: name})
+        if isinstance(bound, Literal):
+            literals.append(bound)
+            continue
+        for name in problem.of_type(bound.type):
+            each = bound.bound({bound.variable: name})
             if each.given is None or each.given in problem.state:
                 literals.append(each.then)
     return literals
-
-
-def holds(literal: Literal, state: frozenset[Fact]) -> bool:
-    """Whether a literal holds in a state; equality is no fact of it."""
-    return _equal(literal) if literal.fact.predicate == EQUAL else literal.holds_in(state)
-
-
-def _equal(literal: Literal) -> bool:
-    first, second = literal.fact.arguments
-    return (first == second) != literal.negated

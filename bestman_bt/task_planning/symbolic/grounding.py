@@ -2,159 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from bestman_bt.task_planning.symbolic.binding import EQUAL, bind, holds
-from bestman_bt.task_planning.symbolic.problem import (
-    Action,
-    Fact,
-    Forall,
-    GoalError,
-    Literal,
-    Operator,
-    Problem,
-    Unsolvable,
-)
+from bestman_bt.task_planning.symbolic.binding import bind
+from bestman_bt.task_planning.symbolic.problem import Action, Fact, GoalError, Literal, Operator, Problem, Unsolvable
 
 
-@dataclass(frozen=True, eq=False)
 class GroundProblem:
-    """STRIPS on bits: bit i of a state is ``literals[i]``; what is asked to be false is a bit of its own.
+    """STRIPS on bits: bit i of a state is ``literals[i]``; that a fact does not hold is a bit of its own.
 
-    ``pre``, ``add``, ``delete``: bits of each of the ``actions``.
+    Bits are for what changes, and of that for what some action or the goal asks for. ``pre``, ``add``, ``delete``: bits
+    of each of the ``actions``. ``needs``, ``gives``: the numbers of the bits in ``pre`` and ``add``. ``needed_by``: the
+    numbers of the actions that need each bit.
     """
 
-    literals: tuple[Literal, ...]
-    actions: tuple[Action, ...]
-    initial: int
-    goal: int
-    pre: tuple[int, ...]
-    add: tuple[int, ...]
-    delete: tuple[int, ...]
+    def __init__(self, problem: Problem, actions: Sequence[Action]) -> None:
+        changing = {effect.fact for action in actions for effect in action.effects}
+        asked = {need for action in actions for need in action.pre}.union(problem.goal)
+        self.literals = sorted(literal for literal in asked if literal.fact in changing)
+        bit = {literal: 1 << number for number, literal in enumerate(self.literals)}
 
-    @cached_property
-    def needs(self) -> tuple[tuple[int, ...], ...]:
-        """The numbers of the literals that each action needs."""
-        return tuple(bits_of(bits) for bits in self.pre)
+        def bits(literals: Iterable[Literal]) -> int:
+            return sum(bit.get(literal, 0) for literal in frozenset(literals))
 
-    @cached_property
-    def gives(self) -> tuple[tuple[int, ...], ...]:
-        """The numbers of the literals that each action brings about."""
-        return tuple(bits_of(bits) for bits in self.add)
+        self.initial = bits(literal for literal in self.literals if literal.holds_in(problem.state))
+        self.goal = bits(problem.goal)
+        self.actions = tuple(actions)
+        self.pre = [bits(action.pre) for action in actions]
+        self.add = [bits(action.effects) for action in actions]
+        self.delete = [bits(~effect for effect in action.effects) for action in actions]
+        self.needs = list(map(self.numbers, self.pre))
+        self.gives = list(map(self.numbers, self.add))
+        self.needed_by: list[list[int]] = [[] for _ in self.literals]
+        for action, needs in enumerate(self.needs):
+            for need in needs:
+                self.needed_by[need].append(action)
 
-    @cached_property
-    def needed_by(self) -> tuple[tuple[int, ...], ...]:
-        """The numbers of the actions that need each literal."""
-        users: list[list[int]] = [[] for _ in self.literals]
-        for number, needs in enumerate(self.needs):
-            for literal in needs:
-                users[literal].append(number)
-        return tuple(map(tuple, users))
+    def numbers(self, bits: int) -> list[int]:
+        """The numbers of the literals that bits stand for."""
+        return [number for number in range(len(self.literals)) if bits >> number & 1]
 
-
-def bits_of(number: int) -> tuple[int, ...]:
-    """The places of the bits that are set, lowest first."""
-    found = []
-    while number:
-        lowest = number & -number
-        found.append(lowest.bit_length() - 1)
-        number ^= lowest
-    return tuple(found)
+    def after(self, state: int, action: int) -> int:
+        """The state that an action leads to."""
+        return state & ~self.delete[action] | self.add[action]
 
 
 def ground(problem: Problem) -> GroundProblem:
     """All actions that may matter; Unsolvable where the goal is out of reach even if nothing were ever undone."""
-    _check_consistent(problem.goal)
-    changing = frozenset(
-        literal.fact.predicate
-        for operator in problem.operators
-        for literal in (effect.then if isinstance(effect, Forall) else effect for effect in operator.effects)
-    )
+    for literal in sorted(problem.goal):
+        if ~literal in problem.goal:
+            raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
+    changing = frozenset[str]().union(*(operator.changes for operator in problem.operators))
     possible = [action for operator in problem.operators for action in _instances(problem, operator, changing)]
     actions, reached = reachable_actions(possible, problem.state)
-    missing = tuple(goal for goal in problem.goal if not _may_hold(goal, problem.state, reached))
+    missing = tuple(goal for goal in problem.unmet_in(problem.state) if goal not in reached)
     if missing:
         raise Unsolvable(f"nothing brings about that {' and '.join(map(str, missing))}", missing)
-    return _in_bits(problem, actions)
+    return GroundProblem(problem, actions)
 
 
-def reachable_actions(possible: Iterable[Action], state: frozenset[Fact]) -> tuple[list[Action], frozenset[Literal]]:
+def reachable_actions(possible: Iterable[Action], state: frozenset[Fact]) -> tuple[list[Action], set[Literal]]:
     """Those that can be done if nothing is ever undone, and what may come to hold beside ``state``."""
     actions = list(possible)
-    done, reached = [False] * len(actions), set[Literal]()
-    while True:
-        ready = [
-            number
-            for number, action in enumerate(actions)
-            if not done[number] and all(_may_hold(need, state, reached) for need in action.pre)
-        ]
-        if not ready:
-            return [action for action, can in zip(actions, done, strict=True) if can], frozenset(reached)
+    waiting, reached = dict(enumerate(actions)), set[Literal]()
+    while ready := [
+        number
+        for number, action in waiting.items()
+        if all(need in reached or need.holds_in(state) for need in action.pre)
+    ]:
         for number in ready:
-            done[number] = True
-            reached.update(map(Literal, actions[number].add))
-            reached.update(Literal(fact, negated=True) for fact in actions[number].delete)
+            reached |= waiting.pop(number).effects
+    return [action for number, action in enumerate(actions) if number not in waiting], reached
 
 
-def _may_hold(literal: Literal, state: frozenset[Fact], reached: set[Literal] | frozenset[Literal]) -> bool:
-    return literal in reached or literal.holds_in(state)
+def _instances(problem: Problem, operator: Operator, changing: Collection[str]) -> list[Action]:
+    """Bind one parameter after the other, as long as what never changes allows it."""
+    conditions = [one for one in (*operator.pre, *operator.hold) if isinstance(one, Literal)]
+    fixed = [one for one in conditions if one.fact.predicate not in changing]
+    unbound = {f"{{{name}}}" for name in operator.parameters}
 
+    def possible(values: Mapping[str, str]) -> bool:
+        known = [one.bound(values) for one in fixed if unbound.intersection(one.fact.arguments) <= values.keys()]
+        return all(one.holds_in(problem.state) for one in known)
 
-def _check_consistent(goal: Iterable[Literal]) -> None:
-    wanted = set(goal)
-    for literal in sorted(wanted):
-        if ~literal in wanted:
-            raise GoalError(f"the goal contradicts itself: {literal.fact} and not {literal.fact}")
-        if literal.fact.predicate == EQUAL and not holds(literal, frozenset()):
-            raise GoalError(f"the goal asks for {literal}")
-
-
-def _instances(problem: Problem, operator: Operator, changing: frozenset[str]) -> Iterator[Action]:
-    """Bind one parameter after the other; a condition that never changes is checked once its parameters are bound."""
-    names = [f"{{{name}}}" for name in operator.parameters]
-    fixed: list[list[Literal]] = [[] for _ in range(len(names) + 1)]
-    for condition in (*operator.pre, *operator.hold):
-        if isinstance(condition, Literal) and condition.fact.predicate not in changing:
-            used = [names.index(name) + 1 for name in condition.fact.arguments if name in names]
-            fixed[max(used, default=0)].append(condition)
-    candidates = [problem.of_type(kind) for kind in operator.parameters.values()]
-
-    def extend(values: dict[str, str]) -> Iterator[Action]:
-        depth = len(values)
-        if not all(holds(condition.bound(values), problem.state) for condition in fixed[depth]):
-            return
-        if depth == len(names):
-            yield bind(problem, operator, tuple(values.values()))
-            return
-        for name in candidates[depth]:
-            yield from extend({**values, names[depth]: name})
-
-    return extend({})
-
-
-def _in_bits(problem: Problem, actions: Sequence[Action]) -> GroundProblem:
-    """Only what changes, and of that only what some action or the goal asks for, is a bit."""
-    changing = {fact for action in actions for fact in action.add | action.delete}
-    asked = {need for action in actions for need in action.pre} | set(problem.goal)
-    literals = tuple(sorted(literal for literal in asked if literal.fact in changing))
-    bit = {literal: 1 << number for number, literal in enumerate(literals)}
-
-    def bits(these: Iterable[Literal]) -> int:
-        return sum(bit.get(literal, 0) for literal in set(these))
-
-    add, delete = [], []
-    for action in actions:
-        gains = {*map(Literal, action.add), *(Literal(fact, negated=True) for fact in action.delete)}
-        add.append(bits(gains))
-        delete.append(bits(~gain for gain in gains))
-    return GroundProblem(
-        literals,
-        tuple(actions),
-        bits(literal for literal in literals if literal.holds_in(problem.state)),
-        bits(problem.goal),
-        tuple(bits(action.pre) for action in actions),
-        tuple(add),
-        tuple(delete),
-    )
+    found: list[dict[str, str]] = [{}] if possible({}) else []
+    for name, kind in operator.parameters.items():
+        extended = ({**values, f"{{{name}}}": thing} for values in found for thing in problem.of_type(kind))
+        found = [values for values in extended if possible(values)]
+    return [bind(problem, operator, tuple(values.values())) for values in found]

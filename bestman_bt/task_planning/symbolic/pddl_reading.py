@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from bestman_bt.task_planning.symbolic.problem import (
+    EQUAL,
     Condition,
     Fact,
     Forall,
@@ -103,7 +104,7 @@ class _File:
                     objects = self._typed(section.parts[1:])
                 case ":init":
                     facts = (self._as_list(part) for part in section.parts[1:])
-                    state = {self._fact(fact, {}) for fact in facts if fact.head != "="}
+                    state = {self._fact(fact, {}) for fact in facts if fact.head != EQUAL}
                 case ":goal":
                     for condition in self._conditions(self._only(section, ":goal"), {}):
                         if isinstance(condition, Forall):

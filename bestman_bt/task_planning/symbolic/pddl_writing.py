@@ -5,8 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from bestman_bt.task_planning.symbolic.binding import EQUAL
-from bestman_bt.task_planning.symbolic.problem import Action, Condition, Fact, Forall, Literal, Operator, Problem
+from bestman_bt.task_planning.symbolic.problem import (
+    EQUAL,
+    Action,
+    Condition,
+    Fact,
+    Forall,
+    Literal,
+    Operator,
+    Problem,
+)
 
 RENAMED = {"object": "item"}
 """PDDL's ``object`` is the type of everything."""

@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 from bestman_bt.task_planning.base import TaskPlanner
-from bestman_bt.task_planning.symbolic.grounding import GroundProblem, ground
-from bestman_bt.task_planning.symbolic.heuristics import RelaxedPlan
+from bestman_bt.task_planning.symbolic.grounding import ground
 from bestman_bt.task_planning.symbolic.problem import PlanningError, Problem, TaskPlan, Unsolvable
 from bestman_bt.task_planning.symbolic.search import best_first, without_needless
 
@@ -38,20 +37,16 @@ class SymbolicPlanner(TaskPlanner):
     def plan(self, problem: Problem) -> TaskPlan:
         """As ``TaskPlanner.plan``; PlanningError where the search ends before it knows."""
         grounded = ground(problem)
-        relaxed = RelaxedPlan(grounded)
-        found = best_first(grounded, math.inf, self.parameters.max_evaluations, relaxed)
+        found = best_first(grounded, math.inf, self.parameters.max_evaluations)
+        if found.exhausted:
+            unmet = problem.unmet_in(problem.state)
+            raise Unsolvable(f"no order of actions leads to {' and '.join(map(str, unmet))}", unmet)
         if found.actions is None:
-            if found.exhausted:
-                unmet = problem.unmet_in(problem.state)
-                raise Unsolvable(f"no order of actions leads to {' and '.join(map(str, unmet))}", unmet)
-            raise PlanningError(f"no plan among the first {found.evaluations} states")
+            raise PlanningError(f"no plan among the first {self.parameters.max_evaluations} states")
         best = without_needless(grounded, found.actions)
         for weight in self.parameters.weights:
-            better = best_first(grounded, weight, self.parameters.improvement, relaxed, _cost(grounded, best))
-            if better.actions is not None:
-                best = without_needless(grounded, better.actions)
+            cost = sum(grounded.actions[number].cost for number in best)
+            found = best_first(grounded, weight, self.parameters.improvement, bound=cost)
+            if found.actions is not None:
+                best = without_needless(grounded, found.actions)
         return TaskPlan(tuple(grounded.actions[number] for number in best))
-
-
-def _cost(problem: GroundProblem, actions: tuple[int, ...]) -> float:
-    return sum(problem.actions[number].cost for number in actions)

@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
+EQUAL = "="
+"""The predicate that holds of a thing and itself, in any state."""
+
 
 class PlanningError(Exception):
     """No plan came about; the text says why."""
@@ -56,6 +59,8 @@ class Literal(NamedTuple):
 
     def holds_in(self, state: Collection[Fact]) -> bool:
         """Whether it holds where exactly the facts of ``state`` do."""
+        if self.fact.predicate == EQUAL:
+            return (self.fact.arguments[0] == self.fact.arguments[1]) != self.negated
         return (self.fact in state) != self.negated
 
 
@@ -109,6 +114,12 @@ class Operator:
         """What it brings about, then what it undoes."""
         return (*map(Literal, self.add), *(Literal(fact, negated=True) for fact in self.delete), *self.each)
 
+    @property
+    def changes(self) -> frozenset[str]:
+        """The predicates of its effects."""
+        effects = (one.then if isinstance(one, Forall) else one for one in self.effects)
+        return frozenset(effect.fact.predicate for effect in effects)
+
 
 @dataclass(frozen=True)
 class Action:
@@ -126,6 +137,11 @@ class Action:
 
     def __str__(self) -> str:
         return f"{self.name}({', '.join(self.arguments)})"
+
+    @cached_property
+    def effects(self) -> frozenset[Literal]:
+        """What holds afterwards because of it: what it brings about, and that what it undoes does not hold."""
+        return frozenset(map(Literal, self.add)).union(Literal(fact, negated=True) for fact in self.delete)
 
     @property
     def name(self) -> str:
