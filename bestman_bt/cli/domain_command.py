@@ -9,8 +9,8 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Seed, Settings
-from bestman_bt.cli.planning_config import planning_config
+from bestman_bt.cli.options import Json, Plugins, Robot, SavedWorld, Scene, Seed, Settings
+from bestman_bt.cli.planning_config import planning_state
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as Fault
 from bestman_bt.task_planning.domain import Domain
@@ -29,18 +29,17 @@ def command(
     scene: Scene = None,
     robot: Robot = None,
     seed: Seed = 0,
+    world: SavedWorld = None,
     settings: Settings = None,
     plugins: Plugins = None,
     as_json: Json = False,
 ) -> None:
-    """Show what task planners may order, what can be said in a goal, and what the robot believes at the start."""
+    """Show what task planners may order, what can be said in a goal, and what the robot believes."""
     if output is not None and not pddl:
         raise ConfigurationError([Fault("-o", None, "", "is for --pddl")])
-    from bestman_bt.runtime import prepare
-
-    setup = prepare(planning_config(task, scene, robot, seed, settings, plugins))
+    setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
     domain = Domain.of(setup.registry)
-    problem = domain.problem(Beliefs(setup.world_model.as_at_the_start()), goal)
+    problem = domain.problem(Beliefs(beliefs), goal)
     with json_output(as_json) as tell:
         if pddl:
             _write(problem, output)

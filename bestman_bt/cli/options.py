@@ -39,3 +39,7 @@ Png = Annotated[
     Path | None, typer.Option(metavar="FILE.png", help="Write a picture.", callback=_writable_png, show_default=False)
 ]
 Robot = Annotated[str | None, typer.Option(help="A shipped robot or a YAML file.")]
+SavedWorld = Annotated[
+    Path | None,
+    typer.Option("--world", metavar="FILE", help="What is believed, as a run writes it: world.yaml in its folder."),
+]

@@ -26,7 +26,7 @@ from bestman_bt.task_planning.symbolic import (
 ALLOWED = "allowed"
 """The predicate of things that may be used, in problems with limits."""
 
-_FORM = "steps=20; cost=40; only=PickUp, PutDown; without=knife, fridge/door"
+_FORM = "steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door"
 
 
 class LimitsExceededError(PlanningError):
@@ -54,7 +54,7 @@ class PlanLimits:
 
     @classmethod
     def from_string(cls, text: str) -> PlanLimits:
-        """Read ``steps=20; cost=40; only=PickUp, PutDown; without=knife, fridge/door``, each of them optional.
+        """Read ``steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door``, each of them optional.
 
         Characters that would part the names are written as in addresses (``%2C``). Raises ValueError.
         """

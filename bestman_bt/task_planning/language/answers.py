@@ -33,9 +33,8 @@ def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
     goal, faults = _facts(problem, "goal", answer.goal)
     told, faults_of_told = _facts(problem, "told", answer.told)
     faults += faults_of_told
-    faults += [
-        f"told: {literal} does not say where a thing is" for literal in told if literal.negated or not _is_place(literal)
-    ]
+    no_place = [literal for literal in told if literal.negated or literal.fact.predicate != ON.name]
+    faults += [f"told: {literal} does not say where a thing is" for literal in no_place]
     if not goal and not faults:
         faults.append("goal: empty; say as facts what shall hold at the end, or give a refusal")
     if faults:
@@ -55,10 +54,6 @@ def _facts(problem: Problem, field: str, texts: Sequence[str]) -> tuple[list[Lit
         except GoalError as error:
             faults.append(f"{field}[{number}]: {error}")
     return literals, faults
-
-
-def _is_place(literal: Literal) -> bool:
-    return literal.fact.predicate == ON.name
 
 
 def _ruled_out(problem: Problem, told: Sequence[Fact]) -> set[Fact]:

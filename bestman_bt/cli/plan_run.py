@@ -1,0 +1,91 @@
+"""The run of a tree that was just planned, judged by the facts that were asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Iterator, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from bestman_bt.cli.run_command import execute
+from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration.task import PlanConfig
+from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.evaluation.predicates.facts import fact_problems
+from bestman_bt.evaluation.result import RunResult
+from bestman_bt.task_planning.builders import PlanTree
+from bestman_bt.task_planning.builders.replanning import with_replanning
+from bestman_bt.task_planning.limits import PlanLimits
+from bestman_bt.task_planning.symbolic import Problem, TaskPlan
+
+if TYPE_CHECKING:
+    from bestman_bt.runtime import Setup
+
+
+def run_plan(
+    setup: Setup,
+    problem: Problem,
+    plan: TaskPlan,
+    made: PlanTree,
+    planner: str,
+    builder: str,
+    limits: PlanLimits,
+    told: Mapping[str, str],
+    runs: Path,
+) -> RunResult:
+    """Run the tree in the scene that was planned for; where it fails, it is planned anew from what is believed then.
+
+    A language model is asked no more: its goal is planned for by ``symbolic``.
+    """
+    again = "symbolic" if planner == "language" else planner
+    goal = " and ".join(map(str, problem.goal))
+    asked = PlanConfig(goal, told, again, builder, limits.to_string())
+    xml = (
+        with_replanning(made, problem.goal, again, builder, setup.registry, limits)
+        if goal
+        else made.xml(setup.registry)
+    )
+    runs.mkdir(parents=True, exist_ok=True)
+    file = runs / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-plan.xml"
+    file.write_text(xml, encoding="utf-8")
+    return execute(prepare_episode(_judged_by_goal(setup, problem, plan, asked, file)), runs, False)
+
+
+def _judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanConfig, tree: Path) -> RunConfig:
+    """The run's configuration with the plan's goal for that of the task, if it has one."""
+    contacts = (*setup.config.task.allowed_contacts, *_contacts(setup, problem, plan))
+    task = dataclasses.replace(
+        setup.config.task,
+        tree=str(tree),
+        plan=asked,
+        predicate="facts",
+        allowed_contacts=tuple(dict.fromkeys(contacts)),
+        goal=None,
+        opening=None,
+        tidy=None,
+        reach=None,
+        lift=None,
+        drive=None,
+        goals=(),
+    )
+    config = dataclasses.replace(setup.config, name="plan", task=task)
+    for fault in fact_problems(config):
+        print(f"{fault.message}: the tree's own word counts", file=sys.stderr)
+        task = dataclasses.replace(task, predicate=None)
+    return dataclasses.replace(config, task=task)
+
+
+def _contacts(setup: Setup, problem: Problem, plan: TaskPlan) -> Iterator[tuple[str, str]]:
+    """What may touch when the things of a goal and a plan are handled: fingers them, and they what they stand on or in;
+    where they will be found is not known before, so that this is all furniture with a surface; fingers also handles.
+    """
+    named = {name for literal in problem.goal for name in literal.fact.arguments}
+    named.update(name for action in plan.actions for name in action.arguments)
+    things = sorted(name for name in named if problem.is_a(name, "object"))
+    furniture = setup.world_model.map.furniture.values()
+    for thing in things:
+        yield "fingers", thing
+        yield from ((thing, piece.name) for piece in furniture if piece.surfaces)
+    yield from (("fingers", piece.name) for piece in furniture if piece.leaves)

@@ -1,0 +1,74 @@
+"""A saved world model: a YAML file with what the robot believed, and the scene that its map and models are of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from bestman_bt.configuration import ConfigurationError, Document, beside, check, read_document
+from bestman_bt.configuration.quantity import WholeNumber
+from bestman_bt.runtime.setup import Setup
+from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model.saved_beliefs import SavedBeliefs, restored, saved
+
+WORLD_NAME = "world.yaml"
+"""Its name in a run folder."""
+_HEADER = "# What the robot believed at the end of a run; bestman-bt plan --world FILE plans from it.\n"
+
+
+@dataclass(frozen=True)
+class WorldFile:
+    """``scene``, ``seed``, ``scene_settings``: where the beliefs were gained; ``robot``: whose they are."""
+
+    scene: str
+    robot: str = "diff_panda"
+    seed: WholeNumber = 0
+    scene_settings: Mapping[str, Any] = field(default_factory=dict)
+    plugins: tuple[str, ...] = ()
+    beliefs: SavedBeliefs = field(default_factory=SavedBeliefs)
+    written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
+
+    def world_model(self, setup: Setup) -> WorldModel:
+        """The beliefs, of the map and the models of a setup; ConfigurationError for names that these do not have."""
+        try:
+            return restored(self.beliefs, self.written, setup.world_model)
+        except ConfigurationError as error:
+            raise error.within("beliefs") from error
+
+
+def read_world(path: Path) -> WorldFile:
+    """Read such a file, written by a run or by hand; ConfigurationError with all that is wrong, each with its line."""
+    document = read_document(path)
+    for kind in ("scene", "robot"):
+        if isinstance(document.data.get(kind), str):
+            document.data[kind] = beside(path, kind, document.data[kind])
+    plugins = document.data.get("plugins")
+    if isinstance(plugins, list):
+        document.data["plugins"] = [str(path.parent / name) if isinstance(name, str) else name for name in plugins]
+    file = check(document, WorldFile)
+    beliefs = document.below("beliefs") if "beliefs" in document.data else Document({})
+    object.__setattr__(file, "written", beliefs)
+    return file
+
+
+def write_world(path: Path, setup: Setup, world: WorldModel) -> None:
+    """Write what the robot believes after a run."""
+    config = setup.config
+    document = {
+        "scene": _from_anywhere("scene", config.task.scene),
+        "robot": _from_anywhere("robot", config.task.robot),
+        "seed": config.seed,
+        "scene_settings": dict(config.scene_settings),
+        "plugins": [str(Path(plugin).resolve()) for plugin in config.task.plugins],
+        "beliefs": saved(world, setup.world_model.map),
+    }
+    path.write_text(_HEADER + yaml.safe_dump(document, sort_keys=False, allow_unicode=True), encoding="utf-8")
+
+
+def _from_anywhere(kind: str, name: str) -> str:
+    """A bare name as it is, a path as an absolute one."""
+    return name if beside(Path("a/b"), kind, name) == name else str(Path(name).resolve())

@@ -1,0 +1,276 @@
+"""Beliefs as plain values that fit into YAML: what a world model knew at the end of a run, for planning from it later.
+
+Kept is what facts are about: objects, openings, the hand, where was searched. What can be measured again is not:
+clouds, obstacles, handles, occupancy. The map and the models belong to the scene.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field
+
+from bestman_bt.configuration import ConfigurationError, Document, Problem
+from bestman_bt.configuration.quantity import (
+    Angle,
+    Distance,
+    JointPosition,
+    Length,
+    Lengths3,
+    Number,
+    Share,
+    Size3,
+    Spread,
+    Time,
+)
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D, YawSet
+from bestman_bt.registry import suggestion
+from bestman_bt.world_model.semantic_map import SemanticMap
+from bestman_bt.world_model.world_model import BasePose, HeldObject, ObjectBelief, WorldModel
+
+_GREY = (0.5, 0.5, 0.5)
+_DENSITY = 300.0
+"""kg/m³, of a thing that no model explains."""
+_FRICTION = 0.5
+
+Quaternion = Annotated[tuple[Number, Number, Number, Number], Field(description="xyzw")]
+
+
+@dataclass(frozen=True)
+class SavedPose:
+    """Metres, and a unit quaternion, xyzw."""
+
+    position: Lengths3
+    quaternion: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        Pose(np.array(self.position), np.array(self.quaternion))  # ValueError where it is none
+
+
+@dataclass(frozen=True)
+class SavedModel:
+    """``model``: of the scene, by name; or ``size``, metres, of the box around a thing that no model explains."""
+
+    model: str | None = None
+    size: Size3 | None = None
+
+    def __post_init__(self) -> None:
+        if (self.model is None) == (self.size is None):
+            raise ValueError("should have a model or a size, one of them")
+
+
+@dataclass(frozen=True)
+class SavedObject:
+    """As ``ObjectBelief``; ``yaws``: arcs (middle, half width), radians."""
+
+    what: SavedModel
+    pose: SavedPose
+    surface: str | None = None
+    confidence: Share = 1.0
+    position_std: Distance = 0.01
+    stamp: Time = 0.0
+    since: Time | None = None
+    yaws: tuple[tuple[Angle, Spread], ...] = ()
+
+
+@dataclass(frozen=True)
+class SavedHand:
+    """As ``HeldObject``."""
+
+    name: str
+    what: SavedModel
+    tool_from_object: SavedPose
+    width: Distance
+
+
+@dataclass(frozen=True)
+class SavedBase:
+    """As ``BasePose``: metres and radians, in the map frame."""
+
+    x: Length
+    y: Length
+    theta: Angle
+    position_std: Distance = 0.0
+    heading_std: Spread = 0.0
+    stamp: Time = 0.0
+
+
+@dataclass(frozen=True)
+class SavedPiece:
+    """Where a piece of furniture is believed to stand, as measured; errors as of ``MapFurniture``."""
+
+    x: Length
+    y: Length
+    theta: Angle
+    position_error: Distance
+    heading_error: Spread
+
+
+@dataclass(frozen=True)
+class SavedBeliefs:
+    """``openings``: ``furniture/leaf`` → metres or radians. ``searched``: object → surface → when, in vain since it was
+    lost. ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
+    """
+
+    base: SavedBase | None = None
+    objects: Mapping[str, SavedObject] = field(default_factory=dict)
+    held: SavedHand | None = None
+    openings: Mapping[str, JointPosition] = field(default_factory=dict)
+    furniture: Mapping[str, SavedPiece] = field(default_factory=dict)
+    searched: Mapping[str, Mapping[str, Time]] = field(default_factory=dict)
+    told: Mapping[str, str] = field(default_factory=dict)
+    locked: tuple[str, ...] = ()
+
+
+def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
+    """The beliefs as plain values that ``SavedBeliefs`` is checked from; ``mapped``: the map before the run."""
+    base = world.base
+    searched: dict[str, dict[str, float]] = {}
+    for (name, surface), stamp in world.searched.items():
+        if not world.may_be_on(name, surface) and name not in world.objects:
+            searched.setdefault(name, {})[surface] = _number(stamp)
+    document: dict[str, Any] = {
+        "base": _at(base.pose) | {key: _number(getattr(base, key)) for key in ("position_std", "heading_std", "stamp")},
+        "objects": {name: _saved_object(belief, world) for name, belief in world.objects.items()},
+        "openings": {name: _number(position) for name, position in world.articulations.items()},
+        "furniture": {
+            name: _at(piece.pose) | {key: _number(getattr(piece, key)) for key in ("position_error", "heading_error")}
+            for name, piece in world.map.furniture.items()
+            if piece is not mapped.furniture.get(name)
+        },
+        "searched": searched,
+        "told": dict(world.told),
+        "locked": sorted(world.locked),
+    }
+    held = world.held
+    if held is not None:
+        pose = _saved_pose(held.tool_from_object)
+        document["held"] = {
+            "name": held.name,
+            "what": _saved_model(held.model, world),
+            "tool_from_object": pose,
+            "width": _number(held.width),
+        }
+    return document
+
+
+def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> WorldModel:
+    """A world model with these beliefs; ``start``: with the map and the models that they are of.
+
+    ``document``: what the beliefs were checked from. ConfigurationError lists all names that the scene does not have.
+    """
+    problems = list(_unknown_names(beliefs, document, start))
+    if problems:
+        raise ConfigurationError(problems)
+    known = start.map
+    for name, piece in beliefs.furniture.items():
+        believed = replace(
+            known.furniture[name],
+            pose=Pose2D(piece.x, piece.y, piece.theta),
+            position_error=piece.position_error,
+            heading_error=piece.heading_error,
+        )
+        known = known.with_furniture(believed)
+    base, held = beliefs.base, beliefs.held
+    world = WorldModel(known, dict(start.models), start.base, told=dict(beliefs.told), locked=set(beliefs.locked))
+    if base is not None:
+        world.base = BasePose(Pose2D(base.x, base.y, base.theta), base.position_std, base.heading_std, base.stamp)
+    world.articulations.update(beliefs.openings)
+    world.objects = {
+        name: ObjectBelief(
+            name,
+            _model(name, one.what, start),
+            _pose(one.pose),
+            one.confidence,
+            one.position_std,
+            one.stamp,
+            one.surface,
+            YawSet(one.yaws),
+            one.since,
+            recognised=one.what.model is not None,
+        )
+        for name, one in beliefs.objects.items()
+    }
+    world.searched = {(name, place): at for name, places in beliefs.searched.items() for place, at in places.items()}
+    if held is not None:
+        world.held = HeldObject(
+            held.name, _model(held.name, held.what, start), _pose(held.tool_from_object), held.width
+        )
+    return world
+
+
+def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Iterator[Problem]:
+    pieces = start.map.furniture.values()
+    surfaces = [
+        *start.map.furniture,
+        *(f"{piece.name}/{surface.name}" for piece in pieces for surface in piece.surfaces),
+    ]
+    leaves = [f"{piece.name}/{leaf.name}" for piece in pieces for leaf in piece.leaves]
+    models = [*start.models, *(model.name for model in start.models.values())]
+    things = [*start.models, *beliefs.objects]
+    asked: list[tuple[tuple[str | int, ...], str, str | None, list[str]]] = []
+    for name, one in beliefs.objects.items():
+        asked.append((("objects", name, "surface"), "surface", one.surface, surfaces))
+        asked.append((("objects", name, "what", "model"), "model", one.what.model, models))
+    if beliefs.held is not None:
+        asked.append((("held", "what", "model"), "model", beliefs.held.what.model, models))
+    asked += [(("openings", name), "door or drawer", name, leaves) for name in beliefs.openings]
+    asked += [(("locked", at), "door or drawer", name, leaves) for at, name in enumerate(beliefs.locked)]
+    asked += [(("furniture", name), "furniture", name, list(start.map.furniture)) for name in beliefs.furniture]
+    for name, place in beliefs.told.items():
+        asked += [(("told", name), "object", name, things), (("told", name), "surface", place, surfaces)]
+    for name, places in beliefs.searched.items():
+        asked.append((("searched", name), "object", name, things))
+        asked += [(("searched", name, place), "surface", place, surfaces) for place in places]
+    for path, kind, name_or_none, known in asked:
+        if name_or_none is not None and name_or_none not in known:
+            yield document.problem(path, f"the scene has no {kind} {name_or_none!r}; {suggestion(name_or_none, known)}")
+
+
+def _saved_model(model: ObjectModel, world: WorldModel) -> dict[str, Any]:
+    if any(known.name == model.name for known in world.models.values()):
+        return {"model": model.name}
+    return {"size": [_number(extent) for extent in model.size]}
+
+
+def _saved_object(belief: ObjectBelief, world: WorldModel) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        "what": _saved_model(belief.model, world),
+        "pose": _saved_pose(belief.pose),
+        **{key: _number(getattr(belief, key)) for key in ("confidence", "position_std", "stamp")},
+    }
+    if belief.surface is not None:
+        document["surface"] = belief.surface
+    if belief.since is not None:
+        document["since"] = _number(belief.since)
+    if belief.yaw_set.arcs:
+        document["yaws"] = [[_number(middle), _number(half)] for middle, half in belief.yaw_set.arcs]
+    return document
+
+
+def _saved_pose(pose: Pose) -> dict[str, Any]:
+    return {key: [_number(value) for value in getattr(pose, key)] for key in ("position", "quaternion")}
+
+
+def _at(pose: Pose2D) -> dict[str, float]:
+    return {"x": _number(pose.x), "y": _number(pose.y), "theta": _number(pose.theta)}
+
+
+def _number(value: float) -> float:
+    """To a micrometre or a microsecond: more is noise, and hard to read."""
+    return round(float(value), 6)
+
+
+def _pose(pose: SavedPose) -> Pose:
+    return Pose(np.array(pose.position), np.array(pose.quaternion))
+
+
+def _model(name: str, what: SavedModel, start: WorldModel) -> ObjectModel:
+    if what.size is not None:
+        box = (PlacedShape(Box(what.size), Pose()),)
+        return ObjectModel(name, _GREY, _DENSITY * float(np.prod(what.size)), _FRICTION, box, symmetry_order=2)
+    known = {model.name: model for model in reversed(start.models.values())} | dict(start.models)
+    return known[str(what.model)]
