@@ -2,26 +2,35 @@
 
 Little endian: the magic ``BTCPP4-FileLogger2``, u8 1, i32 length of the XML, the XML with node numbers, i64 start in
 microseconds since the epoch, then 9 bytes a transition: 6 of microseconds since the start, 2 uid, 1 new status.
+
+A long log is cut into segments, see ``segmented_file``. Each is a log of its own with the start of the first, and
+begins with the nodes that are not idle.
 """
 
 from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO
 
 from bestman_bt.engine.errors import EngineError
-from bestman_bt.engine.status import SKIPPED
+from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment
+from bestman_bt.engine.status import IDLE, SKIPPED
 from bestman_bt.engine.tree import StateChanges, Tree
 from bestman_bt.engine.xml.writer import full_tree_xml
 
 MAGIC = b"BTCPP4-FileLogger2"
 PROTOCOL = 1
 RECORD = 9
+SEGMENT = 8 << 20
+"""Bytes of transitions, about 900,000, after which a new segment begins."""
+KEEP = 64 << 20
+"""Compressed bytes of full segments that are kept."""
+LONGEST_SEGMENT = 4 * SEGMENT
+"""Bytes that are read of one."""
 
 
 class LogError(EngineError):
@@ -55,40 +64,63 @@ class BtLogWriter:
     Times are those of the tree's clock: a simulated run is replayed at simulated speed.
     """
 
-    def __init__(self, tree: Tree, path: str | Path, *, start: float | None = None) -> None:
+    def __init__(
+        self, tree: Tree, path: str | Path, *, start: float | None = None, listen: bool = True, segment: int = SEGMENT
+    ) -> None:
         """Describe the log; the file is made when it is opened.
 
         Args:
             tree: the tree to listen to.
             path: the file; it is replaced.
             start: seconds since the epoch that the log's times count from; now by default.
+            listen: False for one who calls ``write`` on its own.
+            segment: bytes of transitions after which a new segment begins.
         """
         self.path = Path(path)
         self._tree = tree
         self._start = start
-        self._file: BinaryIO | None = None
+        self._listens = listen
+        self._segment = segment
+        self._file: SegmentedFile | None = None
         self._origin = 0.0
+        self._stamp = b""
+        self._states: dict[int, int] = {}
 
     def open(self) -> BtLogWriter:
         """Make the file and begin to listen."""
         start = time.time() if self._start is None else self._start
         self._origin = self._tree.clock.now()
         xml = full_tree_xml(self._tree).encode()
-        self._file = self.path.open("wb")
-        self._file.write(MAGIC + struct.pack("<Bi", PROTOCOL, len(xml)) + xml + struct.pack("<q", round(start * 1e6)))
-        self._tree.subscribe(self._listen)
+        head = MAGIC + struct.pack("<Bi", PROTOCOL, len(xml)) + xml + struct.pack("<q", round(start * 1e6))
+        self._states.clear()
+        self._file = SegmentedFile(
+            self.path, segment=self._segment, keep=KEEP, head=lambda: head + self._records(self._states.items())
+        )
+        if self._listens:
+            self._tree.subscribe(self._listen)
         return self
 
-    def _listen(self, changes: StateChanges) -> None:
+    def write(self, seconds: float, changes: Iterable[tuple[int, int]]) -> None:
+        """Add (uid, new state) of one moment, ``seconds`` after the start of the log."""
         if self._file is None:
             return
-        stamp = max(0, round((changes.stamp - self._origin) * 1e6)).to_bytes(6, "little")
-        self._file.write(
-            b"".join(stamp + struct.pack("<HB", *divmod(code, 8)) for code in changes.codes if isinstance(code, int))
-        )
+        self._stamp = max(0, round(seconds * 1e6)).to_bytes(6, "little")
+        self._file.write(self._records(changes))
+        for uid, state in changes:
+            if state == IDLE:
+                self._states.pop(uid, None)
+            else:
+                self._states[uid] = state
+
+    def _records(self, changes: Iterable[tuple[int, int]]) -> bytes:
+        stamp = self._stamp
+        return b"".join(stamp + struct.pack("<HB", uid, state) for uid, state in changes)
+
+    def _listen(self, changes: StateChanges) -> None:
+        self.write(changes.stamp - self._origin, changes)
 
     def flush(self) -> None:
-        """Hand everything so far to the operating system."""
+        """Hand everything that was written to the operating system."""
         if self._file is not None:
             self._file.flush()
 
@@ -109,12 +141,28 @@ class BtLogWriter:
 
 
 def read_btlog(path: str | Path) -> BtLog:
-    """Read a ``.btlog`` file, ours or one of BehaviorTree.CPP; an incomplete last record is left out.
+    """Read a ``.btlog`` file with its earlier segments, ours or one of BehaviorTree.CPP; a torn last record is left out.
 
     Raises:
         LogError: it is no such file.
     """
-    data = Path(path).read_bytes()
+    path = Path(path)
+    segments = [*full_segments(path), path]
+    logs = [_decoded(segment, read_segment(segment, LONGEST_SEGMENT)) for segment in segments[:-1]]
+    logs.append(_decoded(path, path.read_bytes()))
+    if len(logs) == 1:
+        return logs[0]
+    states: dict[int, int] = {}
+    transitions: list[Transition] = []
+    for log in logs:
+        for transition in log.transitions:
+            if states.get(transition.uid, IDLE) != transition.status:
+                states[transition.uid] = transition.status
+                transitions.append(transition)
+    return BtLog(logs[0].xml, logs[0].start, transitions)
+
+
+def _decoded(path: Path, data: bytes) -> BtLog:
     head = len(MAGIC)
     if data[:head] != MAGIC:
         raise LogError(f"{path} is no .btlog file: it begins with {data[:head]!r} instead of {MAGIC!r}")

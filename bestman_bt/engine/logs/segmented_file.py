@@ -1,0 +1,95 @@
+"""A log file that is cut into segments: those that are full are compressed, and the oldest are given up.
+
+Beside ``name.suffix``, which grows, stand ``name.0001.suffix.gz`` and so on. A process may be killed at any moment:
+what was flushed is there, once.
+"""
+
+from __future__ import annotations
+
+import gzip
+import shutil
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+
+class SegmentedFile:
+    """Writes; the file is replaced, and segments that an earlier log left there are removed.
+
+    ``segment``: bytes after which a new one begins. ``keep``: compressed bytes of full segments; beyond them the oldest
+    goes, but for the first. ``head``: what each segment begins with, asked for when it does.
+    """
+
+    def __init__(self, path: Path, *, segment: int, keep: int, head: Callable[[], bytes] = bytes) -> None:
+        self.path = path
+        self._segment, self._keep, self._head = segment, keep, head
+        self._number = 0
+        for old in path.parent.glob(f"{path.stem}.[0-9][0-9][0-9][0-9]{path.suffix}*"):
+            old.unlink()
+        self._file = self._begun()
+
+    def write(self, data: bytes) -> None:
+        """Append whole records."""
+        if self._size + len(data) > self._segment and self._size:
+            self._turn()
+        self._file.write(data)
+        self._size += len(data)
+
+    def flush(self) -> None:
+        """Hand everything that was written to the operating system."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """End the log."""
+        self._file.close()
+
+    def _begun(self) -> BinaryIO:
+        file = self.path.open("wb")
+        file.write(self._head())
+        self._size = 0
+        return file
+
+    def _turn(self) -> None:
+        self._file.close()
+        self._number += 1
+        full = self.path.with_name(f"{self.path.stem}.{self._number:04}{self.path.suffix}")
+        self.path.replace(full)
+        self._file = self._begun()
+        part = full.with_name(full.name + ".part")
+        with full.open("rb") as source, gzip.open(part, "wb", compresslevel=6) as target:
+            shutil.copyfileobj(source, target)
+        part.replace(full.with_name(full.name + ".gz"))
+        full.unlink()
+        kept = [path for path in full_segments(self.path) if path.suffix == ".gz"]
+        while len(kept) > 2 and sum(path.stat().st_size for path in kept) > self._keep:
+            kept.pop(1).unlink()
+
+
+def full_segments(path: Path) -> list[Path]:
+    """The segments that stand beside ``path``, oldest first; of one that was being compressed, the one to read."""
+    numbered: dict[str, Path] = {}
+    for found in sorted(path.parent.glob(f"{path.stem}.[0-9][0-9][0-9][0-9]{path.suffix}*")):
+        if found.suffix in (".gz", path.suffix):
+            numbered[found.name[: len(path.stem) + 5]] = found
+    return [numbered[name] for name in sorted(numbered)]
+
+
+def read_segment(path: Path, limit: int) -> bytes:
+    """The bytes of a segment, at most ``limit`` of them; one that is cut off or damaged ends early.
+
+    Raises:
+        OSError: it cannot be read, or is no gzip file.
+    """
+    if path.suffix != ".gz":
+        with path.open("rb") as file:
+            return file.read(limit)
+    pieces: list[bytes] = []
+    with gzip.open(path, "rb") as file:
+        try:
+            while limit > 0 and (piece := file.read(min(limit, 1 << 20))):
+                pieces.append(piece)
+                limit -= len(piece)
+        except (EOFError, zlib.error):
+            return b"".join(pieces)
+    return b"".join(pieces)

@@ -1,0 +1,112 @@
+"""The events of a run in its folder: written while it goes on, read afterwards or meanwhile.
+
+``transitions.btlog`` has the states of the main tree, ``log.jsonl`` the log in the keys of structlog, and
+``events.jsonl`` all else. All three are cut into segments, see ``bestman_bt.engine.logs.segmented_file``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from bestman_bt.engine import Tree
+from bestman_bt.engine.logs.btlog import BtLogWriter
+from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment
+from bestman_bt.monitor.events import MAIN_TREE, Event, EventError, LogEvent, RunEvent, StatesEvent, from_line, to_line
+
+STATES_FILE, EVENTS_FILE, LOG_FILE = "transitions.btlog", "events.jsonl", "log.jsonl"
+SEGMENT = 4 << 20
+"""Bytes of events, or of log lines, after which a new segment begins."""
+KEEP_EVENTS, KEEP_LOG = 64 << 20, 16 << 20
+"""Compressed bytes of full segments that are kept."""
+LONGEST_SEGMENT = 4 * SEGMENT
+
+
+class RunLogWriter:
+    """Writes the events of one execution into ``folder``; from one thread."""
+
+    def __init__(self, folder: Path, tree: Tree, run: RunEvent) -> None:
+        self._started = run.started
+        self._states = BtLogWriter(tree, folder / STATES_FILE, start=run.started, listen=False).open()
+        self._events = SegmentedFile(folder / EVENTS_FILE, segment=SEGMENT, keep=KEEP_EVENTS)
+        self._log = SegmentedFile(folder / LOG_FILE, segment=SEGMENT, keep=KEEP_LOG)
+        self._said: dict[int, str] = {}
+        self.flush()
+
+    def write(self, event: Event) -> None:
+        """Add an event."""
+        if isinstance(event, LogEvent):
+            self._log.write(self._log_line(event))
+            return
+        if isinstance(event, StatesEvent) and event.tree == MAIN_TREE:
+            self._states.write(event.time, event.changes)
+            news = {uid: text for uid, text in event.messages.items() if self._said.get(uid) != text}
+            if not news:
+                return
+            self._said.update(news)
+            event = replace(event, changes=[], messages=news)
+        self._events.write(to_line(event))
+
+    def flush(self) -> None:
+        """Hand everything to the operating system: what was flushed survives the end of the process."""
+        for file in (self._states, self._events, self._log):
+            file.flush()
+
+    def close(self) -> None:
+        """End the log."""
+        for file in (self._states, self._events, self._log):
+            file.close()
+
+    def _log_line(self, event: LogEvent) -> bytes:
+        when = datetime.fromtimestamp(self._started + event.time, UTC)
+        words = {
+            name: value for name, value in asdict(event).items() if value != "" and name not in ("event", "message")
+        }
+        line = {"timestamp": when.isoformat(timespec="milliseconds").replace("+00:00", "Z"), "event": event.message}
+        return json.dumps({**line, **words}, ensure_ascii=False).encode() + b"\n"
+
+
+def read_events(folder: Path) -> Iterator[Event]:
+    """The events of ``events.jsonl`` and its earlier segments, in order; a torn last line is left out.
+
+    Raises:
+        EventError: the folder has no such file, or a line is no event.
+    """
+    for number, line in _lines(folder / EVENTS_FILE):
+        try:
+            yield from_line(line)
+        except EventError as error:
+            raise EventError(f"{folder / EVENTS_FILE}: line {number}: {error}") from error
+
+
+def read_log(folder: Path) -> Iterator[LogEvent]:
+    """The lines of ``log.jsonl`` and its earlier segments; raises as ``read_events``."""
+    for number, line in _lines(folder / LOG_FILE):
+        try:
+            document = json.loads(line)
+            yield LogEvent(
+                float(document["time"]),
+                document["level"],
+                str(document["event"]),
+                str(document.get("node", "")),
+                str(document.get("code", "")),
+                str(document.get("logger", "tree")),
+            )
+        except (ValueError, TypeError, KeyError, RecursionError) as error:
+            raise EventError(f"{folder / LOG_FILE}: line {number}: no line of a log: {error!r}") from error
+
+
+def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
+    """The whole lines of a file and its earlier segments, with their numbers over all."""
+    number = 0
+    try:
+        for segment in [*full_segments(path), path]:
+            for line in read_segment(segment, LONGEST_SEGMENT).splitlines(keepends=True):
+                number += 1
+                if line.endswith(b"\n"):
+                    yield number, line
+    except OSError as error:
+        raise EventError(f"{path} cannot be read: {error}") from error

@@ -1,0 +1,65 @@
+"""Blackboard entries for people and for files: short, and whatever the value is."""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.engine import EngineError
+from bestman_bt.engine.conversion import text_of, type_name
+from bestman_bt.monitor.events import ShownEntry
+
+LONGEST_TEXT = 2000
+"""Characters of a value's text."""
+MOST_ITEMS = 64
+"""Items of a list or dictionary that is shown whole."""
+REMOVED = ShownEntry("", "")
+"""Of an entry that exists no more."""
+
+_shortened = reprlib.Repr()
+_shortened.maxlevel = 4
+_shortened.maxdict = _shortened.maxlist = _shortened.maxtuple = _shortened.maxset = _shortened.maxdeque = 20
+_shortened.maxstring = _shortened.maxother = LONGEST_TEXT
+
+
+def show_value(value: Any, kind: Any = None) -> ShownEntry:
+    """A value, and the type that its entry is locked to (by default the value's own); never raises."""
+    try:
+        name = type_name(type(value) if kind is None else kind)
+        return ShownEntry(name, _text(value), value if _is_plain(value) else None)
+    except Exception as error:  # noqa: BLE001 - the value is somebody else's, and so is what its methods raise
+        return ShownEntry(type(value).__name__, f"cannot be shown: {type(error).__name__}")
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, np.ndarray):
+        text = np.array2string(value, precision=4, threshold=40, edgeitems=2, separator=", ")
+    elif isinstance(value, (list, tuple, set, frozenset, dict)):
+        text = _shortened.repr(value)
+    else:
+        try:
+            text = text_of(value)
+        except EngineError:
+            text = _shortened.repr(value)
+    return text if len(text) <= LONGEST_TEXT else text[: LONGEST_TEXT - 1] + "…"
+
+
+def _is_plain(value: Any, depth: int = 2) -> bool:
+    if isinstance(value, str):
+        return len(value) <= LONGEST_TEXT // (1 if depth == 2 else 20)
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, bool) or value is None:
+        return True
+    if isinstance(value, int):
+        return abs(value) < 2**53
+    if depth and type(value) is list:
+        return len(value) <= MOST_ITEMS // (1 if depth == 2 else 8) and all(
+            _is_plain(item, depth - 1) for item in value
+        )
+    return False
