@@ -88,6 +88,7 @@ class Tree:
         self._log: list[Any] | None = None
         self._visited: list[Node] | None = None
         self._visitors: list[VisitorBase] = []
+        self._binding = threading.RLock()  # monitors add hooks from threads of theirs
         self._bound = False
         self._plain = False  # bound, and without visitors
         self._refusing = False
@@ -119,16 +120,17 @@ class Tree:
     def rebind(self) -> None:
         """Choose each node's ``run`` anew, after a listener, a visitor or a hook came or went.
 
-        Before the first tick there is nothing to do: that tick chooses.
+        Before the first tick there is nothing to do: that tick chooses. May be called from any thread.
         """
         if self._bound:
             self._bind()
 
     def _bind(self) -> None:
-        for node in reversed(self.nodes):
-            node.bind(self._log, self._visited)
-        self._bound = True
-        self._plain = self._visited is None and not self._visitors
+        with self._binding:
+            for node in reversed(self.nodes):
+                node.bind(self._log, self._visited)
+            self._bound = True
+            self._plain = self._visited is None and not self._visitors
         if self._refusing:
             self._refuse()
 
@@ -196,6 +198,11 @@ class Tree:
         if self._bound:
             self._refuse()
 
+    def raise_if_refused(self) -> None:
+        """For what holds up a tick: EngineError after ``refuse_ticks``."""
+        if self._refusing:
+            _refused()
+
     def allow_ticks(self) -> None:
         """Take back ``refuse_ticks``."""
         if self._refusing:
@@ -248,7 +255,7 @@ class Tree:
             raise wrapped(error, root) from error
         finally:
             if self._log:
-                self._publish()
+                self.publish()
         return status
 
     def _begin(self) -> None:
@@ -273,7 +280,7 @@ class Tree:
             root.reset_status()
         finally:
             if self._log:
-                self._publish()
+                self.publish()
         for node in self.nodes:
             node._s = IDLE
         self.status = IDLE
@@ -290,7 +297,7 @@ class Tree:
                 node.reset_status()
         finally:
             if self._log:
-                self._publish()
+                self.publish()
         if status == SKIPPED:
             node._s = -FAILURE if isinstance(node.parent, Selector) else -SUCCESS
         if node is self._root:
@@ -345,9 +352,10 @@ class Tree:
             self._log = None
             self.rebind()
 
-    def _publish(self) -> None:
+    def publish(self) -> None:
+        """Tell the listeners what has changed so far. Each tick and halt ends with it; one that is held up may, too."""
         log = self._log
-        if log is None:
+        if not log:
             return
         changes = StateChanges(self.blackboard.store.now, log.copy())
         log.clear()
