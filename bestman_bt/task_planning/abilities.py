@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from behaviours.skill import Declaration, Skill
 from bestman_bt.configuration.data import data_root
-from bestman_bt.engine import NodeRegistry
-from bestman_bt.engine.xml.documents import Documents, read_documents
+from bestman_bt.engine import NodeRegistry, TreeLoadError
+from bestman_bt.engine.xml.documents import Documents, MetadataEntry, ModelPort, read_documents
+from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.symbolic.facts import parse_conditions
 from bestman_bt.task_planning.symbolic.problem import Condition, Forall, GoalError, Literal, Operator, PlanningError
 
@@ -64,7 +66,7 @@ def operator_of(name: str, declared: Declaration) -> Operator:
         for field, texts in (("pre", declared.pre), ("hold", declared.hold), ("effects", declared.effects))
     )
     facts = [effect for effect in effects if isinstance(effect, Literal)]
-    if declared.cost <= 0.0:
+    if not 0.0 < declared.cost < math.inf:
         raise DeclarationError(f"{name}: cost is {declared.cost}; more than 0 is accepted")
     return Operator(
         name,
@@ -80,22 +82,46 @@ def operator_of(name: str, declared: Declaration) -> Operator:
 
 
 def _of_subtrees(documents: Documents) -> Iterable[Ability]:
+    faults = [problem for problem in documents.problems if problem.severity != "warning"]
+    if faults:
+        raise TreeLoadError(faults)
     for name, metadata in documents.metadata.items():
-        if not metadata.keys() & set(FIELDS):
-            continue
-        try:
-            cost = float(metadata.get("cost", "1"))
-        except ValueError:
-            raise DeclarationError(f"{name}: cost is {metadata['cost']!r}; a number is accepted") from None
-        declared = Declaration(
-            pre=(metadata.get("pre", ""),),
-            hold=(metadata.get("hold", ""),),
-            effects=(metadata.get("effects", ""),),
-            parameters={port.name: port.type for port in documents.models[name].values()},
-            cost=cost,
-            parts=tuple(metadata.get("parts", "").split()),
-        )
-        yield Ability(operator_of(name, declared), True, metadata.get("description", ""))
+        if metadata.keys() & set(FIELDS):
+            yield _of_subtree(name, metadata, documents.models[name])
+
+
+def _of_subtree(name: str, metadata: Mapping[str, MetadataEntry], ports: Mapping[str, ModelPort]) -> Ability:
+    for key, entry in metadata.items():
+        if key not in (*FIELDS, "description"):
+            raise DeclarationError(f"{_where(entry)}: {name}: unknown {key!r}; {suggestion(key, FIELDS)}")
+        try:  # each by itself, so that the line of a fault is known
+            operator_of(name, _declared(name, {key: entry.text}, ports))
+        except DeclarationError as error:
+            raise DeclarationError(f"{_where(entry)}: {error}") from error
+    texts = {key: entry.text for key, entry in metadata.items()}
+    return Ability(operator_of(name, _declared(name, texts, ports)), True, texts.get("description", ""))
+
+
+def _declared(name: str, texts: Mapping[str, str], ports: Mapping[str, ModelPort]) -> Declaration:
+    return Declaration(
+        pre=(texts.get("pre", ""),),
+        hold=(texts.get("hold", ""),),
+        effects=(texts.get("effects", ""),),
+        parameters={port.name: port.type for port in ports.values()},
+        cost=_number(name, texts.get("cost", "1")),
+        parts=tuple(texts.get("parts", "").split()),
+    )
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise DeclarationError(f"{name}: cost is {text!r}; a number is accepted") from None
+
+
+def _where(entry: MetadataEntry) -> str:
+    return f"{entry.file}:{entry.line}"
 
 
 def _conditions(name: str, field: str, texts: Iterable[str], parameters: dict[str, str]) -> tuple[Condition, ...]:

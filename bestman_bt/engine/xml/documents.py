@@ -37,18 +37,27 @@ class ModelPort:
     type: str = ""
 
 
+@dataclass(frozen=True)
+class MetadataEntry:
+    """What a ``<Metadata key="text"/>`` of a SubTree says, and where."""
+
+    text: str
+    file: str
+    line: int
+
+
 @dataclass
 class Documents:
     """Everything that was read for one tree, and what is wrong with it so far.
 
-    ``metadata``: of the subtree models, what their ``<Metadata key="value"/>`` say.
+    ``metadata``: of the subtree models, by key, what their ``<Metadata key="text"/>`` say.
     """
 
     file: str
     source: str
     trees: dict[str, TreeDefinition] = field(default_factory=dict)
     models: dict[str, dict[str, ModelPort]] = field(default_factory=dict)
-    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    metadata: dict[str, dict[str, MetadataEntry]] = field(default_factory=dict)
     main_tree: str | None = None
     problems: list[Problem] = field(default_factory=list)
     files: list[str] = field(default_factory=list)
@@ -220,8 +229,12 @@ def _read_models(model: Element, file: str, documents: Documents) -> None:
             documents.problems.append(Problem(file, element.line, element.tag, "ID", "the attribute is missing"))
             continue
         ports = documents.models.setdefault(tree_id, {})
-        entries = [entry for entry in element.iter() if entry.tag == "Metadata"]
-        documents.metadata[tree_id] = {key: text for entry in entries for key, text in entry.attributes.items()}
+        documents.metadata[tree_id] = {
+            key: MetadataEntry(text, file, entry.line)
+            for entry in element.iter()
+            if entry.tag == "Metadata"
+            for key, text in entry.attributes.items()
+        }
         for port in element.children:
             name = port.attributes.get("name")
             if not port.tag.endswith("_port"):
