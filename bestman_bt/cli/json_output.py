@@ -21,10 +21,12 @@ def json_output(wanted: bool) -> Iterator[Callable[[dict[str, Any]], None]]:
     if not wanted:
         yield documents.append
         return
-    with redirect_stdout(sys.stderr), _descriptor_to_standard_error():
-        yield documents.append
-    for document in documents:
-        print(json.dumps(document, allow_nan=False), flush=True)
+    try:
+        with redirect_stdout(sys.stderr), _descriptor_to_standard_error():
+            yield documents.append
+    finally:  # also where the verb ends with an exit code
+        for document in documents:
+            print(json.dumps(document, allow_nan=False), flush=True)
 
 
 @contextmanager

@@ -12,18 +12,51 @@ from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
 GOAL = "on(cup, counter)"
-KNOWN = "on(cup, table/top)\nlocated(cup)\n" + "".join(
-    f"not unseen(cup, {place})  # seen on the table\n" for place in ("table/top", "counter/top")
-)
+SEEN = """\
+scene: kitchen
+seed: 3
+beliefs:
+  objects:
+    cup: {what: {model: cup}, surface: table/top, pose: {position: [3.1, -0.2, 80 cm]}}
+"""
+HOLDING = """\
+scene: kitchen
+beliefs:
+  held:
+    {name: can, what: {model: can}, width: 5 cm, tool_from_object: {position: [0, 0, 2 cm]}}
+"""
 
 
 def test_a_plan_is_printed_and_its_tree_is_written(bestman_bt: Command, folder: Path) -> None:
-    (folder / "known.txt").write_text(KNOWN)
-    answer = bestman_bt("plan", "--goal", GOAL, "--world", "known.txt", "-o", "tree.xml", "--svg", "tree.svg")
+    (folder / "seen.yaml").write_text(SEEN)
+    answer = bestman_bt("plan", "--goal", GOAL, "--world", "seen.yaml", "-o", "tree.xml", "--svg", "tree.svg")
     assert answer.code == 0, answer.err
     assert answer.out.split("\n")[-3:] == ["  1. PickUp(cup, table/top)", "  2. PutAt(cup, counter/top)", ""]
     assert load_tree(folder / "tree.xml", node_registry()).root.name == "attempts"
     assert "PickUp '1_PickUp'" in "".join(ElementTree.parse(folder / "tree.svg").getroot().itertext())
+
+
+def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no_number(
+    bestman_bt: Command, folder: Path
+) -> None:
+    goal = "on(mug, table) and closed(drawer)"
+    answer = bestman_bt(
+        *("plan", "--goal", goal, "--planner", "symbolic", "--builder", "reactive", "-o", "tree.xml", "--json")
+    )
+    assert answer.code == 0, answer.err
+    assert answer.document["goal"] == ["on(mug, table/top)", "closed(drawer_chest/drawer_1)"]
+    assert answer.document["plan"][0] == {"ability": "Search", "object": "mug", "place": "table/top"}
+    assert "there are also drawer_chest/drawer_2, drawer_chest/drawer_3" in answer.err
+    assert "hopes that it is there" in answer.err
+    assert load_tree(folder / "tree.xml", node_registry()).root.name == "attempts"
+
+
+def test_a_task_with_a_plan_gives_the_goal_and_what_was_told(bestman_bt: Command) -> None:
+    answer = bestman_bt("plan", "--task", "plan_fetch_from_drawer", "--json")
+    assert answer.code == 0, answer.err
+    assert [step["ability"] for step in answer.document["plan"]] == [
+        *("OpenContainer", "Search", "PickUp", "PutAt", "CloseContainer")
+    ]
 
 
 def test_what_was_not_seen_is_searched_for_first(bestman_bt: Command) -> None:
@@ -39,11 +72,13 @@ def test_a_goal_that_holds_needs_no_actions(bestman_bt: Command) -> None:
 
 
 def test_without_a_plan_it_says_what_is_missing(bestman_bt: Command, folder: Path) -> None:
-    (folder / "hand.txt").write_text("not hand_empty\n")
-    answer = bestman_bt("plan", "--goal", GOAL, "--world", "hand.txt")
+    (folder / "holding.yaml").write_text(HOLDING)
+    answer = bestman_bt("plan", "--goal", GOAL, "--world", "holding.yaml", "--limits", "only=PickUp", "--json")
     assert answer.code == 1
+    assert answer.document["plan"] is None
+    assert "on(cup, counter/top)" in answer.document["why"]
     assert answer.err.count("no plan: ") == 1
-    assert "needs hand_empty" in answer.err
+    assert "on(cup, counter/top)" in answer.err
 
 
 def test_unknown_names_are_told_with_the_closest(bestman_bt: Command) -> None:
@@ -61,15 +96,33 @@ def test_unknown_planners_builders_and_missing_goals_are_refused(bestman_bt: Com
     for arguments, words in (
         (("--goal", GOAL, "--planner", "symbolik"), "unknown task planner 'symbolik'; did you mean 'symbolic'?"),
         (("--goal", GOAL, "--builder", "reactiv"), "unknown tree builder 'reactiv'; did you mean 'reactive'?"),
-        ((), "give a text or --goal, one of them"),
-        (("--goal", GOAL, "--run", "--world", "x.txt"), "--run has its own beliefs"),
+        ((), "give a text, --goal, or a --task with a plan"),
+        (("words", "--goal", GOAL), "give a text or --goal, one of them"),
+        (("--goal", GOAL, "--run", "--world", "x.yaml"), "--run has its own beliefs"),
+        (("words", "--run"), "nobody can be asked here; give --yes"),
     ):
         answer = bestman_bt("plan", *arguments)
         assert (answer.code, words in answer.err) == (2, True), answer.err
 
 
-def test_a_line_of_a_world_that_is_no_fact_is_named(bestman_bt: Command, folder: Path) -> None:
-    (folder / "world.txt").write_text("hand_empty\non(cup,,\n")
-    answer = bestman_bt("plan", "--goal", GOAL, "--world", "world.txt")
+def test_what_is_wrong_in_a_saved_world_is_told_with_its_line_all_at_once(bestman_bt: Command, folder: Path) -> None:
+    (folder / "world.yaml").write_text(SEEN.replace("model: cup", "model: cupp").replace("table/top", "tabel/top"))
+    answer = bestman_bt("plan", "--goal", GOAL, "--world", "world.yaml")
     assert answer.code == 2
-    assert "world.txt:2" in answer.err
+    assert "world.yaml:5: beliefs.objects.cup.surface: the scene has no surface 'tabel/top'; did you mean" in answer.err
+    assert "world.yaml:5: beliefs.objects.cup.what.model: the scene has no model 'cupp'; did you mean" in answer.err
+
+
+def test_a_saved_world_says_of_which_scene_it_is(bestman_bt: Command, folder: Path) -> None:
+    (folder / "seen.yaml").write_text(SEEN)
+    for option in (("--scene", "apartment"), ("--seed", "4"), ("--task", "fetch_cup")):
+        answer = bestman_bt("plan", "--goal", GOAL, "--world", "seen.yaml", *option)
+        assert answer.code == 2
+        assert "is of the scene kitchen with seed 3; leave --task, --scene and --seed out" in answer.err
+
+
+def test_the_domain_shows_what_a_saved_world_believes(bestman_bt: Command, folder: Path) -> None:
+    (folder / "seen.yaml").write_text(SEEN)
+    state = bestman_bt("domain", "--world", "seen.yaml", "--json").document["state"]
+    assert "on(cup, table/top)" in state
+    assert not any(fact.startswith("unseen(cup") for fact in state)

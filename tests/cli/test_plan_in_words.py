@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from tests.answering_server import Server
 from tests.cli.command_line import Answer
-from tests.task_planning.language.misbehaving_server import Server, says, serving
+from tests.cli.record_shipped_transcript import DRAWER, INSTRUCTION, PROPOSED, TRANSCRIPT
+from tests.task_planning.language.misbehaving_server import says, serving
 
 KEY = "sk-very-secret-0123456789"
 FETCH = {
@@ -52,6 +56,60 @@ def test_words_become_a_checked_tree_with_cost_and_goal_told_and_the_key_nowhere
     assert all(KEY not in text for text in (*written, answer.out, answer.err))
     assert bestman_bt("validate", "tree.xml").code == 0
     assert len([json.loads(line) for line in written[1].splitlines()]) == 2
+
+
+@pytest.mark.parametrize(("planner", "answered"), [("language", PROPOSED), ("symbolic", {**PROPOSED, "plan": None})])
+def test_a_mug_is_looked_for_where_the_instruction_says_that_it_is(
+    bestman_bt: Callable[..., Answer], at: Callable[[Server], None], planner: str, answered: dict[str, object]
+) -> None:
+    told = {name: value for name, value in answered.items() if value is not None or name == "refusal"}
+    with serving(says(told)) as server:
+        at(server)
+        answer = bestman_bt("plan", INSTRUCTION, "--planner", planner, "--json")
+    assert answer.code == 0, answer.err
+    assert len(server.questions) == 1
+    assert answer.document["goal"] == ["on(mug, table/top)"]
+    assert [tuple(step.values()) for step in answer.document["plan"]] == [
+        ("OpenContainer", DRAWER),
+        ("Search", "mug", DRAWER),
+        ("PickUp", "mug", DRAWER),
+        ("PutAt", "mug", "table/top"),
+    ]
+
+
+def test_the_shipped_transcript_answers_without_an_endpoint(
+    bestman_bt: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("BESTMAN_LLM_BASE_URL", raising=False)
+    answer = bestman_bt("plan", INSTRUCTION, "--planner", "language", "--replay", TRANSCRIPT)
+    assert answer.code == 0, answer.err
+    assert "it needs open(drawer_chest/drawer_1), which does not hold then" in answer.err
+    assert answer.out.split("\n")[-2] == "  4. PutAt(mug, table/top)"
+
+
+@pytest.fixture
+def terminal(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], None]]:
+    """Somebody at a terminal, who types so."""
+    ours, theirs = os.openpty()
+    with os.fdopen(theirs) as reading:
+        monkeypatch.setattr(sys, "stdin", reading)
+        yield lambda text: os.write(ours, text.encode()) and None
+    os.close(ours)
+
+
+def test_what_a_model_made_of_a_text_is_shown_and_run_only_when_agreed(
+    bestman_bt: Callable[..., Answer],
+    folder: Path,
+    at: Callable[[Server], None],
+    terminal: Callable[[str], None],
+) -> None:
+    with serving(says(FETCH)) as server:
+        at(server)
+        terminal("n\n")
+        answer = bestman_bt("plan", "put the cup on the table", "--planner", "language", "--run", "--scene", "kitchen")
+    assert answer.code == 130, answer.err
+    assert answer.err.index("understood as: on(cup, table/top)") < answer.err.index("Run it?")
+    assert not (folder / "runs").exists()
 
 
 def test_a_plan_beyond_the_limits_gives_no_tree(
