@@ -1,0 +1,63 @@
+"""Examples: bestman-bt monitor; bestman-bt monitor runs/ --read-only; bestman-bt monitor --host 0.0.0.0."""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bestman_bt.configuration import ConfigurationError, Problem
+
+DEFAULT_PORT = 8750
+
+
+def command(
+    folders: Annotated[
+        list[Path] | None, typer.Argument(metavar="[RUN]...", help="Run folders, or folders that hold some.")
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 for any free one.")] = DEFAULT_PORT,
+    host: Annotated[str, typer.Option(help="Address to listen on; any but loopback demands a token.")] = "127.0.0.1",
+    token: Annotated[
+        str | None, typer.Option(help="The token to demand; made up where --host needs one.", show_default=False)
+    ] = None,
+    read_only: Annotated[bool, typer.Option("--read-only", help="Show only: no pause, stop, set, breakpoint.")] = False,
+    no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print the address.")] = False,
+    end_when_idle: Annotated[
+        float | None,
+        typer.Option(min=1.0, metavar="SECONDS", help="End after this long without any executor and page."),
+    ] = None,
+) -> None:
+    """Show running executors, and recorded runs, in the browser."""
+    from bestman_bt.monitor.recorded import run_folders
+    from bestman_bt.monitor.security import SHORTEST_TOKEN, is_loopback, new_token
+    from bestman_bt.monitor.server import MonitorServer, ServerConfig, bind
+
+    for folder in folders or ():
+        if not run_folders(folder):
+            raise _wrong(str(folder), "is no run folder, and holds none")
+    if token is not None and len(token) < SHORTEST_TOKEN:
+        raise _wrong("--token", f"a token has at least {SHORTEST_TOKEN} characters, or others guess it")
+    if token is None and not is_loopback(host):
+        token = new_token()
+    try:
+        listening = bind(host, port)
+    except OSError as error:
+        raise _wrong(f"--host {host} --port {port}", f"cannot listen there: {error.strerror or error}") from error
+    port = listening.getsockname()[1]
+    config = ServerConfig(host, port, token, read_only, tuple(folders or ()), end_when_idle)
+    address = f"http://{f'[{host}]' if ':' in host else host}:{port}/" + (f"?token={token}" if token else "")
+
+    def started() -> None:
+        print(f"monitor: {address}", flush=True)
+        if not no_browser and is_loopback(host):
+            webbrowser.open(address)
+
+    MonitorServer(config).run(listening, started)
+    sys.exit(0)
+
+
+def _wrong(source: str, message: str) -> ConfigurationError:
+    return ConfigurationError([Problem(source, None, "", message)])

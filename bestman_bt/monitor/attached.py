@@ -1,0 +1,153 @@
+"""A run of an executor of this machine, followed through its control socket."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from bestman_bt.monitor.events import Event, EventError, ImageEvent, Topic, from_line
+from bestman_bt.monitor.run import MonitoredRun, RunError
+
+LONGEST_LINE = 16 << 20
+"""Bytes of one event."""
+FOLLOWED: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "log")
+RETRY = 0.5
+"""Seconds between attempts to reach an executor whose connection broke."""
+ANSWER_WAIT = 5.0
+FROZEN = 3.0
+"""Seconds to wait for an executor that accepts a connection."""
+Take = Callable[[Event], None]
+
+
+class AttachedRun(MonitoredRun):
+    """Follows from ``start`` until the executor's end; pictures only while somebody has the run open."""
+
+    kind = "live"
+
+    def __init__(self, identity: str, socket: Path) -> None:
+        super().__init__(identity)
+        self.socket = socket
+        self.fault = ""
+        self.is_lost = False
+        self._tasks: list[asyncio.Task[None]] = []
+        self._pictures: asyncio.Task[None] | None = None
+
+    @property
+    def state(self) -> str:
+        """As the executor told last; lost where it went away without a word."""
+        if self.history.end is not None:
+            return "ended"
+        if self.is_lost:
+            return "lost"
+        return "paused" if self.history.paused is not None else "running"
+
+    def start(self) -> None:
+        """Begin to follow."""
+        self._tasks.append(asyncio.create_task(self._follow(), name=f"follow {self.id}"))
+
+    async def stop(self) -> None:
+        """Follow no more."""
+        tasks = [*self._tasks, *([self._pictures] if self._pictures is not None else [])]
+        for task in tasks:
+            task.cancel()
+        for task in tasks:
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+    async def open(self) -> None:
+        """Have the executor send pictures from now on, until nobody looks any more."""
+        if (self._pictures is None or self._pictures.done()) and not self.is_over:
+            self._pictures = asyncio.create_task(self._follow_pictures(), name=f"pictures {self.id}")
+
+    async def request(self, message: dict[str, Any]) -> dict[str, Any]:
+        """Send one request on a connection of its own, so that a stop waits for nothing."""
+        if self.is_over:
+            raise RunError("the run is over")
+        try:
+            async with asyncio.timeout(ANSWER_WAIT):
+                reader, writer = await asyncio.open_unix_connection(str(self.socket), limit=LONGEST_LINE)
+                try:
+                    writer.write(json.dumps(message).encode() + b"\n")
+                    await writer.drain()
+                    answer = json.loads(await reader.readline())
+                finally:
+                    writer.close()
+        except TimeoutError as error:
+            raise RunError("the executor does not answer") from error
+        except (OSError, ValueError, RecursionError) as error:
+            raise RunError(f"the executor cannot be reached: {error}") from error
+        if not isinstance(answer, dict) or not answer.get("ok"):
+            why = answer.get("error") if isinstance(answer, dict) else None
+            raise RunError(str(why or "the executor has refused"))
+        return answer
+
+    async def picture(self, number: int) -> bytes:
+        """A picture that is still held in memory."""
+        found = self.history.picture(number)
+        if found is None:
+            raise RunError("this picture is not held any more")
+        return found.jpeg
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing more will come."""
+        return self.history.end is not None or self.is_lost
+
+    async def _follow(self) -> None:
+        """Read events until the end; where the connection breaks and the socket is still there, begin anew."""
+        while True:
+            try:
+                await self._read(FOLLOWED, self._take)
+            except (OSError, TimeoutError) as error:
+                self.fault = str(error)
+            if self.history.end is not None or not self.socket.exists():
+                break
+            await asyncio.sleep(RETRY)
+        self.is_lost = self.history.end is None
+        self.wake_watchers()
+
+    async def _follow_pictures(self) -> None:
+        def take(event: Event) -> None:
+            if isinstance(event, ImageEvent):
+                self._take(event)
+
+        with contextlib.suppress(OSError, TimeoutError):
+            await self._read(("images",), take, while_watched=True)
+
+    async def _read(
+        self, topics: tuple[Topic, ...], take: Callable[[Event], None], while_watched: bool = False
+    ) -> None:
+        async with asyncio.timeout(FROZEN):
+            reader, writer = await asyncio.open_unix_connection(str(self.socket), limit=LONGEST_LINE)
+        try:
+            writer.write(json.dumps({"do": "subscribe", "topics": list(topics)}).encode() + b"\n")
+            while not while_watched or self.watchers:
+                try:
+                    async with asyncio.timeout(1.0 if while_watched else None):
+                        line = await reader.readline()
+                except TimeoutError:
+                    continue
+                except ValueError:  # longer than LONGEST_LINE: what is left of it is read as a damaged event
+                    self.fault = f"an event of more than {LONGEST_LINE} bytes"
+                    continue
+                if not line:
+                    return
+                self._take_line(line, take)
+        finally:
+            writer.close()
+
+    def _take_line(self, line: bytes, take: Take) -> None:
+        if line.startswith(b'{"ok"'):  # the answer to ``subscribe``
+            return
+        try:
+            take(from_line(line))
+        except EventError as error:
+            self.fault = str(error)
+
+    def _take(self, event: Event) -> None:
+        self.history.take(event)
+        self.wake_watchers()

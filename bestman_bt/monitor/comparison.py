@@ -1,0 +1,54 @@
+"""Where two runs parted: the first leaf that returned something else, or another leaf that returned first."""
+
+from __future__ import annotations
+
+from itertools import zip_longest
+from typing import Any
+
+from bestman_bt.monitor.history import RunHistory
+from bestman_bt.monitor.outcomes import Outcome, result_words
+
+
+def compare(a: RunHistory, b: RunHistory) -> dict[str, Any]:
+    """``parted`` (None where they never do) and ``words``.
+
+    Compared are the outcomes of the leaves in their order, not their times: two runs that differ in speed alone do not
+    part. Leaves are the same where their paths are.
+    """
+    common = 0
+    for mine, other in zip_longest(a.outcomes.told, b.outcomes.told):
+        if _key(a, mine) != _key(b, other):
+            return _parted(a, b, mine, other, common)
+        common += 1
+    if not common:
+        return {"parted": None, "words": "no leaf has returned anything in either of them"}
+    return {"parted": None, "words": f"the same {common} outcomes of leaves in the same order"}
+
+
+def _key(history: RunHistory, outcome: Outcome | None) -> tuple[str, int] | None:
+    return None if outcome is None else (history.path_of(outcome.uid), outcome.state)
+
+
+def _parted(a: RunHistory, b: RunHistory, mine: Outcome | None, other: Outcome | None, common: int) -> dict[str, Any]:
+    words = [f"after {common} equal outcomes of leaves: " if common else "from the beginning: "]
+    words.append(f"in A {_words(a, mine)}; in B {_words(b, other)}")
+    first = mine if mine is not None else other
+    owner = a if mine is not None else b
+    parted = {
+        "time_a": mine.time if mine is not None else a.last,
+        "time_b": other.time if other is not None else b.last,
+        "path": owner.path_of(first.uid) if first is not None else "",
+        "state_a": mine.state if mine is not None else None,
+        "state_b": other.state if other is not None else None,
+        "path_b": b.path_of(other.uid) if other is not None else None,
+        "words": "".join(words),
+    }
+    return {"parted": parted, "words": parted["words"]}
+
+
+def _words(history: RunHistory, outcome: Outcome | None) -> str:
+    if outcome is None:
+        return "no leaf returned anything more"
+    told = f"'{history.path_of(outcome.uid)}' {result_words(outcome.state)} at {outcome.time:.2f} s"
+    message = history.message_at(outcome.uid, outcome.time)
+    return f"{told} ({message})" if message else told

@@ -1,0 +1,95 @@
+"""What the page may ask of an executor: each request is checked and put into the control channel's words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from bestman_bt.engine.status import FAILURE, STATUS_NAMES, SUCCESS
+from bestman_bt.monitor.events import EventError
+from bestman_bt.monitor.nodes import NodeList
+from bestman_bt.monitor.run import MonitoredRun, RunError
+
+LONGEST_TEXT = 4096
+Request = dict[str, Any]
+
+
+async def control(run: MonitoredRun, asked: Request) -> None:
+    """Carry out one control; raises RunError with what was wrong."""
+    what = asked.get("do")
+    if what not in CONTROLS:
+        raise RunError(f"unknown control {str(what)[:40]!r}")
+    await run.request({"do": what, **CONTROLS[what](asked, run.history.nodes)})
+
+
+def _nothing(asked: Request, nodes: NodeList) -> Request:
+    return {}
+
+
+def _set(asked: Request, nodes: NodeList) -> Request:
+    request: Request = {"key": _text(asked, "key")}
+    if "value" not in asked:
+        raise RunError("set wants a value")
+    request["value"] = asked["value"]
+    if asked.get("scope"):
+        request["scope"] = _text(asked, "scope")
+    return request
+
+
+def _breakpoint(asked: Request, nodes: NodeList) -> Request:
+    request = _node(asked, nodes) | {"when": _when(asked)}
+    if asked.get("condition"):
+        request["condition"] = _text(asked, "condition")
+    if not isinstance(asked.get("once", False), bool):
+        raise RunError("once is true or false")
+    return request | {"once": asked.get("once", False)}
+
+
+def _clear_breakpoint(asked: Request, nodes: NodeList) -> Request:
+    return _node(asked, nodes) | {"when": _when(asked)}
+
+
+def _force(asked: Request, nodes: NodeList) -> Request:
+    results = (STATUS_NAMES[SUCCESS], STATUS_NAMES[FAILURE])
+    if asked.get("result") not in results:
+        raise RunError(f"force wants a result: {' or '.join(results)}")
+    return _node(asked, nodes) | {"result": asked["result"]}
+
+
+CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
+    "pause": _nothing,
+    "resume": _nothing,
+    "step": _nothing,
+    "halt": _nothing,
+    "stop": _nothing,
+    "set": _set,
+    "breakpoint": _breakpoint,
+    "clear_breakpoint": _clear_breakpoint,
+    "force": _force,
+}
+
+
+def _node(asked: Request, nodes: NodeList) -> Request:
+    """The node as its executor numbers it."""
+    uid = asked.get("node")
+    if not isinstance(uid, int) or isinstance(uid, bool):
+        raise RunError("node is the number of a node")
+    try:
+        tree, inner = nodes.inside(uid)
+    except EventError as error:
+        raise RunError(str(error)) from error
+    return {"node": inner} | ({"tree": tree} if tree else {})
+
+
+def _when(asked: Request) -> str:
+    when = asked.get("when", "before")
+    if when not in ("before", "after"):
+        raise RunError("when is 'before' or 'after'")
+    return str(when)
+
+
+def _text(asked: Request, field: str) -> str:
+    text = asked.get(field)
+    if not isinstance(text, str) or not 0 < len(text) <= LONGEST_TEXT:
+        raise RunError(f"{field} is a text of 1 to {LONGEST_TEXT} characters")
+    return text

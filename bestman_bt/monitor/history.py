@@ -1,0 +1,241 @@
+"""All that is known of one run, now and at any time before: built from its events, asked by viewers."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+from collections import deque
+from dataclasses import asdict, dataclass
+from itertools import islice, takewhile
+from typing import Any
+
+from bestman_bt.engine.status import SKIPPED
+from bestman_bt.monitor.events import (
+    BlackboardEvent,
+    BreakpointsEvent,
+    DroppedEvent,
+    EndEvent,
+    Event,
+    EventError,
+    ImageEvent,
+    LogEvent,
+    MapEvent,
+    PathEvent,
+    PausedEvent,
+    ResumedEvent,
+    RobotEvent,
+    RunEvent,
+    ScanEvent,
+    ShownEntry,
+    StatesEvent,
+    TreeEvent,
+)
+from bestman_bt.monitor.nodes import NodeList
+from bestman_bt.monitor.outcomes import Outcomes
+from bestman_bt.monitor.robot_history import RobotHistory
+from bestman_bt.monitor.samples import Freshness, Samples
+from bestman_bt.monitor.state_history import HistoryLimits, StateHistory
+from bestman_bt.monitor.timeline import Timeline
+
+MAX_LOG_LINES = 20_000
+MAX_MESSAGES_A_NODE = 500
+MAX_VALUES_A_KEY = 1_000
+MAX_KEYS = 5_000
+MAX_PATHS = 500
+MAX_PICTURES = 300
+"""Pictures of each camera that are held; the oldest go first."""
+MAX_TEXT = 4096
+"""Characters of a text that travels to the page."""
+
+LONGEST_RUN = 1e9
+"""Seconds."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture that a camera took: bytes in memory, or the name of a file in the run folder."""
+
+    number: int
+    camera: str
+    time: float
+    node: str
+    jpeg: bytes
+    file: str
+
+
+class RunHistory:
+    """``take`` the events of a run in their order; ``version`` counts them, so that viewers can ask what is new."""
+
+    def __init__(self, limits: HistoryLimits | None = None) -> None:
+        self.version = 0
+        self.about: dict[str, Any] = {}
+        self.nodes = NodeList()
+        self.states = StateHistory(limits)
+        self.timeline = Timeline()
+        self.outcomes = Outcomes()
+        self.robot = RobotHistory()
+        self.map: dict[str, Any] | None = None
+        self.paths: Samples[list[tuple[float, float]]] = Samples(MAX_PATHS)
+        self.log: deque[tuple[int, LogEvent]] = deque(maxlen=MAX_LOG_LINES)
+        self.pictures: deque[Picture] = deque(maxlen=MAX_PICTURES)
+        self.paused: dict[str, Any] | None = None
+        self.breakpoints: list[dict[str, Any]] = []
+        self.end: dict[str, Any] | None = None
+        self.dropped = 0
+        self.tree_version = self.paused_version = self.breakpoints_version = self.path_version = 0
+        self.changed_nodes: Freshness[int] = Freshness()
+        self.changed_messages: Freshness[int] = Freshness()
+        self.changed_entries: Freshness[tuple[str, str]] = Freshness()
+        self._messages: dict[int, Samples[str]] = {}
+        self._entries: dict[tuple[str, str], Samples[ShownEntry | None]] = {}
+        self._time = 0.0
+        self._picture_number = 0
+
+    # ---- what is asked
+
+    @property
+    def last(self) -> float:
+        """The newest time, in seconds since the run's start."""
+        return max(self._time, self.states.time)
+
+    def path_of(self, uid: int) -> str:
+        """A node's path."""
+        return self.nodes.path_of(uid)
+
+    def message_at(self, uid: int, time: float) -> str:
+        """What a node last said at ``time`` or before; empty where it said nothing."""
+        found = self._messages[uid].at(time) if uid in self._messages else None
+        return found[1] if found is not None else ""
+
+    def messages_at(self, time: float) -> dict[str, str]:
+        """uid → text, of all nodes that have said something."""
+        return {str(uid): text for uid in self._messages if (text := self.message_at(uid, time))}
+
+    def entry_at(self, scope: str, key: str, time: float) -> dict[str, Any] | None:
+        """A blackboard entry with ``changed_at``; None where there is none at ``time``."""
+        found = self._entries[scope, key].at(time)
+        return None if found is None or found[1] is None else {**asdict(found[1]), "changed_at": found[0]}
+
+    def blackboard_at(self, time: float) -> dict[str, dict[str, dict[str, Any]]]:
+        """scope → key → entry."""
+        boards: dict[str, dict[str, dict[str, Any]]] = {}
+        for scope, key in self._entries:
+            entry = self.entry_at(scope, key, time)
+            if entry is not None:
+                boards.setdefault(scope, {})[key] = entry
+        return boards
+
+    def pictures_at(self, time: float) -> list[Picture]:
+        """The latest picture of each camera."""
+        latest = {picture.camera: picture for picture in self.pictures if picture.time <= time}
+        return list(latest.values())
+
+    def picture(self, number: int) -> Picture | None:
+        """A picture that is still held."""
+        return next((picture for picture in self.pictures if picture.number == number), None)
+
+    def lines_since(self, version: int, most: int) -> list[dict[str, Any]]:
+        """The newest ``most`` log lines after ``version``."""
+        fresh = takewhile(lambda pair: pair[0] > version, reversed(self.log))
+        return [asdict(line) for _, line in islice(fresh, most)][::-1]
+
+    # ---- what is told
+
+    def take(self, event: Event) -> None:
+        """Add an event; raises EventError for one that does not fit what was told before, and keeps all of that."""
+        self.version += 1
+        time = getattr(event, "time", None)
+        if time is not None:
+            if not abs(time) < LONGEST_RUN:
+                raise EventError(f"{event.event}: the time {time} is none")
+            self._time = max(self._time, time)
+        match event:
+            case RunEvent():
+                self.about = asdict(event)
+            case TreeEvent():
+                self._take_tree(event)
+            case StatesEvent():
+                self._take_states(event)
+            case BlackboardEvent():
+                self._take_blackboard(event)
+            case RobotEvent():
+                self.robot.take(event, self.version)
+            case ScanEvent():
+                self.robot.take_scan(event, self.version)
+            case MapEvent():
+                self.map = asdict(event)
+                self.tree_version = self.version
+            case PathEvent():
+                self.paths.add(event.time, event.planned)
+                self.path_version = self.version
+            case ImageEvent():
+                self._take_image(event)
+            case LogEvent():
+                self._take_log(event)
+            case PausedEvent() | ResumedEvent():
+                self._take_pause(event)
+            case BreakpointsEvent():
+                self.breakpoints, self.breakpoints_version = event.breakpoints, self.version
+            case EndEvent():
+                self.end = asdict(event)
+                self.paused, self.paused_version = None, self.version
+                self.timeline.mark(event.time, "end", event.outcome)
+            case DroppedEvent():
+                self.dropped += event.count
+
+    def _take_tree(self, event: TreeEvent) -> None:
+        for uid, is_leaf, is_subtree in self.nodes.add(event):
+            if is_leaf or is_subtree:
+                self.timeline.add_node(uid)
+            if is_leaf:
+                self.outcomes.add_leaf(uid)
+        self.states.now.grow(len(self.nodes))
+        self.tree_version = self.version
+
+    def _take_states(self, event: StatesEvent) -> None:
+        offset, count = self.nodes.range_of(event.tree)
+        changes = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
+        fresh = self.states.record(event.time, event.tick, changes)
+        time = self.states.time
+        for uid, state in fresh:
+            self.changed_nodes.touch(uid, self.version)
+            self.timeline.change(uid, state, time)
+            self.outcomes.change(uid, state, time)
+        for uid, text in event.messages.items():
+            if 0 < uid <= count:
+                self._messages.setdefault(offset + uid, Samples(MAX_MESSAGES_A_NODE)).add(time, text[:MAX_TEXT])
+                self.changed_messages.touch(offset + uid, self.version)
+
+    def _take_blackboard(self, event: BlackboardEvent) -> None:
+        for scope, entries in event.entries.items():
+            for key, entry in entries.items():
+                place = (scope, key)
+                if place not in self._entries:
+                    if len(self._entries) >= MAX_KEYS:
+                        continue
+                    self._entries[place] = Samples(MAX_VALUES_A_KEY)
+                self._entries[place].add(event.time, entry if entry.type else None)
+                self.changed_entries.touch(place, self.version)
+
+    def _take_image(self, event: ImageEvent) -> None:
+        self._picture_number += 1
+        try:
+            jpeg = base64.b64decode(event.jpeg, validate=True)
+        except binascii.Error as error:
+            raise EventError(f"image: {error}") from error
+        self.pictures.append(Picture(self._picture_number, event.camera, event.time, event.node, jpeg, event.file))
+        self.timeline.mark(event.time, "image", f"picture of {event.camera}")
+
+    def _take_log(self, event: LogEvent) -> None:
+        self.log.append((self.version, event))
+        if event.level in ("warning", "error"):
+            words = ": ".join(part for part in (event.node, event.code, event.message) if part)
+            self.timeline.mark(event.time, event.level, words)
+
+    def _take_pause(self, event: PausedEvent | ResumedEvent) -> None:
+        self.paused_version = self.version
+        if isinstance(event, ResumedEvent):
+            self.paused = None
+        else:
+            self.paused = asdict(event)
+            self.timeline.mark(event.time, "paused", event.reason)

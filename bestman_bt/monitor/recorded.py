@@ -1,0 +1,223 @@
+"""A run that a folder holds: finished, or cut off at any moment."""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+import json
+import math
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import groupby
+from operator import attrgetter, itemgetter
+from pathlib import Path
+from typing import Any, get_args
+
+from bestman_bt.engine import EngineError
+from bestman_bt.engine.logs import LoggedNode, logged_nodes, read_btlog
+from bestman_bt.monitor.events import (
+    MAIN_TREE,
+    Category,
+    DescribedNode,
+    Event,
+    EventError,
+    RunEvent,
+    StatesEvent,
+    TreeEvent,
+)
+from bestman_bt.monitor.history import RunHistory
+from bestman_bt.monitor.run import MonitoredRun, RunError
+from bestman_bt.monitor.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
+
+RESULT_FILE = "result.json"
+PICTURES_FOLDER = "pictures"
+LARGEST_FILE = 256 << 20
+"""Bytes of one log that are read; executors cut theirs long before."""
+LARGEST_RESULT = 1 << 20
+LARGEST_PICTURE = 8 << 20
+_CATEGORIES: dict[str, Category] = {name: name for name in get_args(Category)}
+PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png")
+
+
+def run_folders(given: Path) -> list[Path]:
+    """The run folders that a path means: itself, or those in it."""
+    if _is_run(given):
+        return [given]
+    return sorted(path for path in given.iterdir() if _is_run(path)) if given.is_dir() else []
+
+
+def _is_run(folder: Path) -> bool:
+    return (folder / STATES_FILE).is_file() or (folder / EVENTS_FILE).is_file()
+
+
+class RecordedRun(MonitoredRun):
+    """The history is read when somebody opens the run, in a thread of its own, and may be unloaded afterwards."""
+
+    kind = "recorded"
+
+    def __init__(self, identity: str, folder: Path) -> None:
+        super().__init__(identity)
+        self.folder = folder
+        self.is_loaded = False
+        self.opened = 0.0
+        self._result: dict[str, Any] = {}
+        self._about: RunEvent | None = None
+        self._loading = asyncio.Lock()
+
+    @property
+    def state(self) -> str:
+        """``ended``; ``interrupted`` where neither a result nor an end is recorded."""
+        return "ended" if self._result or self.history.end else "interrupted"
+
+    def look(self) -> None:
+        """Read what lists tell: the result and the first event. What is damaged is told when the run is opened."""
+        try:
+            self._result = read_result(self.folder)
+        except RunError:
+            self._result = {}
+        first = _first_event(self.folder)
+        if isinstance(first, RunEvent):
+            self._about = replace(first, folder=str(self.folder))
+        else:
+            task, seed = str(self._result.get("task") or self.folder.name), self._result.get("seed")
+            started = _modified(self.folder)
+            self._about = RunEvent(
+                task, "", "", "", seed if isinstance(seed, int) else 0, str(self.folder), 0, started, 0.0, "simulated"
+            )
+        self.unload()
+
+    def unload(self) -> None:
+        """Hold only what lists tell."""
+        self.is_loaded = False
+        self.history = self._empty()
+
+    def _empty(self) -> RunHistory:
+        history = RunHistory()
+        if self._about is not None:
+            history.take(self._about)
+        if self._result:
+            history.end = {key: self._result.get(key) for key in ("outcome", "tree_status")}
+        return history
+
+    async def open(self) -> None:
+        """Read the folder, if that was not done yet; raises RunError where it cannot be read."""
+        async with self._loading:
+            self.opened = time.monotonic()
+            if not self.is_loaded:
+                self.look()
+                history = self._empty()
+                await asyncio.to_thread(read_into, history, self.folder)
+                self.history, self.is_loaded = history, True
+
+    async def request(self, message: dict[str, Any]) -> dict[str, Any]:
+        """Refused: it is over."""
+        raise RunError("the run is over; only the page's own time can be moved")
+
+    async def picture(self, number: int) -> bytes:
+        """A picture of the folder."""
+        found = self.history.picture(number)
+        if found is None:
+            raise RunError("there is no such picture")
+        return found.jpeg or await asyncio.to_thread(read_picture, self.folder, found.file)
+
+
+def read_into(history: RunHistory, folder: Path) -> None:
+    """Add all that a run folder tells to ``history``; raises RunError where it cannot be read."""
+    if not _is_run(folder):
+        raise RunError(f"{folder} is no run folder: it has neither {STATES_FILE} nor {EVENTS_FILE}")
+    for file in (STATES_FILE, EVENTS_FILE, LOG_FILE):
+        _refuse_large(folder / file)
+    try:
+        told = _told(folder)
+        trees = [event for event in told if isinstance(event, TreeEvent)]
+        states, tree = _states(folder)
+        if tree is not None and not any(event.tree == MAIN_TREE for event in trees):
+            told.insert(0, tree)
+        log = list(read_log(folder)) if (folder / LOG_FILE).is_file() else []
+        for _, event in heapq.merge(_timed(told), _timed(states), _timed(log), key=itemgetter(0)):
+            history.take(event)
+    except (OSError, EngineError, EventError) as error:
+        raise RunError(f"{folder.name} cannot be read: {error}") from error
+
+
+def _told(folder: Path) -> list[Event]:
+    return list(read_events(folder)) if (folder / EVENTS_FILE).is_file() else []
+
+
+def _states(folder: Path) -> tuple[Iterator[Event], TreeEvent | None]:
+    """The states of the main tree, one event for all changes of one moment, and the tree itself."""
+    path = folder / STATES_FILE
+    if not path.is_file():
+        return iter(()), None
+    log = read_btlog(path)
+    nodes = [_described(node) for node in logged_nodes(log.xml, path.name)]
+
+    def states() -> Iterator[Event]:
+        for tick, (stamp, group) in enumerate(groupby(log.transitions, key=attrgetter("time")), 1):
+            yield StatesEvent(stamp, tick, [(change.uid, change.status) for change in group])
+
+    return states(), TreeEvent(nodes, log.xml, "")
+
+
+def _described(node: LoggedNode) -> DescribedNode:
+    category = _CATEGORIES.get(node.category, "action")
+    scope = node.path.rpartition("/")[0]
+    return DescribedNode(node.uid, node.parent, node.name, node.type, category, node.path, node.ports, scope)
+
+
+def _timed(events: Iterable[Event]) -> Iterator[tuple[float, Event]]:
+    """Events without a time happen with the one before."""
+    now = -math.inf
+    for event in events:
+        now = max(now, getattr(event, "time", now))
+        yield now, event
+
+
+def _first_event(folder: Path) -> Event | None:
+    try:
+        return next(read_events(folder), None)
+    except EventError:
+        return None
+
+
+def read_result(folder: Path) -> dict[str, Any]:
+    """``result.json``; empty where there is none. Raises RunError for a damaged one."""
+    path = folder / RESULT_FILE
+    try:
+        if not path.is_file():
+            return {}
+        if path.stat().st_size > LARGEST_RESULT:
+            raise RunError(f"{RESULT_FILE} has more than {LARGEST_RESULT} bytes")
+        result = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise RunError(f"{RESULT_FILE} cannot be read: {error}") from error
+    if not isinstance(result, dict):
+        raise RunError(f"{RESULT_FILE} holds no result")
+    return result
+
+
+def read_picture(folder: Path, name: str) -> bytes:
+    """A picture that an event of this folder names; raises RunError for anything that is not one inside of it."""
+    inside = (folder / PICTURES_FOLDER).resolve()
+    try:
+        path = (folder / name).resolve()
+        if not path.is_relative_to(inside) or path.suffix.lower() not in PICTURE_SUFFIXES:
+            raise RunError("the run names a file that is no picture of its own")
+        if path.stat().st_size > LARGEST_PICTURE:
+            raise RunError(f"a picture of more than {LARGEST_PICTURE} bytes")
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        raise RunError(f"the picture cannot be read: {error}") from error
+
+
+def _refuse_large(path: Path) -> None:
+    if path.is_file() and path.stat().st_size > LARGEST_FILE:
+        raise RunError(f"{path.name} has {path.stat().st_size} bytes; at most {LARGEST_FILE} are read")
+
+
+def _modified(folder: Path) -> float:
+    try:
+        return folder.stat().st_mtime
+    except OSError:
+        return 0.0

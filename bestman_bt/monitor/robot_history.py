@@ -1,0 +1,109 @@
+"""Where the robot was and how its joints stood, over time."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+from bestman_bt.monitor.events import RobotEvent, ScanEvent
+from bestman_bt.monitor.samples import Samples
+
+MAX_SAMPLES = 36_000
+"""An hour at 10 a second; what is older gets coarser."""
+MAX_SCANS = 1_800
+MAX_POINTS = 2_000
+"""Points of one scan that are kept."""
+SERIES_POINTS = 1_500
+"""Points of one joint's curve."""
+PLAIN = ("base", "believed_std", "held", "diagnostics")
+JOINT_VALUES = ("joints", "velocities", "efforts")
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """``names`` is shared by all samples with the same joints."""
+
+    plain: dict[str, Any]
+    names: dict[str, tuple[str, ...]]
+    values: dict[str, array[float]]
+
+    def document(self) -> dict[str, Any]:
+        joints = {
+            field: dict(zip(self.names[field], (round(value, 5) for value in values), strict=True))
+            for field, values in self.values.items()
+        }
+        return {**self.plain, **joints}
+
+
+class RobotHistory:
+    """``version`` and ``scan_version``: of the newest sample."""
+
+    def __init__(self) -> None:
+        self.version = 0
+        self.scan_version = 0
+        self._samples: Samples[_Sample] = Samples(MAX_SAMPLES)
+        self._scans: Samples[tuple[tuple[float, float, float], array[float]]] = Samples(MAX_SCANS)
+        self._names: dict[str, tuple[str, ...]] = {}
+
+    def take(self, event: RobotEvent, version: int) -> None:
+        """Add a sample."""
+        values, names = {}, {}
+        for field in JOINT_VALUES:
+            told: dict[str, float] | None = getattr(event, field)
+            if told:
+                mine = tuple(told)
+                if self._names.get(field) != mine:
+                    self._names[field] = mine
+                names[field] = self._names[field]
+                values[field] = array("f", told.values())
+        plain = {field: getattr(event, field) for field in PLAIN if getattr(event, field) is not None}
+        self._samples.add(event.time, _Sample(plain, names, values))
+        self.version = version
+
+    def take_scan(self, event: ScanEvent, version: int) -> None:
+        """Add a scan."""
+        stride = -(-len(event.points) // MAX_POINTS) or 1
+        self._scans.add(event.time, (event.base, array("f", chain.from_iterable(event.points[::stride]))))
+        self.scan_version = version
+
+    def at(self, time: float) -> dict[str, Any] | None:
+        """The newest sample at ``time`` or before, as told to the page."""
+        found = self._samples.at(time)
+        return None if found is None else {"time": found[0], **found[1].document()}
+
+    def scan_at(self, time: float) -> dict[str, Any] | None:
+        """The newest scan at ``time`` or before."""
+        found = self._scans.at(time)
+        if found is None:
+            return None
+        base, flat = found[1]
+        values = [round(value, 3) for value in flat]
+        return {
+            "time": found[0],
+            "base": base,
+            "points": [list(pair) for pair in zip(values[::2], values[1::2], strict=True)],
+        }
+
+    def joint_names(self) -> list[str]:
+        """The joints of the newest sample."""
+        return list(self._names.get("joints", ()))
+
+    def series(self, joints: list[str]) -> dict[str, list[list[float]]]:
+        """joint → [[time, position], …], at most ``SERIES_POINTS`` each."""
+        stride = -(-len(self._samples) // SERIES_POINTS) or 1
+        curves: dict[str, list[list[float]]] = {name: [] for name in joints}
+        for index, (time, sample) in enumerate(self._samples):
+            if index % stride and index != len(self._samples) - 1:
+                continue
+            positions = dict(zip(sample.names.get("joints", ()), sample.values.get("joints", ()), strict=True))
+            for name, curve in curves.items():
+                if name in positions:
+                    curve.append([round(time, 3), round(positions[name], 5)])
+        return curves
+
+    def driven(self, time: float) -> list[list[float]]:
+        """Where the base was up to ``time``: [[x, y], …], at most ``SERIES_POINTS``."""
+        upto = [list(sample.plain["base"][:2]) for stamp, sample in self._samples if stamp <= time]
+        return upto[:: -(-len(upto) // SERIES_POINTS) or 1]

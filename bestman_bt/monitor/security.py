@@ -1,0 +1,163 @@
+"""Who may speak to the server: its own pages, under its own names, with a token where others can reach it."""
+
+from __future__ import annotations
+
+import hmac
+import ipaddress
+import secrets
+from collections.abc import Iterable
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs, urlsplit
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+SHORTEST_TOKEN = 16
+HEADERS = {
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; font-src 'self'; "
+        "connect-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+FORBIDDEN = 4403
+"""WebSocket close code of a refused handshake; the browser sees HTTP 403."""
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine can reach a server that listens there."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def new_token() -> str:
+    """A token that nobody guesses."""
+    return secrets.token_urlsafe(24)
+
+
+@dataclass(frozen=True)
+class AccessRules:
+    """``token``: None where none is demanded. ``hosts``: names that a request may be for; empty: any.
+
+    Host names are checked on loopback, where a foreign page could make its own name point to this machine.
+    """
+
+    port: int
+    token: str | None = None
+    hosts: frozenset[str] = frozenset()
+
+    @classmethod
+    def of(cls, host: str, port: int, token: str | None) -> AccessRules:
+        """The rules of a server that listens on ``host``."""
+        hosts = frozenset({"localhost", "127.0.0.1", "::1", host}) if is_loopback(host) else frozenset()
+        return cls(port, token, hosts)
+
+    @property
+    def cookie(self) -> str:
+        """Named after the port, because browsers share cookies between the ports of a host."""
+        return f"bestman_bt_monitor_{self.port}"
+
+
+class Guard:
+    """Stands before the application: refuses what may not enter, and adds the headers that guard the page."""
+
+    def __init__(self, app: ASGIApp, rules: AccessRules) -> None:
+        self._app = app
+        self._rules = rules
+        # The cookie is another secret than the token: whoever reads a browser's cookies does not learn the token.
+        self._session = secrets.token_urlsafe(24)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request or connection."""
+        if scope["type"] == "websocket":
+            await self._websocket(scope, receive, send)
+        elif scope["type"] == "http":
+            await self._http(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
+
+    async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers[name] = value
+            await send(message)
+
+        refused = self._refusal(scope)
+        await (refused or self._app)(scope, receive, guarded)
+
+    def _refusal(self, scope: Scope) -> Response | None:
+        headers = Headers(scope=scope)
+        if not self._is_our_host(headers):
+            return PlainTextResponse("this server does not go by that name\n", 403)
+        if scope["path"] == "/health" or self._is_known(headers):
+            return None
+        token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
+        if scope["path"] == "/" and self._is_token(token):
+            answer = RedirectResponse("/", 303)
+            answer.set_cookie(self._rules.cookie, self._session, httponly=True, samesite="strict", path="/")
+            return answer
+        return PlainTextResponse("open the address that bestman-bt monitor has printed: it holds the token\n", 401)
+
+    async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        headers = Headers(scope=scope)
+        if self._is_our_host(headers) and self._is_known(headers) and self._is_our_origin(headers):
+            await self._app(scope, receive, send)
+            return
+        await receive()
+        await send({"type": "websocket.close", "code": FORBIDDEN, "reason": "not allowed"})
+
+    def _is_our_host(self, headers: Headers) -> bool:
+        name = _host_name(headers.get("host", ""))
+        return bool(name) and (not self._rules.hosts or name in self._rules.hosts)
+
+    def _is_our_origin(self, headers: Headers) -> bool:
+        """Whether a page of this server asks; who is no browser says so by naming the server as its origin."""
+        origin = urlsplit(headers.get("origin", ""))
+        return origin.scheme in ("http", "https") and origin.netloc.lower() == headers.get("host", "").lower()
+
+    def _is_known(self, headers: Headers) -> bool:
+        if self._rules.token is None:
+            return True
+        scheme, _, credentials = headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer" and self._is_token(credentials.strip()):
+            return True
+        return any(_equal(value, self._session) for value in _cookies(headers.getlist("cookie"), self._rules.cookie))
+
+    def _is_token(self, text: str) -> bool:
+        return self._rules.token is not None and _equal(text, self._rules.token)
+
+
+def _equal(given: str, secret: str) -> bool:
+    """Compared in a time that tells nothing of where they differ."""
+    return hmac.compare_digest(given.encode("utf-8", "surrogatepass"), secret.encode())
+
+
+def _host_name(host: str) -> str:
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _cookies(headers: Iterable[str], name: str) -> list[str]:
+    values = []
+    for header in headers:
+        try:
+            cookie = SimpleCookie(header)
+        except CookieError:
+            continue
+        if name in cookie:
+            values.append(cookie[name].value)
+    return values

@@ -1,0 +1,165 @@
+"""The monitor's server: the page, its WebSocket, and pictures; one process for all runs of this machine."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import socket
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import uvicorn
+from fastapi import FastAPI, WebSocket, WebSocketDisconnect
+from fastapi.staticfiles import StaticFiles
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.types import ASGIApp
+
+from bestman_bt.monitor.run import RunError
+from bestman_bt.monitor.run_list import RunList
+from bestman_bt.monitor.security import AccessRules, Guard
+from bestman_bt.monitor.viewer import Viewer
+
+STATIC = Path(__file__).parent / "static"
+SERVICE = "bestman-bt monitor"
+LARGEST_REQUEST = 64 << 10
+"""Bytes of one message from a page."""
+MOST_VIEWERS = 32
+PING_PERIOD = 20.0
+"""Seconds; a page that does not answer for as long again is taken for gone."""
+IDLE_PERIOD = 5.0
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class ServerConfig:
+    """``host`` other than loopback demands a ``token``. ``end_when_idle``: seconds without executor and page."""
+
+    host: str = "127.0.0.1"
+    port: int = 8750
+    token: str | None = None
+    read_only: bool = False
+    folders: tuple[Path, ...] = ()
+    end_when_idle: float | None = None
+
+
+def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
+    """The application; ``runs`` is started and stopped with it."""
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await runs.start()
+        try:
+            yield
+        finally:
+            await runs.stop()
+
+    app = FastAPI(title=SERVICE, docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
+    viewers = 0
+
+    @app.get("/health")
+    async def health() -> Response:
+        return JSONResponse({"service": SERVICE, "read_only": config.read_only})
+
+    @app.get("/")
+    async def page() -> Response:
+        index = STATIC / "index.html"
+        if not index.is_file():
+            return PlainTextResponse("this installation has no built page: bestman_bt/monitor/static is empty\n", 404)
+        return FileResponse(index, headers={"Cache-Control": "no-cache"})
+
+    @app.get("/runs/{identity}/images/{number}.jpg")
+    async def image(identity: str, number: int) -> Response:
+        run = runs.get(identity)
+        if run is None:
+            return PlainTextResponse("there is no such run\n", 404)
+        try:
+            content = await run.picture(number)
+        except RunError as error:
+            return PlainTextResponse(f"{error}\n", 404)
+        kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
+        return Response(content, media_type=kind, headers={"Cache-Control": "private, max-age=3600"})
+
+    @app.websocket("/ws")
+    async def viewer(websocket: WebSocket) -> None:
+        nonlocal viewers
+        await websocket.accept()
+        if viewers >= MOST_VIEWERS:
+            await websocket.close(1013, f"{MOST_VIEWERS} pages are open already")
+            return
+        viewers += 1
+        try:
+            await Viewer(runs, websocket.send_text, websocket.receive_text, config.read_only).run()
+        except (WebSocketDisconnect, KeyError):  # KeyError: a binary message, which no page sends
+            with contextlib.suppress(RuntimeError):
+                await websocket.close(1003)
+        finally:
+            viewers -= 1
+
+    app.mount("/", StaticFiles(directory=STATIC, check_dir=False))
+    return Guard(app, AccessRules.of(config.host, config.port, config.token))
+
+
+class MonitorServer:
+    """Serves until it is told to end; ``socket`` is already bound, so that a taken port is told before."""
+
+    def __init__(self, config: ServerConfig) -> None:
+        self.config = config
+        self.runs = RunList(config.folders)
+        self._server = uvicorn.Server(
+            uvicorn.Config(
+                make_app(config, self.runs),
+                lifespan="on",
+                log_level="warning",
+                access_log=False,
+                server_header=False,
+                ws="websockets-sansio",
+                ws_max_size=LARGEST_REQUEST,
+                ws_ping_interval=PING_PERIOD,
+                ws_ping_timeout=PING_PERIOD,
+                ws_per_message_deflate=not AccessRules.of(config.host, config.port, None).hosts,
+                timeout_graceful_shutdown=1,
+            )
+        )
+
+    def run(self, listening: socket.socket, started: Callable[[], None] | None = None) -> None:
+        """Serve in this thread until ``end`` is called or a signal comes."""
+
+        async def serve() -> None:
+            serving = asyncio.create_task(self._server.serve([listening]))
+            while not self._server.started and not serving.done():
+                await asyncio.sleep(0.01)
+            if started is not None and self._server.started:
+                started()
+            watching = asyncio.create_task(self._end_when_idle())
+            await serving
+            watching.cancel()
+
+        asyncio.run(serve())
+
+    def end(self) -> None:
+        """Make ``run`` return; may be called from any thread."""
+        self._server.should_exit = True
+
+    async def _end_when_idle(self) -> None:
+        idle, limit = 0.0, self.config.end_when_idle
+        while limit is not None and idle < limit:
+            await asyncio.sleep(IDLE_PERIOD)
+            idle = idle + IDLE_PERIOD if self.runs.is_idle else 0.0
+        if limit is not None:
+            self.end()
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """Listen; OSError where the port is taken or the host is not ours."""
+    family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+    listening = socket.socket(family, kind, protocol)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind(address)
+        listening.listen(64)
+    except OSError:
+        listening.close()
+        raise
+    return listening

@@ -1,0 +1,223 @@
+"""One open page: reads its requests and sends what is new, at most 30 times a second and never faster than it reads."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import time
+from collections.abc import Awaitable, Callable
+from importlib.metadata import version
+from typing import Any
+
+from bestman_bt.monitor.comparison import compare
+from bestman_bt.monitor.controls import CONTROLS, control
+from bestman_bt.monitor.run import MonitoredRun, RunError
+from bestman_bt.monitor.run_list import RunList
+from bestman_bt.monitor.updates import Message, Updates
+
+PERIOD = 1 / 30
+"""Seconds between two sendings."""
+IDLE_PERIOD = 1.0
+"""Seconds after which it is looked again, even where nobody has told of anything new."""
+MOST_OPEN = 8
+MOST_ANSWERS = 64
+"""Answers that wait to be sent; beyond them no request is read."""
+REQUESTS_A_SECOND = 40
+"""Of one page on average; beyond it requests are read later."""
+
+
+class Viewer:
+    """``send`` and ``receive`` move texts. ``run`` returns when either side has gone."""
+
+    def __init__(
+        self,
+        runs: RunList,
+        send: Callable[[str], Awaitable[None]],
+        receive: Callable[[], Awaitable[str]],
+        read_only: bool,
+    ) -> None:
+        self._runs = runs
+        self._send = send
+        self._receive = receive
+        self._read_only = read_only
+        self._open: dict[str, Updates] = {}
+        self._wake = asyncio.Event()
+        self._answers: asyncio.Queue[Message] = asyncio.Queue(MOST_ANSWERS)
+        self._runs_version = -1
+
+    async def run(self) -> None:
+        """Serve until the connection ends; what ended it is raised, if it is more than the end."""
+        self._runs.watchers.add(self._wake)
+        await self._tell(
+            {"type": "hello", "version": version("bestman-bt"), "read_only": self._read_only} | self._list()
+        )
+        tasks = [asyncio.create_task(self._write()), asyncio.create_task(self._read())]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                task.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self._runs.watchers.discard(self._wake)
+            for identity in list(self._open):
+                self._close(identity)
+
+    # ---- to the page
+
+    async def _write(self) -> None:
+        while True:
+            while not self._answers.empty():
+                await self._tell(self._answers.get_nowait())
+            if self._runs_version != self._runs.version:
+                await self._tell({"type": "runs"} | self._list())
+            for updates in list(self._open.values()):
+                for message in updates.messages(time.monotonic()):
+                    await self._tell(message)
+            await asyncio.sleep(PERIOD)
+            try:
+                async with asyncio.timeout(IDLE_PERIOD):
+                    await self._wake.wait()
+            except TimeoutError:
+                continue
+            self._wake.clear()
+
+    def _list(self) -> Message:
+        self._runs_version = self._runs.version
+        return {"runs": self._runs.summaries()}
+
+    async def _tell(self, message: Message) -> None:
+        await self._send(encoded(message))
+
+    # ---- from the page
+
+    async def _read(self) -> None:
+        allowance, since = float(REQUESTS_A_SECOND), time.monotonic()
+        while True:
+            text = await self._receive()
+            now = time.monotonic()
+            allowance = min(REQUESTS_A_SECOND, allowance + (now - since) * REQUESTS_A_SECOND) - 1
+            since = now
+            if allowance < 0:
+                await asyncio.sleep(-allowance / REQUESTS_A_SECOND)
+            await self._answers.put(await self._answered(text))
+            self._wake.set()
+
+    async def _answered(self, text: str) -> Message:
+        """Carry out one request; what is to be sent back."""
+        try:
+            asked = json.loads(text)
+        except (ValueError, RecursionError):
+            asked = None
+        if not isinstance(asked, dict):
+            return {"type": "problem", "message": "a request is one JSON object"}
+        number = asked.get("n")
+        number = number if isinstance(number, int | str) else None
+        try:
+            answer = await self._carried_out(asked)
+        except RunError as error:
+            if number is None:
+                return {"type": "problem", "message": str(error)}
+            return {"type": "answer", "for": number, "ok": False, "error": str(error)}
+        return answer if answer is not None else {"type": "answer", "for": number, "ok": True}
+
+    async def _carried_out(self, asked: Message) -> Message | None:
+        what = asked.get("do")
+        if what == "compare":
+            return await self._compare(asked.get("ids"))
+        run = self._run(asked.get("id"))
+        match what:
+            case "open":
+                await self._open_run(run)
+            case "close":
+                self._close(run.id)
+            case "seek":
+                self._opened(run).look_at(_seconds(asked.get("time")))
+            case "live":
+                self._opened(run).look_at(None)
+            case "timeline":
+                return self._timeline(run)
+            case "series":
+                return {"type": "series", "id": run.id, "joints": run.history.robot.series(_names(run, asked))}
+            case str() if what in CONTROLS:
+                if self._read_only:
+                    raise RunError("this monitor was started with --read-only: it only shows")
+                await control(run, asked)
+            case _:
+                raise RunError(f"unknown request {str(what)[:40]!r}")
+        return None
+
+    async def _open_run(self, run: MonitoredRun) -> None:
+        if run.id not in self._open and len(self._open) >= MOST_OPEN:
+            raise RunError(f"at most {MOST_OPEN} runs can be open at a time")
+        run.watchers.add(self._wake)
+        try:
+            await run.open()
+        except RunError:
+            run.watchers.discard(self._wake)
+            raise
+        self._open[run.id] = Updates(run)
+
+    def _close(self, identity: str) -> None:
+        updates = self._open.pop(identity, None)
+        if updates is not None:
+            updates.run.watchers.discard(self._wake)
+
+    def _timeline(self, run: MonitoredRun) -> Message:
+        history = run.history
+        extent = {"first": history.states.first, "last": history.last}
+        return {"type": "timeline", "id": run.id} | extent | history.timeline.document(history.last)
+
+    async def _compare(self, identities: Any) -> Message:
+        if not isinstance(identities, list) or len(identities) != 2:
+            raise RunError("compare wants two ids")
+        one, other = (self._run(identity) for identity in identities)
+        for run in (one, other):
+            await run.open()
+        return {"type": "comparison", "ids": [one.id, other.id]} | compare(one.history, other.history)
+
+    def _run(self, identity: Any) -> MonitoredRun:
+        run = self._runs.get(identity) if isinstance(identity, str) else None
+        if run is None:
+            raise RunError(f"there is no run {str(identity)[:80]!r}")
+        return run
+
+    def _opened(self, run: MonitoredRun) -> Updates:
+        if run.id not in self._open:
+            raise RunError(f"the run {run.id!r} is not open")
+        return self._open[run.id]
+
+
+def _seconds(value: Any) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
+        raise RunError("time is a number of seconds")
+    return float(value)
+
+
+def _names(run: MonitoredRun, asked: Message) -> list[str]:
+    names = asked.get("joints")
+    if names is None:
+        return run.history.robot.joint_names()
+    if not isinstance(names, list) or len(names) > 100 or not all(isinstance(name, str) for name in names):
+        raise RunError("joints is a list of names")
+    return names
+
+
+def encoded(message: Message) -> str:
+    """JSON as browsers read it: numbers that are none become null."""
+    try:
+        return json.dumps(message, allow_nan=False, separators=(",", ":"))
+    except ValueError:
+        return json.dumps(_finite(message), allow_nan=False, separators=(",", ":"))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
