@@ -12,7 +12,7 @@ from hal.pybullet import SceneRecorder
 class MotionLog:
     """Adds a moment to ``motion.jsonl`` in ``folder`` at every ``every``-th tick."""
 
-    def __init__(self, folder: Path, scene: SceneRecorder, every: int = 2) -> None:
+    def __init__(self, folder: Path, scene: SceneRecorder, every: int = 4) -> None:
         self._writer = MotionWriter(folder / MOTION_NAME)
         self._scene, self._every = scene, every
         self._ticks = 0

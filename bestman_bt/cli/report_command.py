@@ -1,0 +1,56 @@
+"""Examples: bestman-bt report runs/<run> -o run.html; bestman-bt report runs/evaluations/manipulation -o all.html."""
+
+from __future__ import annotations
+
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bestman_bt.evaluation.report.page import report_page
+from bestman_bt.evaluation.report.run_reader import ReportError, read_story, run_folders
+
+
+def _writable_html(path: Path) -> Path:
+    """Told before the work that the page is of."""
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise typer.BadParameter(f"reports are HTML files: FILE.html, got '{path}'")
+    if path.is_dir() or not path.parent.is_dir():
+        raise typer.BadParameter(f"'{path}' is a folder" if path.is_dir() else f"there is no folder '{path.parent}'")
+    return path
+
+
+def command(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="Run folders, or folders that hold some.")],
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE.html", help="The page.", callback=_writable_html)
+    ] = Path("report.html"),
+) -> None:
+    """Write one HTML page that tells what happened in a run, or what many runs say together."""
+    stories, faults = [], []
+    try:
+        folders = list(dict.fromkeys(folder.resolve() for given in runs for folder in run_folders(given)))
+    except ReportError as error:
+        sys.exit(_refuse(error))
+    for folder in folders:
+        try:
+            stories.append(read_story(folder))
+        except ReportError as error:
+            faults.append(error)
+    if not stories:
+        sys.exit(_refuse(*faults))
+    out.write_text(report_page(stories, datetime.now()), encoding="utf-8")
+    for fault in faults:
+        print(f"bestman-bt: left out: {fault}", file=sys.stderr)
+    for story in stories:
+        for note in story.notes:
+            print(f"bestman-bt: {story.folder}: {note}", file=sys.stderr)
+    print(out)
+
+
+def _refuse(*faults: Exception) -> int:
+    for fault in faults:
+        print(f"bestman-bt: {fault}", file=sys.stderr)
+    return 2

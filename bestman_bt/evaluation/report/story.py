@@ -1,0 +1,87 @@
+"""What is known of one run when it is over: the parts of its folder, put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+from bestman_bt.evaluation.report.activities import Activity
+from bestman_bt.evaluation.result import RunResult
+
+NodeKey: TypeAlias = tuple[int, int]
+"""Number of the tree (0: the main one) and uid."""
+
+INTERRUPTED = "interrupted"
+STILL_RUNNING = "running"
+
+
+@dataclass(frozen=True)
+class StoryNode:
+    """A node of the main tree, or of one that a leaf of it ticked; ``depth``: how many subtrees and trees it is in."""
+
+    key: NodeKey
+    parent: NodeKey | None
+    name: str
+    type: str
+    category: str
+    path: str
+    depth: int
+
+    @property
+    def is_leaf(self) -> bool:
+        """Whether it is an action or a condition."""
+        return self.category in ("action", "condition")
+
+
+@dataclass(frozen=True)
+class StoryPicture:
+    """``jpeg``: small enough to be put into a page; ``caption``: what it shows."""
+
+    caption: str
+    jpeg: bytes
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class StoryFailure:
+    """A leaf failed: when (seconds since the start), which, why, and what the robot saw then."""
+
+    time: float
+    node: str
+    code: str
+    why: str
+    picture: StoryPicture | None = None
+
+
+@dataclass(frozen=True)
+class RunStory:
+    """One run.
+
+    ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING where there is none. ``started``: seconds since
+    the epoch, None where nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
+    ``result``: None where the run never came to its end. ``notes``: what could not be read, in words.
+    """
+
+    folder: Path
+    task: str
+    seed: int
+    robot: str
+    scene: str
+    settings: str
+    outcome: str
+    started: float | None
+    duration: float
+    result: RunResult | None
+    config: str
+    nodes: tuple[StoryNode, ...] = ()
+    activities: tuple[Activity[NodeKey], ...] = ()
+    failures: tuple[StoryFailure, ...] = ()
+    pictures: tuple[StoryPicture, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether it came to an end of its own, so that it counts in a rate of success."""
+        return self.result is not None and self.outcome != "cancelled"
