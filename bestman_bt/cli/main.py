@@ -26,6 +26,7 @@ VERBS = {
     "calibrate": "calibrate a lens, a camera on an arm or on a head, from views of a board",
     "twin": "stand in for a robot's controllers, over a simulated world in real time",
     "monitor": "show running executors, and recorded runs, in the browser",
+    "report": "write a page that tells of a run, or of many",
     "stop": "stop the robots of all running executors",
     "version": "print the versions of this package and of what it stands on",
 }
