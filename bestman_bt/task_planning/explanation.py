@@ -6,8 +6,10 @@ import itertools
 from collections import defaultdict
 from collections.abc import Iterator
 
+from bestman_bt.task_planning.predicates import HOLDING, LOCATED, ON, UNSEEN
 from bestman_bt.task_planning.symbolic import (
     Action,
+    Fact,
     Literal,
     Operator,
     Problem,
@@ -15,16 +17,21 @@ from bestman_bt.task_planning.symbolic import (
     reachable_actions,
 )
 
+_Way = tuple[tuple[Literal, Action], ...]
+"""From the goal down: what is needed, and the action that needs it."""
+
 
 def explain(problem: Problem) -> str:
     """Why a goal cannot be reached, in words: ``locked(fridge) is believed, and nothing changes that: …``.
 
-    Each line is one root of the trouble, with the way from the goal to it. Empty where the goal holds already.
+    Each line is one root of the trouble, with the way from it to the goal. Empty where the goal holds already.
     """
-    frontier = _Frontier(problem)
-    lines = [line for goal in problem.unmet_in(problem.state) for line in frontier.lines(goal)]
-    if not lines and problem.unmet_in(problem.state):
-        wanted = " and ".join(str(goal) for goal in problem.unmet_in(problem.state))
+    frontier, unmet = _Frontier(problem), problem.unmet_in(problem.state)
+    lines = [line for goal in unmet for line in frontier.lines(goal)]
+    if not lines and len(unmet) == 1:
+        return f"nothing that {unmet[0]} needs is out of reach, but no order of actions brings it about"
+    if not lines and unmet:
+        wanted = " and ".join(map(str, unmet))
         return f"each part of the goal is within reach alone, but no order of actions brings about {wanted} together"
     return "\n".join(dict.fromkeys(lines))
 
@@ -43,27 +50,70 @@ class _Frontier:
 
     def lines(self, goal: Literal) -> Iterator[str]:
         """A line for each root of why a goal is out of reach."""
-        for root, way in self._roots(goal, ()):
+        for words, way in self._roots(goal, frozenset({goal}), (), {goal}):
             steps = "; ".join(f"{action} needs {need}" for need, action in reversed(way))
-            yield f"{self._words(root)}: {goal} is out of reach" + (f" ({steps})" if steps else "")
+            yield f"{words}: {goal} is out of reach" + (f" ({steps})" if steps else "")
 
     def _roots(
-        self, literal: Literal, way: tuple[tuple[Literal, Action], ...]
-    ) -> Iterator[tuple[Literal, tuple[tuple[Literal, Action], ...]]]:
-        """What is missing first, and from there (need, the action that needs it) up to the goal."""
+        self, literal: Literal, above: frozenset[Literal], way: _Way, asked: set[Literal]
+    ) -> Iterator[tuple[str, _Way]]:
+        """What is missing first, in words, and the way to it.
+
+        ``above``: from the goal down to ``literal``; ``asked``: all that is explained already, here or there.
+        """
         if self._within_reach(literal):
             return
-        action = self._nearest(literal, {need for need, _ in way} | {literal})
-        if action is None:
-            yield literal, way
+        searches = self._searches(literal)
+        if searches and not any(self._unseen(search) for search in searches):
+            places = ", ".join(search.arguments[1] for search in searches)
+            yield f"the {literal.fact.arguments[0]} was not found at: {places}", way
             return
-        for need in self._missing(action):
-            yield from self._roots(need, (*way, (need, action)))
+        actions = [search for search in searches if self._unseen(search)] or self._nearest(literal, above)
+        if not actions:
+            yield self._words(literal), way
+        for action in actions:
+            for need in self._missing(action):
+                below = (*way, (need, action))
+                if need in above:
+                    yield f"{need} has to hold already before it can come about", below
+                elif need not in asked:
+                    asked.add(need)
+                    yield from self._roots(need, above | {need}, below, asked)
 
-    def _nearest(self, literal: Literal, seen: set[Literal]) -> Action | None:
-        """Of the actions that would bring it about, the one that lacks least; none that leads round in a circle."""
-        ways = [action for action in self._achievers[literal] if not seen & set(self._missing(action))]
-        return min(ways, key=lambda action: (len(self._missing(action)), str(action)), default=None)
+    def _searches(self, literal: Literal) -> list[Action]:
+        """Where a thing is needed of which nobody knows where it is: what might find it, at each place."""
+        if literal.negated or literal.fact.predicate not in (ON.name, HOLDING.name, LOCATED.name):
+            return []
+        located = Fact(LOCATED.name, literal.fact.arguments[:1])
+        if located in self._problem.state:
+            return []
+        return [action for action in self._achievers[Literal(located)] if self._unseen_at(action) in action.pre]
+
+    def _unseen(self, search: Action) -> bool:
+        return self._unseen_at(search).holds_in(self._problem.state)
+
+    @staticmethod
+    def _unseen_at(search: Action) -> Literal:
+        return Literal(Fact(UNSEEN.name, search.arguments[:2]))
+
+    def _nearest(self, literal: Literal, above: frozenset[Literal]) -> list[Action]:
+        """Of the actions that would bring it about, the one that asks for the least that is not so.
+
+        What is believed to be otherwise counts most (that the key is in another drawer), then what leads in a circle.
+        """
+
+        def rank(action: Action) -> tuple[int, bool, int, str]:
+            missing = self._missing(action)
+            return sum(map(self._otherwise, missing)), not above.isdisjoint(missing), len(missing), str(action)
+
+        return sorted(self._achievers[literal], key=rank)[:1]
+
+    def _otherwise(self, literal: Literal) -> bool:
+        """Whether another such fact is believed of the same thing."""
+        predicate, arguments = literal.fact
+        return len(arguments) > 1 and any(
+            fact.predicate == predicate and fact.arguments[0] == arguments[0] for fact in self._problem.state
+        )
 
     def _missing(self, action: Action) -> list[Literal]:
         return [need for need in sorted(action.pre) if not self._within_reach(need)]
@@ -74,8 +124,6 @@ class _Frontier:
     def _words(self, root: Literal) -> str:
         if root.negated:
             return f"{root.fact} is believed, and nothing changes that"
-        if self._achievers[root]:
-            return f"{root} is not believed, and what brings it about needs it"
         return f"{root} is not believed, and nothing brings it about"
 
 
