@@ -9,13 +9,31 @@ from py_trees.ports import PortInformation
 
 from behaviours.beliefs import believe_objects, believe_surface, only_nearest, seen_words
 from behaviours.context import SkillContext
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import surface_region
 from bestman_bt.messages import Pose
 from bestman_bt.perception.detection import DetectedScene
 from bestman_bt.perception.segmentation import Region
 from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 from bestman_bt.world_model import ObjectBelief
+
+
+class DetectObjects(Skill):
+    """Look at a surface through a camera; believe in all that is seen there, and in how high the surface is."""
+
+    INPUT_PORTS: ClassVar = {
+        "surface": PortInformation(str, description="the surface to look at, such as table"),
+        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
+    }
+    OUTPUT_PORTS: ClassVar = {"objects": PortInformation(list, required=False, description="names of what was seen")}
+    DECLARATION = Declaration(effects=("scanned({surface})",))
+
+    def execute(self) -> Steps:
+        """Capture, detect, believe."""
+        view, scene = yield from _look(self)
+        names = believe_surface(self.skills, self.get_input("surface"), view, scene)
+        self.set_output("objects", list(names))
+        self.feedback_message = ", ".join(names) or "nothing"
 
 
 class DetectObject(Skill):
@@ -38,11 +56,7 @@ class DetectObject(Skill):
         skills = self.skills
         name: str = self.get_input("object")
         surface: str = self.get_input("surface")
-        view = camera_called(skills, self.get_input("camera")).capture()
-        region = surface_region(skills, surface, view)
-        models = list(skills.world.models.values())
-        detect = skills.algorithms.detection.detect
-        scene: DetectedScene = yield self.compute("detection", detect, view.in_base, region, models, skills.rng)
+        view, scene = yield from _look(self)
         believe_surface(skills, surface, view, scene)
         belief = skills.world.objects.get(name)
         if belief is None and name not in skills.world.models:
@@ -54,6 +68,17 @@ class DetectObject(Skill):
         self.set_output("pose", belief.pose)
         self.set_output("yaw_width", belief.yaw_set.width)
         self.feedback_message = f"{name} with confidence {belief.confidence:.2f}"
+
+
+def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, DetectedScene]]:
+    """A picture by the leaf's camera, and what stands on its surface."""
+    skills = leaf.skills
+    view = camera_called(skills, leaf.get_input("camera")).capture()
+    region = surface_region(skills, leaf.get_input("surface"), view)
+    models = list(skills.world.models.values())
+    detect = skills.algorithms.detection.detect
+    scene: DetectedScene = yield leaf.compute("detection", detect, view.in_base, region, models, skills.rng)
+    return view, scene
 
 
 class EstimatePose(Skill):

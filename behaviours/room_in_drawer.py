@@ -14,12 +14,17 @@ from bestman_bt.messages import ObjectModel, Pose
 
 STEP = 0.02
 """Metres between the places that are considered."""
+ENOUGH = 0.05
+"""Metres of room beyond which more of it makes a place no better."""
+SAME_PLACE = 0.06
+"""Metres: a place nearer than this to one that was given is the same one."""
 
 
 class FindRoomIn(InstantSkill):
     """Choose a place for the held object in a drawer that stands open, away from what is believed to be in it.
 
-    Of the places in the part that has come out, the one in the middle of the most room.
+    Of the places with enough room in the part that has come out, the one nearest to the middle of that part; asked
+    again for the same object it gives another one.
     """
 
     INPUT_PORTS: ClassVar = {
@@ -30,6 +35,11 @@ class FindRoomIn(InstantSkill):
         ),
     }
     OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="where it shall stand, in the map frame")}
+
+    def on_load(self) -> None:
+        """Nothing has been given yet."""
+        self._object = ""
+        self._given = np.zeros((0, 2))
 
     def act(self) -> None:
         """Asks the beliefs; takes no picture."""
@@ -46,10 +56,26 @@ class FindRoomIn(InstantSkill):
         radii = [_radius(belief.model) for belief in inside]
         places = self._grid(surface.size, float(surface.pose.position[0]) + furniture.footprint[0] / 2)
         room = self._room(places, surface.size, np.reshape(others, (-1, 2)), np.array(radii)) - _radius(held.model)
-        if not len(places) or room.max() < self.get_input("margin"):
+        places, room = places[room >= self.get_input("margin")], room[room >= self.get_input("margin")]
+        if not len(places):
             raise SkillFailure("surface_full", f"no room for the {name} is believed to be left in the {full}")
-        best = places[int(room.argmax())]
-        self.set_output("pose", map_from_surface @ Pose(np.array([*best, 0.0])))
+        best = self._choose(name, places, room)
+        height = -float(held.model.bounds()[0, 2])
+        self.set_output("pose", map_from_surface @ Pose(np.array([*best, height])))
+
+    def _choose(self, name: str, places: NDArray[np.float64], room: NDArray[np.float64]) -> NDArray[np.float64]:
+        """One of the places (N, 2) that was not given before, as far as there is one."""
+        if name != self._object:
+            self._object, self._given = name, np.zeros((0, 2))
+        near_given = (np.linalg.norm(places[:, None] - self._given[None], axis=2) < SAME_PLACE).any(axis=1)
+        if near_given.all():
+            self._given = np.zeros((0, 2))
+            near_given[:] = False
+        middle = (places.min(axis=0) + places.max(axis=0)) / 2
+        order = np.lexsort((np.linalg.norm(places - middle, axis=1), -np.minimum(room, ENOUGH), near_given))
+        best: NDArray[np.float64] = places[order[0]]
+        self._given = np.vstack([self._given, best])
+        return best
 
     def _grid(self, size: tuple[float, float], behind_front: float) -> NDArray[np.float64]:
         """Places (N, 2) in its frame, metres; ``behind_front``: how far its middle is within the furniture."""

@@ -168,6 +168,7 @@ BEHAVIOURS = Registry(
         "ComputePathToPose": "behaviours.nav2.compute_path:ComputePathToPose",
         "DetectHandle": "behaviours.handles:DetectHandle",
         "DetectObject": "behaviours.perceive:DetectObject",
+        "DetectObjects": "behaviours.perceive:DetectObjects",
         "DistanceController": "behaviours.nav2.pacing:DistanceController",
         "DockAt": "behaviours.nav2.dock_at:DockAt",
         "DriveOnHeading": "behaviours.nav2.motions:DriveOnHeading",
