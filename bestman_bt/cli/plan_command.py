@@ -20,6 +20,7 @@ from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import render_svg
 from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.task_planning.builders import TreeBuilder
+from bestman_bt.task_planning.language.quoting import quoted
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.predicates import UNSEEN
 from bestman_bt.task_planning.simulation import folded
@@ -88,7 +89,7 @@ def command(
             print(f"no plan: {error}", file=sys.stderr)
             sys.exit(1)
         if text is not None:
-            print(f"understood as: {' and '.join(map(str, problem.goal))}", file=sys.stderr)
+            print(f"understood as: {' and '.join(quoted(str(literal)) for literal in problem.goal)}", file=sys.stderr)
         faults = asked.faults(problem, made)
         refused = [fault for fault in faults if fault.severity != "warning"]
         for fault in faults:
@@ -132,10 +133,10 @@ def _show(plan: TaskPlan) -> None:
     if not plan.actions:
         print("the goal is believed already: nothing to do")
     for number, action in enumerate(plan.actions, 1):
-        print(f"{number:3d}. {action}")
+        print(f"{number:3d}. {quoted(str(action))}")
     for action in plan.actions:
         if any(condition.fact.predicate == UNSEEN.name for condition in action.pre):
-            print(f"{action} hopes that it is there; if it is not, a run plans anew", file=sys.stderr)
+            print(f"{quoted(str(action))} hopes that it is there; if it is not, a run plans anew", file=sys.stderr)
 
 
 def _document(problem: Problem, plan: TaskPlan, planner: str, builder: str, faults: list[str]) -> dict[str, Any]:

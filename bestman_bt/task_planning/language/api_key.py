@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import httpx
-
 from bestman_bt.task_planning.language.errors import EndpointNotSetError
 
 
@@ -26,11 +24,9 @@ class ApiKey:
     def __repr__(self) -> str:
         return "ApiKey(…)" if self._text else "ApiKey()"
 
-    def sign(self, request: httpx.Request) -> httpx.Request:
-        """Add the header ``Authorization``, if there is a key."""
-        if self._text:
-            request.headers["Authorization"] = f"Bearer {self._text}"
-        return request
+    def headers(self) -> dict[str, str]:
+        """The header ``Authorization``, if there is a key."""
+        return {"Authorization": f"Bearer {self._text}"} if self._text else {}
 
     def removed_from(self, text: str) -> str:
         """The text with ``…`` wherever it quotes the key, as servers do that do not know it."""

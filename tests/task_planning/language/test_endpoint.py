@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gzip
 import json
 import logging
 import threading
@@ -16,17 +17,8 @@ from bestman_bt.task_planning.language.errors import (
     EndpointReplyError,
     EndpointUnreachableError,
 )
-from tests.task_planning.language.misbehaving_server import (
-    Server,
-    breaks_off,
-    drips,
-    fails,
-    raw,
-    says,
-    serving,
-    sleeps,
-    without,
-)
+from tests.answering_server import Server, Way, breaks_off, drips, drips_headers, drips_without_length, raw, sleeps
+from tests.task_planning.language.misbehaving_server import completion, fails, says, serving, without
 
 KEY = "sk-very-secret-0123456789"
 QUESTION = ChatRequest((Message("system", "be good"), Message("user", "hello")), {"type": "object"})
@@ -83,7 +75,7 @@ def test_tokens_and_dollars_are_counted_and_logged(caplog: pytest.LogCaptureFixt
     [
         (fails(429), "status 429"),
         (fails(500), "status 500"),
-        (breaks_off("a long text that is cut off"), "peer closed"),
+        (breaks_off(completion({"content": "a long text that is cut off"})), "peer closed"),
         (raw(b"<html>gateway</html>"), "breaks the protocol"),
         (raw(b'{"choices": []}'), "choices"),
         (raw(b"[" * 100_000), "breaks the protocol"),
@@ -99,14 +91,21 @@ def test_a_bad_moment_is_followed_by_another_try_and_a_bad_server_by_an_error(wa
         assert len(server.questions) == 2
 
 
-@pytest.mark.parametrize(("way", "reason"), [(sleeps(4.0), "no answer after"), (drips, "not done after")])
-def test_a_late_answer_is_given_up_and_asked_for_again(way: object, reason: str) -> None:
+@pytest.mark.parametrize("way", [sleeps(4.0, says("too late")), drips, drips_headers, drips_without_length])
+def test_a_late_answer_is_given_up_and_asked_for_again(way: Way) -> None:
     with serving(way) as server:
         started = time.monotonic()
-        with pytest.raises(EndpointUnreachableError, match=reason):
+        with pytest.raises(EndpointUnreachableError, match=r"no whole answer after 0\.\d s"):
             endpoint(server, timeout=0.3, retries=1).complete(QUESTION)
         assert time.monotonic() - started < 3.0
         assert len(server.questions) == 2
+
+
+def test_an_answer_that_is_packed_without_being_asked_is_refused() -> None:
+    bomb = gzip.compress(b" " * 10_000_000)
+    assert len(bomb) < 100_000
+    with serving(raw(bomb, Content_Encoding="gzip")) as server, pytest.raises(EndpointReplyError, match="packed"):
+        endpoint(server).complete(QUESTION)
 
 
 @pytest.mark.parametrize(("asked", "waited"), [("7", 7.0), ("100000", 20.0), ("Fri, 31 Dec 2027 23:59:59 GMT", 0.01)])
@@ -153,6 +152,15 @@ def test_a_redirect_is_not_followed() -> None:
 def test_an_answer_without_end_is_refused_before_it_fills_the_memory() -> None:
     with serving(says("x" * 50_000)) as server, pytest.raises(EndpointReplyError, match="more than 10000 bytes"):
         endpoint(server, max_reply=10_000).complete(QUESTION)
+
+
+def test_ten_megabytes_are_given_up_after_the_first() -> None:
+    with serving(says("x" * 10_000_000)) as server:
+        started = time.monotonic()
+        with pytest.raises(EndpointReplyError, match="more than 1000000 bytes"):
+            endpoint(server).complete(QUESTION)
+        assert time.monotonic() - started < 5.0
+        assert len(server.questions) == 1
 
 
 def test_the_key_is_in_no_log_error_or_repr(caplog: pytest.LogCaptureFixture) -> None:

@@ -16,8 +16,9 @@ from bestman_bt.task_planning.language import (
 )
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
 from bestman_bt.task_planning.symbolic import Unsolvable, parse_literals
+from tests.answering_server import Server, Way
 from tests.task_planning.language.kitchen_problem import GOAL, INSTRUCTION, RIGHT, kitchen
-from tests.task_planning.language.misbehaving_server import Server, Way, says, serving
+from tests.task_planning.language.misbehaving_server import says, serving
 
 PLAN = "OpenContainer(drawer)\nPickUp(mug, drawer/board)\nPutDown(mug, table)"
 

@@ -14,17 +14,15 @@ from bestman_bt.task_planning.language.errors import (
 )
 from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters, Proposal
 from bestman_bt.task_planning.symbolic import PlanningError, parse_literals
+from tests.answering_server import Server, Way, breaks_off, sleeps
 from tests.task_planning.language.kitchen_problem import FETCH, RIGHT, answer, kitchen, step
 from tests.task_planning.language.misbehaving_server import (
-    Server,
-    Way,
-    breaks_off,
     calls_a_tool,
+    completion,
     fails,
     refuses,
     says,
     serving,
-    sleeps,
     stops_at_length,
 )
 
@@ -73,10 +71,10 @@ ANSWERS: dict[str, tuple[Way, str]] = {
     "answer at its limit of length": (stops_at_length(RIGHT), "cut off at the limit of its length"),
 }
 SERVERS: dict[str, tuple[Way, str]] = {
-    "timeout": (sleeps(6.0), "no answer after"),
+    "timeout": (sleeps(6.0, says(RIGHT)), "no whole answer after"),
     "429": (fails(429), "status 429"),
     "500": (fails(500), "status 500"),
-    "cut-off stream": (breaks_off(RIGHT), "peer closed"),
+    "cut-off stream": (breaks_off(completion({"content": json.dumps(RIGHT)})), "peer closed"),
 }
 
 

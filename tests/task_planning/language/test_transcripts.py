@@ -11,8 +11,9 @@ from bestman_bt.task_planning.language.endpoint import EndpointAddress, Endpoint
 from bestman_bt.task_planning.language.errors import EndpointReplyError, TranscriptError
 from bestman_bt.task_planning.language.planner import LanguagePlanner, LanguagePlannerParameters
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
+from tests.answering_server import Way
 from tests.task_planning.language.kitchen_problem import RIGHT, kitchen
-from tests.task_planning.language.misbehaving_server import Way, fails, says, serving
+from tests.task_planning.language.misbehaving_server import fails, says, serving
 
 KEY = "sk-very-secret-0123456789"
 
