@@ -34,6 +34,7 @@ class ContactWatcher:
             )
         )
         self._walkers = frozenset(body for body, _ in built.walkers.values()) | simulation.moving_doors.bodies
+        self._falling = simulation.interference.falling
         self._approach = ApproachWatcher(built.robot)
         self._period = simulation.parameters.monitor_every * simulation.parameters.time_step
         self._running: dict[tuple[str, str], ContactIncident] = {}
@@ -59,7 +60,8 @@ class ContactWatcher:
                 self._approach.take(contact, observation, self._period)
             if force > 0.0:
                 forces[body_a, link_a, body_b, link_b] += force
-            if distance < 0.0:
+            falls = body_a != robot and (body_a in self._falling or body_b in self._falling)
+            if distance < 0.0 and not falls:
                 pair = (body_a, link_a, body_b, link_b)
                 deepest = self._deepest.get(pair)
                 if deepest is None or distance < deepest[0]:

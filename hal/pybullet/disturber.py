@@ -9,6 +9,7 @@ import pybullet
 
 from bestman_bt.messages import Pose
 from hal.pybullet.client import ReadPurpose, SimulationError
+from hal.pybullet.contact_renewal import DEFAULT_FILTER, EVERYTHING
 from hal.pybullet.honesty_record import Finding
 from hal.pybullet.interference import Interference
 from hal.pybullet.leaf_push import Hand, Push
@@ -20,8 +21,12 @@ OVERLAP = 1e-3
 """Metres that an object may overlap with others where it is put; more is no free place."""
 PUTS_DOWN_FROM = 5e-4
 """Metres above the surface at which an object is let go."""
+OUT_OF_HAND = 0.1
+"""Seconds for which the robot has not touched an object that has slipped out of its hand."""
 SLIP_TIME = 1.5
 """Seconds after which an object that hangs in the hand without friction has its own again."""
+FALL_TIME = 2.0
+"""Seconds in which what has slipped out of the hand comes to rest."""
 PUSH_TIME = 10.0
 """Seconds after which somebody gives up pushing: something is in the way."""
 PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
@@ -37,12 +42,16 @@ class _Push:
 
 @dataclass
 class _Slip:
-    """``friction``, ``spinning``: the object's own, to be given back. ``until``: at the latest."""
+    """``friction``, ``spinning``: the object's own, to be given back, at the latest at ``until``.
+
+    ``touched_at``: when the robot last touched it.
+    """
 
     name: str
     friction: float
     spinning: float
     until: float
+    touched_at: float
 
 
 class Disturber:
@@ -61,6 +70,7 @@ class Disturber:
         self._put = client.function("resetBasePositionAndOrientation")
         self._set_velocity = client.function("resetBaseVelocity")
         self._change = client.function("changeDynamics")
+        self._set_filter = client.function("setCollisionFilterGroupMask")
         self._values = client.function("getDynamicsInfo")
         self._hand = Hand(client)
         self._leaves = {
@@ -68,6 +78,7 @@ class Disturber:
         }
         self._pushes: list[_Push] = []
         self._slips: dict[int, _Slip] = {}
+        self._falls: dict[int, float] = {}
         simulation.controls.append(self._update)
 
     def move_object(self, name: str, pose: Pose, surface: str) -> bool:
@@ -114,9 +125,10 @@ class Disturber:
         if body in self._slips or not self._touched(body):
             return False
         values = self._values(body, -1)
-        self._slips[body] = _Slip(name, values[1], values[7], self._now + SLIP_TIME)
+        self._slips[body] = _Slip(name, values[1], values[7], self._now + SLIP_TIME, self._now)
         self._interference.slippery.add(body)
-        self._change(body, -1, lateralFriction=0.0, spinningFriction=0.0)
+        self._interference.falling.add(body)
+        self._set_friction(body, 0.0, 0.0)
         self._tell(f"the {name} slips in the hand")
         return True
 
@@ -131,13 +143,20 @@ class Disturber:
     def _update(self) -> None:
         """Before each control period."""
         self._pushes = [running for running in self._pushes if not self._push_ends(running)]
+        for body, until in list(self._falls.items()):
+            if self._now > until or self._touched(body):
+                self._interference.falling.discard(body)
+                del self._falls[body]
         for body, slip in list(self._slips.items()):
-            touched = self._touched(body)
-            if not touched or self._now > slip.until:
-                self._change(body, -1, lateralFriction=slip.friction, spinningFriction=slip.spinning)
+            if self._touched(body):
+                slip.touched_at = self._now
+            out = self._now - slip.touched_at > OUT_OF_HAND
+            if out or self._now > slip.until:
+                self._set_friction(body, slip.friction, slip.spinning)
                 self._interference.slippery.discard(body)
                 del self._slips[body]
-                self._tell(f"the {slip.name} {'is still in' if touched else 'is out of'} the hand")
+                self._falls[body] = self._now + FALL_TIME
+                self._tell(f"the {slip.name} is {'out of' if out else 'still in'} the hand")
 
     def _push_ends(self, running: _Push) -> bool:
         """Push on, or wait where the robot is near; whether that was the last of it."""
@@ -157,6 +176,11 @@ class Disturber:
         pushed.discard(push.place)
         self._tell(f"somebody lets go of {running.name}")
         return True
+
+    def _set_friction(self, body: int, lateral: float, spinning: float) -> None:
+        """Bullet keeps the friction of the contacts that there are: they have to be found afresh."""
+        self._change(body, -1, lateralFriction=lateral, spinningFriction=spinning)
+        self._set_filter(body, -1, DEFAULT_FILTER, EVERYTHING)
 
     def _object(self, name: str) -> int:
         objects = self._simulation.built.objects
