@@ -93,7 +93,7 @@ def _of_subtrees(documents: Documents) -> Iterable[Ability]:
 def _of_subtree(name: str, metadata: Mapping[str, MetadataEntry], ports: Mapping[str, ModelPort]) -> Ability:
     for key, entry in metadata.items():
         if key not in (*FIELDS, "description"):
-            raise DeclarationError(f"{_where(entry)}: {name}: unknown {key!r}; {suggestion(key, FIELDS)}")
+            raise DeclarationError(f"{_where(entry)}: {name}: unknown {key!r}; {suggestion(key, list(FIELDS))}")
         try:  # each by itself, so that the line of a fault is known
             operator_of(name, _declared(name, {key: entry.text}, ports))
         except DeclarationError as error:

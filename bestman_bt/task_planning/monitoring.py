@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
-from bestman_bt.task_planning.builders.regression import kernels, next_step
+from bestman_bt.task_planning.builders.regression import Kernel, staircase
 from bestman_bt.task_planning.builders.steps import steps_one_by_one
 from bestman_bt.task_planning.symbolic import Action, Fact, Literal, TaskPlan
 
@@ -30,22 +30,22 @@ class Outlook:
 
 
 class PlanMonitor:
-    """Knows from the kernels of a plan where it stands in a state, whatever has been done so far."""
+    """Knows what of a plan leads to the goal from a state, whatever has been done so far."""
 
-    def __init__(self, plan: TaskPlan, goal: Iterable[Literal]) -> None:
-        self.plan = plan
-        self._kernels = kernels(steps_one_by_one(plan), goal)
+    def __init__(self, plan: TaskPlan, goal: Iterable[Literal], most_ways: int = 8) -> None:
+        self._goal = frozenset(goal)
+        self._steps = staircase(steps_one_by_one(plan), self._goal, most_ways)
 
     def outlook(self, state: Collection[Fact]) -> Outlook:
         """Where the plan stands in a state."""
-        ready = next_step(self._kernels, state)
-        if ready is None:
-            nearest = min(self._kernels, key=lambda kernel: len(self._broken(kernel, state)))
-            return Outlook(False, None, self._broken(nearest, state))
-        if ready == len(self.plan):
+        if not _broken(self._goal, state):
             return Outlook(True, None)
-        return Outlook(False, self.plan.actions[ready])
+        ready = [each.step for each in self._steps if each.holds_in(state)]
+        if ready:
+            return Outlook(False, ready[-1].actions[0])
+        ways = [self._goal, *(way for each in self._steps for way in each.ways)]
+        return Outlook(False, None, min((_broken(way, state) for way in ways), key=len))
 
-    @staticmethod
-    def _broken(kernel: frozenset[Literal], state: Collection[Fact]) -> tuple[Literal, ...]:
-        return tuple(sorted(literal for literal in kernel if not literal.holds_in(state)))
+
+def _broken(way: Kernel, state: Collection[Fact]) -> tuple[Literal, ...]:
+    return tuple(sorted(literal for literal in way if not literal.holds_in(state)))

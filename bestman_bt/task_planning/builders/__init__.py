@@ -4,7 +4,7 @@ from bestman_bt.task_planning.builders.backchain import BackchainBuilder, Backch
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import PlanTree
 from bestman_bt.task_planning.builders.reactive import ReactiveBuilder, ReactiveBuilderParameters
-from bestman_bt.task_planning.builders.regression import kernels, next_step
+from bestman_bt.task_planning.builders.regression import Ready, kernels, staircase
 from bestman_bt.task_planning.builders.sequence import SequenceBuilder, SequenceBuilderParameters
 from bestman_bt.task_planning.builders.steps import Step, steps_one_by_one, steps_side_by_side
 
@@ -14,12 +14,13 @@ __all__ = [
     "PlanTree",
     "ReactiveBuilder",
     "ReactiveBuilderParameters",
+    "Ready",
     "SequenceBuilder",
     "SequenceBuilderParameters",
     "Step",
     "TreeBuilder",
     "kernels",
-    "next_step",
+    "staircase",
     "steps_one_by_one",
     "steps_side_by_side",
 ]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from string import ascii_lowercase
 from typing import Any
 
 from bestman_bt.configuration.data import data_root
@@ -57,6 +58,13 @@ class Writer:
         if not literals:
             return self.node("AlwaysSuccess", name)
         return self.node("Holds", name, fact=" and ".join(str(literal) for literal in literals))
+
+    def any_of(self, name: str, alternatives: Collection[Iterable[Literal]]) -> XmlElement:
+        """Condition leaves of which one will do."""
+        if len(alternatives) == 1:
+            return self.holds(name, *alternatives)
+        ways = [self.holds(f"{name}_{letter}", way) for letter, way in zip(ascii_lowercase, alternatives, strict=False)]
+        return self.node("Fallback", name, ways)
 
     def step(self, number: int, step: Step) -> XmlElement:
         """What carries out a step: one action, or several side by side."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from bestman_bt.engine import XmlElement
 from bestman_bt.task_planning.builders.base import TreeBuilder
 from bestman_bt.task_planning.builders.plan_tree import Writer
-from bestman_bt.task_planning.builders.regression import kernel, kernels
+from bestman_bt.task_planning.builders.regression import staircase
 from bestman_bt.task_planning.builders.steps import steps_one_by_one, steps_side_by_side
 from bestman_bt.task_planning.symbolic import Literal, TaskPlan
 
@@ -16,36 +16,39 @@ from bestman_bt.task_planning.symbolic import Literal, TaskPlan
 class ReactiveBuilderParameters:
     """``attempts``: how many actions may fail before the tree does. ``rounds``: actions that may be done, per step.
 
-    ``parallel``: whether independent actions of different parts go side by side.
+    ``most_ways``: alternatives that are asked for before a step. ``parallel``: whether independent actions of different
+    parts go side by side.
     """
 
     attempts: int = 3
     rounds: int = 4
+    most_ways: int = 8
     parallel: bool = True
 
 
 class ReactiveBuilder(TreeBuilder):
     """PLANEX (Fikes, Hart, Nilsson 1972) as a behavior tree.
 
-    Round by round it does the last step whose kernel is believed. So it skips what is true already, redoes what was
-    undone, and fails where no kernel holds: then the plan does not help any more. Kernels are asked between actions and
-    not while one runs, for an action's effects show before it is done (an object is held before the arm is back); what
-    must hold all the way is asked at each tick.
+    Round by round it does the last step that leads to the goal by what is believed, though others after it may be left
+    out. So it skips what is true already or has become needless, redoes what was undone, and fails where no step helps:
+    then another plan is needed. It asks between actions and not while one runs, for an action's effects show before it
+    is done (an object is held before the arm is back); what must hold all the way is asked at each tick.
     """
 
     def __init__(self, parameters: ReactiveBuilderParameters | None = None) -> None:
         self.parameters = parameters or ReactiveBuilderParameters()
 
     def root(self, plan: TaskPlan, goal: tuple[Literal, ...], writer: Writer) -> XmlElement:
-        """Retries around rounds; a round is a staircase of IfThenElse: the last step's kernel is asked first."""
+        """Retries around rounds; a round is a staircase of IfThenElse: the last step is asked for first."""
         parameters = self.parameters
         steps = steps_side_by_side(plan) if parameters.parallel else steps_one_by_one(plan)
         otherwise = writer.node("AlwaysFailure", "no_step_is_ready")
-        table = kernels(steps, goal)
-        for number, step in enumerate(steps, 1):
-            for part in (step, *step.alone):
-                ready, do = writer.holds(f"{number}_is_ready", kernel(part, table[number])), writer.step(number, part)
-                otherwise = writer.node("IfThenElse", f"{number}_if_ready", [ready, do, otherwise])
+        for number, (step, ways) in enumerate(staircase(steps, goal, parameters.most_ways), 1):
+            if ways:
+                ready = writer.any_of(f"{number}_is_ready", ways)
+                otherwise = writer.node(
+                    "IfThenElse", f"{number}_if_ready", [ready, writer.step(number, step), otherwise]
+                )
         a_round = writer.node(
             "Fallback",
             "done_or_stuck",

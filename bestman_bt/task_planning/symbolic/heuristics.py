@@ -42,7 +42,7 @@ class RelaxedPlan:
                 used.add(action)
                 pending += (need for need in self._problem.needs[action] if not state >> need & 1)
         cost = sum(self._costs[action] for action in used)
-        return Estimate(cost, tuple(sorted(applicable)), used & applicable)
+        return Estimate(cost, tuple(sorted(applicable)), applicable & used)
 
     def _explored(self, state: int) -> tuple[list[int | None], frozenset[int]]:
         """The action that reaches each literal cheapest, and the actions that can be done at once.

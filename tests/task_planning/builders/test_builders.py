@@ -11,7 +11,7 @@ from bestman_bt.task_planning.builders import (
     SequenceBuilder,
     TreeBuilder,
     kernels,
-    next_step,
+    staircase,
     steps_one_by_one,
     steps_side_by_side,
 )
@@ -138,9 +138,38 @@ def test_kernels_are_what_must_hold_for_the_rest_to_reach_the_goal() -> None:
     table = kernels(steps_one_by_one(plan_of(problem, *FETCH)), problem.goal)
     assert table[-1] == frozenset(parse_literals(FETCH_GOAL))
     assert table[2] == frozenset(parse_literals("holding(mug) and open(drawer_1)"))
-    assert next_step(table, problem.state) == 0
-    assert next_step(table, facts("on(mug, table)")) == 4
-    assert next_step(table, facts("hand_empty")) is None
+
+
+def test_a_step_leads_to_the_goal_where_later_ones_may_be_left_out() -> None:
+    problem = kitchen(FETCH_GOAL)
+    stairs = staircase(steps_one_by_one(plan_of(problem, *FETCH)), problem.goal, 8)
+    assert [str(each.step) for each in stairs] == list(FETCH)
+    assert [each.holds_in(problem.state) for each in stairs] == [True, False, False, False]
+    assert stairs[2].holds_in(facts("holding(mug)", "open(drawer_1)"))
+    assert stairs[2].ways == (frozenset(parse_literals("holding(mug)")),)
+    assert not any(each.holds_in(facts("hand_empty")) for each in stairs)
+
+
+def test_a_drawer_that_is_pushed_shut_while_its_mug_is_in_the_hand_need_not_be_shut_any_more() -> None:
+    world = Upset(kitchen(FETCH_GOAL), after={"PickUp(mug, chest/drawer_1)": "not open(drawer_1)"})
+    assert run(ReactiveBuilder(), world) == SUCCESS
+    assert done(world) == FETCH[:3]
+
+
+def test_of_two_things_the_one_that_somebody_has_put_in_its_place_is_left_there() -> None:
+    problem = kitchen("on(mug, table) and on(can, chest/drawer_2)", "open(drawer_1)", "open(drawer_2)")
+    plan = (*FETCH[1:3], "PickUp(can, table)", "PutAt(can, chest/drawer_2)")
+    world = Upset(problem, after={FETCH[1]: "not on(can, table) and on(can, chest/drawer_2)"})
+    assert run(ReactiveBuilder(), world, plan) == SUCCESS
+    assert done(world) == FETCH[1:3]
+
+
+def test_the_ways_of_a_step_stay_few_however_many_things_may_be_left_out() -> None:
+    problem, actions = many_drawers(8)
+    steps = steps_one_by_one(plan_of(problem, *actions))
+    stairs = staircase(steps, problem.goal, most_ways=8)
+    assert max(len(each.ways) for each in stairs) == 8
+    assert all(kernel in each.ways for kernel, each in zip(kernels(steps, problem.goal), stairs, strict=False))
 
 
 def test_a_plan_that_undoes_its_own_goal_is_refused() -> None:
