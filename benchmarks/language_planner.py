@@ -1,5 +1,6 @@
-"""What the language planner makes of a server that misbehaves: questions until a right plan, or how it ends, and its own
-time. No model is asked: what a model would answer, and how often rightly, is not measured here.
+"""What the language planner makes of a server that misbehaves: questions until a right plan, or how it ends.
+
+Also its own time. No model is asked: what a model would answer, and how often rightly, is not measured here.
 
 Example: python -m benchmarks.language_planner
 """
