@@ -53,11 +53,13 @@ class FindCloseStand(Skill):
     def _ways(self, leaf: Leaf) -> Iterator[LeafWay]:
         skills = self.skills
         is_base_free = None
+        around: dict[tuple[float, ...], list[Pose2D]] = {}
         for push in pushes(skills, leaf):
-            positions = push.positions()
+            positions, point = push.positions(), tuple(push.point)
             is_base_free = is_base_free or room_beside(skills, leaf, positions)
-            stands = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
-            yield LeafWay(stands, [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
+            if point not in around:  # however the hand is held there
+                around[point] = [stand for stand in _around(push) if self._is_new(stand) and is_base_free(stand)]
+            yield LeafWay(around[point], [push.stations(BEFORE)[0], *push.stations()], positions, "fingers", skip=1)
 
     def _is_new(self, stand: Pose2D) -> bool:
         return all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)

@@ -79,13 +79,17 @@ def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: Sup
     """The furniture below a measured surface as an obstacle.
 
     A slab where the surface was seen, and the mapped body of the furniture, grown by the map's error, up to just
-    below the slab. Within furniture that opens it is a thin slab alone: the map knows the boards around it.
+    below the slab. Of furniture that opens it is the slab alone, within it a thin one: the map knows the boards below
+    and around it, and a drawer goes through where a solid body would be.
     """
     furniture, surface = find_surface(skills, name)
     if furniture.is_inside(surface):
         board = plane.slab(thickness=INNER_BOARD)
         return Obstacle(f"{name}/surface", (PlacedShape(board.shape, view.map_from_base @ board.pose),), view.stamp)
     slab = plane.slab(thickness=0.04, grow=SLAB_GROWTH)
+    placed = PlacedShape(slab.shape, view.map_from_base @ slab.pose)
+    if furniture.leaves:
+        return Obstacle(f"{name}/surface", (placed,), view.stamp)
     map_from_surface = furniture.pose.to_pose() @ surface.pose
     measured_height = plane.height_at(*(view.map_from_base.inverse() @ map_from_surface).position[:2])
     top = measured_height - 0.02
@@ -93,4 +97,4 @@ def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: Sup
         Box((furniture.footprint[0] + MARGIN, furniture.footprint[1] + MARGIN, top)),
         furniture.pose.to_pose() @ Pose(np.array([0.0, 0.0, top / 2])),
     )
-    return Obstacle(f"{name}/surface", (PlacedShape(slab.shape, view.map_from_base @ slab.pose), body), view.stamp)
+    return Obstacle(f"{name}/surface", (placed, body), view.stamp)
