@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -12,7 +14,8 @@ from bestman_bt.registry import Registry
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.symbolic import Fact, Operator, Problem, Unsolvable, parse_literals
 
-PAGE = (Path(__file__).parents[2] / "docs" / "task_planning.md").read_text(encoding="utf-8")
+PAGE_FILE = Path(__file__).parents[2] / "docs" / "task_planning.md"
+PAGE = PAGE_FILE.read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -48,3 +51,20 @@ def test_a_planner_of_another_package_is_found_and_plans(planner):
 def test_it_says_when_there_is_no_plan(planner):
     with pytest.raises(Unsolvable):
         planner.plan(steps("at2 and not at0"))
+
+
+def test_the_command_plans_with_it(planner, tmp_path):
+    (tmp_path / "world.yaml").write_text(
+        "scene: kitchen\nbeliefs:\n  objects:\n"
+        "    cup: {what: {model: cup}, surface: table/top, pose: {position: [3.1, -0.2, 80 cm]}}\n"
+    )
+    arguments = ["plan", "--goal", "on(cup, counter)", "--world", "world.yaml", "--planner", "breadth_first"]
+    done = subprocess.run(
+        [sys.executable, "-m", "bestman_bt.cli.main", *arguments],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(PAGE_FILE.parents[1]), str(tmp_path)])},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-2:] == ["  1. PickUp(cup, table/top)", "  2. PutAt(cup, counter/top)"]
