@@ -140,7 +140,7 @@ def full_name(problem: Problem, name: str, kind: str) -> str:
         return parts[0]
     if of_furniture or parts:
         raise GoalError(f"which {name!r}? {', '.join(of_furniture or parts)} are known")
-    numbered = [one for one in known if _NUMBER.sub("", one.rpartition("/")[2]) == name]
+    numbered = [one for one in known if without_number(one) == name]
     if numbered:
         if len(numbered) > 1:
             _LOG.warning("%r is taken for %s; there are also %s", name, numbered[0], ", ".join(numbered[1:]))
@@ -148,6 +148,11 @@ def full_name(problem: Problem, name: str, kind: str) -> str:
     if name in problem.objects:
         raise GoalError(f"{name} is a {problem.objects[name]}, and a {kind} is asked for; {suggestion(name, known)}")
     raise GoalError(f"unknown {kind} {name!r}; {suggestion(name, known)}")
+
+
+def without_number(name: str) -> str:
+    """``drawer`` of ``drawer_chest/drawer_3``."""
+    return _NUMBER.sub("", name.rpartition("/")[2])
 
 
 def _uses(operator: Operator) -> Iterable[tuple[Fact, tuple[str, ...]]]:

@@ -9,6 +9,7 @@ from urllib.parse import quote, unquote
 
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.domain import without_number
 from bestman_bt.task_planning.explanation import explain
 from bestman_bt.task_planning.symbolic import (
     Action,
@@ -88,7 +89,8 @@ class PlanLimits:
         return "; ".join(parts)
 
     def resolved(self, problem: Problem) -> PlanLimits:
-        """The limits with the full names of things: ``fridge`` is all of the fridge, ``drawer_3`` each drawer_3.
+        """The limits with the full names of things: ``fridge`` is all of the fridge, ``drawer_3`` each drawer_3, and
+        ``drawer`` each with a number.
 
         GoalError, with the closest name, where a limit names what there is not: it would limit nothing.
         """
@@ -168,6 +170,7 @@ def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> T
 def _meant(name: str, problem: Problem) -> list[str]:
     there = list(problem.objects)
     meant = [full for full in there if full == name or full.startswith(f"{name}/") or full.endswith(f"/{name}")]
+    meant = meant or [full for full in there if without_number(full) == name]
     if not meant:
         raise GoalError(f"the limits name an unknown thing {name!r}; {suggestion(name, there)}")
     return meant

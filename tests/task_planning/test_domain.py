@@ -55,6 +55,14 @@ def test_of_what_was_never_seen_nothing_is_believed_but_that_it_is_not_known(wor
     assert facts == {f"unseen(mug, {name})" for name, kind in things(world).items() if kind in ("place", "drawer")}
 
 
+def test_a_name_without_its_number_is_the_first_and_the_others_are_told(domain, world, caplog):
+    (closed,) = domain.problem(Beliefs(world), "closed(drawer)").goal
+    assert closed.fact.arguments == ("drawer_chest/drawer_1",)
+    assert "there are also drawer_chest/drawer_2, drawer_chest/drawer_3" in caplog.text
+    with pytest.raises(GoalError, match="which 'fridge'"):
+        domain.problem(Beliefs(world), "closed(fridge)")
+
+
 def test_what_was_seen_is_on_its_surface_by_its_full_name(world):
     seen(world, "mug", "table")
     assert believed(world, "on(mug, table/top)")

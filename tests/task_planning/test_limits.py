@@ -119,3 +119,5 @@ def test_furniture_stands_for_all_of_it_and_a_part_for_the_parts_of_that_name() 
     assert PlanLimits.from_string("without=chest").resolved(problem).forbidden == {"chest/drawer_1", "chest/top"}
     assert PlanLimits.from_string("without=drawer_1").resolved(problem).forbidden == {"chest/drawer_1", "desk/drawer_1"}
     assert PlanLimits.from_string("without=drawer").resolved(problem).forbidden == {"drawer", "drawer/board"}
+    numbered = replace(problem, objects={name: kind for name, kind in problem.objects.items() if "drawer_1" in name})
+    assert PlanLimits.from_string("without=drawer").resolved(numbered).forbidden == {"chest/drawer_1", "desk/drawer_1"}
