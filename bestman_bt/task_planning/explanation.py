@@ -65,8 +65,8 @@ class _Frontier:
             return
         searches = self._searches(literal)
         if searches and not any(self._unseen(search) for search in searches):
-            places = ", ".join(search.arguments[1] for search in searches)
-            yield f"the {literal.fact.arguments[0]} was not found at: {places}", way
+            places = dict.fromkeys(search.arguments[1] for search in searches)
+            yield f"the {literal.fact.arguments[0]} was not found at: {', '.join(places)}", way
             return
         actions = [search for search in searches if self._unseen(search)] or self._nearest(literal, above)
         if not actions:

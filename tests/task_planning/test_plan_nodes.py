@@ -52,6 +52,30 @@ class Bring(Skill):
         self.skills.world.objects[name] = believed(name, place)
 
 
+class LookFor(Skill):
+    """Search, as the shipped ability does for beliefs: found where it is, else remembered where it is not."""
+
+    INPUT_PORTS: ClassVar = {"object": PortInformation(str), "place": PortInformation(str)}
+    DECLARATION = Declaration(
+        pre=("unseen({object}, {place})",),
+        effects=("located({object})", "on({object}, {place})", "forall p - place: not unseen({object}, p)"),
+        parameters={"object": "object", "place": "place"},
+        parts=("arm", "base"),
+    )
+    hidden: ClassVar[str] = ""
+    looked: ClassVar[list[str]] = []
+
+    def execute(self) -> Steps:
+        """Take a little time."""
+        name, place = self.get_input("object"), self.get_input("place")
+        yield self.compute("bringing", lambda: None)
+        self.looked.append(place)
+        if place != self.hidden:
+            self.skills.world.searched[name, place] = self.skills.clock.now()
+            raise SkillFailure("not_found", f"the {name} was not seen on the {place}")
+        self.skills.world.objects[name] = believed(name, place)
+
+
 def believed(name: str, place: str) -> ObjectBelief:
     """An object that was seen on a surface."""
     return ObjectBelief(name, CUP, Pose(), 1.0, 0.01, 0.0, place)
@@ -65,9 +89,10 @@ def piece(name: str, x: float) -> MapFurniture:
 
 @pytest.fixture(scope="module")
 def library() -> NodeRegistry:
-    """All shipped nodes, and ``Bring``."""
+    """All shipped nodes, ``Bring`` and ``LookFor``."""
     registry = node_registry()
     registry.register(Bring)
+    registry.register(LookFor)
     return registry
 
 
@@ -76,6 +101,7 @@ def skills() -> Any:
     """A context as far as planning and ``Bring`` need one."""
     Bring.trouble.clear()
     Bring.halted.clear()
+    LookFor.looked.clear()
     clock = ManualClock()
     one = np.ones(1)
     arm = ArmModel(("joint",), "base", "tool", -one, one, one, one, one)
@@ -86,7 +112,9 @@ def skills() -> Any:
         "robot", "<robot name='r'/>", "base", {"base": base}, {"arm": arm}, postures={"carry": {"joint": 0.0}}
     )
     context.world = WorldModel(
-        SemanticMap(np.zeros((0, 4)), {"table": piece("table", 3.0), "desk": piece("desk", 6.0)})
+        SemanticMap(
+            np.zeros((0, 4)), {"table": piece("table", 3.0), "desk": piece("desk", 6.0), "shelf": piece("shelf", 9.0)}
+        )
     )
     context.world.models["cup"] = CUP
     context.world.objects["cup"] = believed("cup", "table/top")
@@ -100,7 +128,7 @@ def skills() -> Any:
 
 def planned(skills: Any, library: NodeRegistry, goal: str, builder: str = "reactive", limits: str = "") -> Tree:
     """The shipped tree that reaches a goal."""
-    how = f'planner="symbolic" builder="{builder}" limits="{limits}"'
+    how = f'planner="symbolic" builder="{builder}" limits="{limits}" replans="6"'
     main = f'<SubTree ID="ReachGoal" name="reach" goal="{goal}" {how}/>'
     xml = (
         '<root BTCPP_format="4" main_tree_to_execute="Main"><include path="plan_and_execute.xml"/>'
@@ -145,11 +173,32 @@ def test_a_reactive_tree_recovers_by_itself(skills: Any, library: NodeRegistry) 
 
 def test_without_a_plan_it_says_what_is_missing_and_does_not_ask_again(skills: Any, library: NodeRegistry) -> None:
     del skills.world.objects["cup"]
-    skills.world.searched.update({("cup", "table/top"): 1.0, ("cup", "desk/top"): 1.0})
+    skills.world.searched.update({("cup", "table/top"): 1.0, ("cup", "desk/top"): 1.0, ("cup", "shelf/top"): 1.0})
     assert run(planned(skills, library, "on(cup, desk)")) == FAILURE
     (failure,) = skills.failures
     assert failure.error_code == "unsolvable"
     assert "on(cup, desk/top) is out of reach" in failure.why
+
+
+@pytest.mark.parametrize("builder", ["sequence", "reactive", "backchain"])
+def test_where_it_is_not_found_the_next_place_is_planned_for(
+    skills: Any, library: NodeRegistry, builder: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del skills.world.objects["cup"]
+    monkeypatch.setattr(LookFor, "hidden", "shelf/top")
+    assert run(planned(skills, library, "on(cup, table)", builder)) == SUCCESS
+    assert len(LookFor.looked) == len(set(LookFor.looked))
+    assert LookFor.looked[-1] == "shelf/top"
+    assert skills.world.objects["cup"].surface == "table/top"
+
+
+def test_after_all_places_were_searched_it_says_so_with_their_names(skills: Any, library: NodeRegistry) -> None:
+    del skills.world.objects["cup"]
+    assert run(planned(skills, library, "on(cup, table)")) == FAILURE
+    assert sorted(LookFor.looked) == ["desk/top", "shelf/top", "table/top"]
+    last = skills.failures[-1]
+    assert last.error_code == "unsolvable"
+    assert last.why == "the cup was not found at: table/top, desk/top, shelf/top: on(cup, table/top) is out of reach"
 
 
 def test_limits_bind_the_plans_that_a_tree_makes(skills: Any, library: NodeRegistry) -> None:
