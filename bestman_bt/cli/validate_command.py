@@ -15,6 +15,7 @@ from bestman_bt.runtime.plugins import node_registry
 GIVEN = (
     *("object", "source", "target", "goal", "goals", "objects", "region_x", "region_y"),
     *("articulation", "furniture", "at_least", "at_most", "front", "top", "inside", "views"),
+    *("planner", "builder", "limits", "replans"),
 )
 """Root entries that a task, or ``bestman-bt look``, fills before the first tick."""
 
