@@ -115,8 +115,10 @@ class AttachedRun(MonitoredRun):
             if isinstance(event, ImageEvent):
                 self._take(event)
 
-        with contextlib.suppress(OSError, TimeoutError):
-            await self._read(("images",), take, while_watched=True)
+        while self.watchers and not self.is_over:
+            with contextlib.suppress(OSError, TimeoutError):
+                await self._read(("images",), take, while_watched=True)
+            await asyncio.sleep(RETRY)
 
     async def _read(
         self, topics: tuple[Topic, ...], take: Callable[[Event], None], while_watched: bool = False

@@ -91,9 +91,10 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
         viewers += 1
         try:
             await Viewer(runs, websocket.send_text, websocket.receive_text, config.read_only).run()
-        except (WebSocketDisconnect, KeyError):  # KeyError: a binary message, which no page sends
-            with contextlib.suppress(RuntimeError):
-                await websocket.close(1003)
+        except WebSocketDisconnect:
+            _LOG.debug("a page has gone")
+        except KeyError:  # a binary message, which no page sends
+            await websocket.close(1003, "texts only")
         finally:
             viewers -= 1
 

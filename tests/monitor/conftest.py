@@ -31,8 +31,17 @@ Message = dict[str, Any]
 def run_event(**changed: Any) -> Message:
     return {
         "event": "run",
-        **{"version": 1, "task": "fetch", "tree": "fetch_cup", "scene": "kitchen", "robot": "diff_panda", "seed": 7},
-        **{"folder": "", "pid": os.getpid(), "started": 1000.0, "tick_rate": 20.0, "clock": "simulated"},
+        "version": 1,
+        "task": "fetch",
+        "tree": "fetch_cup",
+        "scene": "kitchen",
+        "robot": "diff_panda",
+        "seed": 7,
+        "folder": "",
+        "pid": os.getpid(),
+        "started": 1000.0,
+        "tick_rate": 20.0,
+        "clock": "simulated",
         **changed,
     }
 
