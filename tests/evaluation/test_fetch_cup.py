@@ -17,6 +17,10 @@ from bestman_bt.configuration import load_run, read_run
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS
 from bestman_bt.engine.logs.btlog import read_btlog
 from bestman_bt.runtime import load_for, prepare
+from bestman_bt.runtime.world_file import read_world
+from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.state import read_state
+from bestman_bt.task_planning.symbolic import parse_fact
 from tests.cli.command_line import Program
 from tests.evaluation.conftest import SEED, Fetch
 
@@ -67,10 +71,18 @@ def test_the_result_has_the_fields_that_a_run_owes(fetch: Fetch) -> None:
     assert {"python", "bestman-bt", "pybullet"} <= set(result["versions"])
 
 
-def test_the_run_folder_holds_result_configuration_and_transitions_and_no_more(fetch: Fetch) -> None:
-    assert sorted(path.name for path in fetch.folder.iterdir()) == ["config.yaml", "result.json", "transitions.btlog"]
+def test_the_run_folder_holds_result_configuration_logs_and_beliefs_and_no_more(fetch: Fetch) -> None:
+    names = {"config.yaml", "motion.jsonl", "result.json", "transitions.btlog", "world.yaml"}
+    assert {path.name for path in fetch.folder.iterdir()} == names
     assert fetch.folder.name.endswith(f"-fetch_cup-{SEED}")
     assert json.loads((fetch.folder / "result.json").read_text()) == fetch.result
+
+
+def test_what_the_robot_believed_at_the_end_can_be_planned_from(fetch: Fetch) -> None:
+    file = read_world(fetch.folder / "world.yaml")
+    assert (file.scene, file.seed) == ("kitchen", SEED)
+    state = read_state(Beliefs(file.world_model(prepare(load_run("fetch_cup", seed=SEED)))))
+    assert {parse_fact("on(cup, counter/top)"), parse_fact("hand_empty")} <= state
 
 
 def test_the_transitions_tell_the_run_from_the_first_tick_to_the_last(fetch: Fetch) -> None:
