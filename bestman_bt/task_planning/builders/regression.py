@@ -67,7 +67,7 @@ def staircase(steps: Sequence[Step], goal: Iterable[Literal], most_ways: int) ->
         for skipped, follower in enumerate(table):
             for after, left_out in follower.items():
                 before = _before(step, after)
-                if before is not None and not any(before >= way for way in later):  # else a later one is ready, too
+                if before is not None and not _covered(before, later):  # else a later one is ready, too
                     ways[before] = min(ways.get(before, skipped + left_out), skipped + left_out)
         ways = dict(sorted(_simplified(ways).items(), key=lambda way: (way[1], sorted(way[0])))[:most_ways])
         table.insert(0, ways)
@@ -80,6 +80,16 @@ def _before(step: Step, after: Kernel) -> Kernel | None:
         return kernel(step, after)
     except PlanningError:  # ``after`` cannot come next
         return None
+
+
+def _covered(way: Kernel, others: Sequence[Kernel]) -> bool:
+    """Whether one of the others holds wherever a way does: at once, or however a literal is (Shannon expansion)."""
+    if any(other <= way for other in others):
+        return True
+    possible = [other for other in others if not any(~literal in way for literal in other)]
+    asked = frozenset().union(*possible) - way
+    undecided = min((literal for literal in asked if ~literal in asked), default=None)
+    return undecided is not None and all(_covered(way | {one}, possible) for one in (undecided, ~undecided))
 
 
 def _simplified(ways: Mapping[Kernel, int]) -> dict[Kernel, int]:

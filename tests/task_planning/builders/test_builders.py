@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, NodeRegistry
@@ -18,7 +20,7 @@ from bestman_bt.task_planning.builders import (
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run, load_simulated
 from bestman_bt.task_planning.symbolic import PlanningError, Problem, parse_literals
 from tests.task_planning.disturbed_world import Upset
-from tests.task_planning.kitchen_domain import FETCH, FETCH_GOAL, facts, kitchen, plan_of
+from tests.task_planning.kitchen_domain import DOOR, FETCH, FETCH_GOAL, facts, kitchen, operator, plan_of
 
 ALL = [SequenceBuilder(), ReactiveBuilder(), BackchainBuilder()]
 RECOVERING = [ReactiveBuilder(), BackchainBuilder()]
@@ -148,6 +150,19 @@ def test_a_step_leads_to_the_goal_where_later_ones_may_be_left_out() -> None:
     assert stairs[2].holds_in(facts("holding(mug)", "open(drawer_1)"))
     assert stairs[2].ways == (frozenset(parse_literals("holding(mug)")),)
     assert not any(each.holds_in(facts("hand_empty")) for each in stairs)
+
+
+def test_a_way_in_which_a_later_step_or_the_goal_is_ready_anyhow_is_not_asked_for() -> None:
+    """Before opening: where the mug is on the table, the drawer is shut, or shutting it comes next."""
+    problem = kitchen("on(mug, table) and closed(drawer_1)", "closed(drawer_1)")
+    half = [
+        operator("OpenContainer", DOOR, "not open({container})", "open({container}) and not closed({container})"),
+        operator("CloseContainer", DOOR, "not closed({container})", "closed({container}) and not open({container})"),
+    ]  # fmt: skip
+    problem = replace(problem, operators=(*problem.operators[:2], *half))
+    stairs = staircase(steps_one_by_one(plan_of(problem, *FETCH)), problem.goal, 8)
+    assert [len(each.ways) for each in stairs] == [1, 1, 1, 1]
+    assert stairs[0].ways[0] >= frozenset(parse_literals("on(mug, chest/drawer_1)"))
 
 
 def test_a_drawer_that_is_pushed_shut_while_its_mug_is_in_the_hand_need_not_be_shut_any_more() -> None:
