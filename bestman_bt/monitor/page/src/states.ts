@@ -1,0 +1,56 @@
+// The five states: each has a name, a letter and a shape beside its colour, so that no one needs to tell hues apart.
+
+export const IDLE = 0;
+export const RUNNING = 1;
+export const SUCCESS = 2;
+export const FAILURE = 3;
+export const SKIPPED = 4;
+
+export const STATE_NAMES = ["IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED"] as const;
+
+export function stateName(state: number | string): string {
+  return typeof state === "string" ? state : (STATE_NAMES[state] ?? "IDLE");
+}
+
+/** SVG paths on a 16 x 16 field: the outer shape, and the sign cut into it. */
+export const STATE_SHAPES: readonly { shape: string; sign: string }[] = [
+  { shape: "M8 3.2a4.800 4.800 0 1 0 .01 0z", sign: "" },
+  { shape: "M3.2 1.900 14.4 8 3.200 14.100z", sign: "" },
+  { shape: "M8 1a7 7 0 1 0 .01 0z", sign: "M4.700 8.200 7.100 10.600 11.400 5.700" },
+  { shape: "M2.500 1.500h11a1 1 0 0 1 1 1v11a1 1 0 0 1-1 1h-11a1 1 0 0 1-1-1v-11a1 1 0 0 1 1-1z", sign: "M5.200 5.200l5.600 5.600M10.800 5.200l-5.600 5.600" },
+  { shape: "M8 .8 15.200 8 8 15.200.8 8z", sign: "M5.300 8h5.400" },
+];
+
+const CONTROL_SIGNS: Record<string, string> = {
+  Sequence: "→",
+  SequenceWithMemory: "→",
+  ReactiveSequence: "⇢",
+  AsyncSequence: "→",
+  Fallback: "?",
+  ReactiveFallback: "?",
+  AsyncFallback: "?",
+  Parallel: "⇉",
+  ParallelAll: "⇉",
+  Inverter: "¬",
+  RetryUntilSuccessful: "↻",
+  Repeat: "↻",
+  KeepRunningUntilFailure: "↻",
+  Delay: "◷",
+  Timeout: "◷",
+  RateController: "◷",
+  ForceSuccess: "✓",
+  ForceFailure: "✗",
+};
+
+const CATEGORY_SIGNS: Record<string, string> = {
+  action: "▸",
+  condition: "◦",
+  control: "◆",
+  decorator: "◇",
+  subtree: "⊞",
+};
+
+/** The sign by which the literature draws a node of this kind. */
+export function kindSign(type: string, category: string): string {
+  return CONTROL_SIGNS[type] ?? CATEGORY_SIGNS[category] ?? "▸";
+}

@@ -1,0 +1,137 @@
+// Paints the timeline: lanes of spans, marks, the axis, and where one looks.
+
+import { FAILURE, IDLE } from "../states";
+import { FONT, type Palette } from "../theme";
+import type { Mark } from "../protocol";
+import type { Lane } from "./lanes";
+
+export const GUTTER = 148;
+export const AXIS = 18;
+export const TALL_LANE = 18;
+const SLIM_LANE = 15;
+const MARKS = 12;
+
+export interface TimelinePicture {
+  width: number;
+  height: number;
+  gutter: number;
+  first: number;
+  last: number;
+  time: number;
+  live: boolean;
+  lanes: Lane[];
+  marks: Mark[];
+  tall: boolean;
+  selected: number;
+  nameOf: (index: number) => string;
+}
+
+export function positionOf(time: number, picture: { width: number; gutter: number; first: number; last: number }): number {
+  const span = Math.max(0.5, picture.last - picture.first);
+  return picture.gutter + ((time - picture.first) / span) * (picture.width - picture.gutter - 10);
+}
+
+/** A step of 1, 2 or 5 times a power of ten, or of minutes, that leaves about `room` pixels between labels. */
+function stepOf(span: number, width: number, room: number): number {
+  const least = (span * room) / Math.max(1, width);
+  const steps = [0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600];
+  return steps.find((step) => step >= least) ?? 7200;
+}
+
+function label(time: number): string {
+  if (time < 60) return `${Number(time.toFixed(1))} s`;
+  return `${Math.floor(time / 60)}:${String(Math.round(time % 60)).padStart(2, "0")}`;
+}
+
+export function paintTimeline(context: CanvasRenderingContext2D, picture: TimelinePicture, colours: Palette): void {
+  const { width, height, first, last, lanes, tall, gutter } = picture;
+  const at = (time: number): number => positionOf(time, picture);
+  context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  context.font = `500 10.500px ${FONT}`;
+  context.textBaseline = "middle";
+
+  const step = stepOf(last - first, width - gutter, 64);
+  for (let time = Math.ceil(first / step) * step; time <= last + 1e-6; time += step) {
+    const x = Math.round(at(time)) + 0.5;
+    context.strokeStyle = colours.line;
+    context.lineWidth = 1;
+    context.beginPath();
+    context.moveTo(x, AXIS);
+    context.lineTo(x, height);
+    context.stroke();
+    context.fillStyle = colours.muted;
+    context.textAlign = time === 0 ? "left" : "center";
+    context.fillText(label(time), x, AXIS / 2);
+  }
+
+  const lane = tall ? TALL_LANE : SLIM_LANE;
+  const top = AXIS + MARKS + 2;
+  lanes.forEach((row, i) => {
+    const y = top + i * lane;
+    if (tall) {
+      if (row.index === picture.selected) {
+        context.fillStyle = colours.soft[1]!;
+        context.fillRect(0, y, width, lane);
+      }
+      context.fillStyle = row.index === picture.selected ? colours.ink : colours.muted;
+      context.textAlign = "left";
+      context.fillText(row.name, 10, y + lane / 2, gutter - 20);
+    }
+    for (const { span, index } of row.spans) {
+      const x = at(span.from);
+      const wide = Math.max(2, at(span.to) - x - 0.5);
+      context.fillStyle = span.state === IDLE ? colours.faint : colours.states[span.state]!;
+      context.globalAlpha = span.state === 1 ? 0.9 : 0.55;
+      context.beginPath();
+      context.roundRect(x, y + 2, wide, lane - 4, Math.min(3, wide / 2));
+      context.fill();
+      context.globalAlpha = 1;
+      if (tall || wide < 26) continue;
+      context.fillStyle = colours.signs[span.state]!;
+      context.textAlign = "left";
+      context.save();
+      context.beginPath();
+      context.rect(x, y, wide - 4, lane);
+      context.clip();
+      context.fillText(picture.nameOf(index), x + 5, y + lane / 2 + 0.5);
+      context.restore();
+    }
+  });
+
+  for (const mark of picture.marks) paintMark(context, mark, at(mark.time), AXIS + MARKS / 2, colours);
+
+  const x = at(Math.min(last, Math.max(first, picture.time)));
+  context.strokeStyle = context.fillStyle = picture.live ? colours.states[1]! : colours.ink;
+  context.lineWidth = 2;
+  context.beginPath();
+  context.moveTo(x, AXIS - 2);
+  context.lineTo(x, height);
+  context.stroke();
+  context.beginPath();
+  context.moveTo(x - 6, 4);
+  context.lineTo(x + 6, 4);
+  context.lineTo(x + 6, 11);
+  context.lineTo(x, AXIS - 1);
+  context.lineTo(x - 6, 11);
+  context.closePath();
+  context.fill();
+}
+
+/** Failures as squares, warnings as triangles, all else as small discs. */
+function paintMark(context: CanvasRenderingContext2D, mark: Mark, x: number, y: number, colours: Palette): void {
+  context.beginPath();
+  if (mark.kind === "error" || mark.kind === "failure") {
+    context.fillStyle = colours.states[FAILURE]!;
+    context.roundRect(x - 4, y - 4, 8, 8, 1.500);
+  } else if (mark.kind === "warning") {
+    context.fillStyle = colours.scan;
+    context.moveTo(x, y - 5);
+    context.lineTo(x + 5, y + 4);
+    context.lineTo(x - 5, y + 4);
+  } else {
+    context.fillStyle = mark.kind === "image" ? colours.faint : colours.muted;
+    context.arc(x, y, 3, 0, 2 * Math.PI);
+  }
+  context.fill();
+}

@@ -1,0 +1,35 @@
+import { readdirSync, readFileSync } from "node:fs";
+import { defineConfig, type Plugin } from "vite";
+
+const BUNDLED = ["preact", "@preact/signals", "@preact/signals-core", "d3-hierarchy", "uplot", "@fontsource-variable/inter"];
+
+/** The licences of what the bundle contains travel with it. */
+function licences(): Plugin {
+  return {
+    name: "licences",
+    generateBundle() {
+      const texts = BUNDLED.map((name) => {
+        const folder = new URL(`node_modules/${name}/`, import.meta.url);
+        const file = readdirSync(folder).find((candidate) => /^licen[cs]e/i.test(candidate));
+        if (file === undefined) throw new Error(`${name} has no licence file`);
+        return `${name}\n\n${readFileSync(new URL(file, folder), "utf8").trim()}\n`;
+      });
+      this.emitFile({ type: "asset", fileName: "LICENSES.txt", source: texts.join(`\n${"-".repeat(80)}\n\n`) });
+    },
+  };
+}
+
+// Files are never inlined as data: URLs, because the server's Content-Security-Policy allows scripts of its own origin only.
+export default defineConfig({
+  base: "./",
+  plugins: [licences()],
+  build: {
+    outDir: "../static",
+    emptyOutDir: true,
+    assetsInlineLimit: 0,
+    modulePreload: { polyfill: false },
+    target: "es2022",
+    chunkSizeWarningLimit: 300,
+  },
+  server: { port: 8751, proxy: { "/ws": { target: "ws://127.0.0.1:8750", ws: true }, "/runs": "http://127.0.0.1:8750" } },
+});
