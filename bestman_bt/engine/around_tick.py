@@ -63,7 +63,7 @@ def with_pre_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
 
     def run() -> int:
         if node._s <= RUNNING:
-            for before in hooks.pre:
+            for before in tuple(hooks.pre):  # one may remove itself
                 replaced = before(node)
                 if replaced in (SUCCESS, FAILURE, SKIPPED):
                     return int(replaced)
@@ -80,7 +80,7 @@ def with_post_hooks(node: Node, core: Tick, hooks: Hooks) -> Tick:
 
     def run() -> int:
         status = core()
-        for after in hooks.post:
+        for after in tuple(hooks.post):
             replaced = after(node, status)
             if replaced in (SUCCESS, FAILURE):
                 status = int(replaced)

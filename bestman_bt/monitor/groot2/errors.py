@@ -1,0 +1,11 @@
+"""What goes wrong between Groot2 and a tree."""
+
+from __future__ import annotations
+
+
+class Groot2Error(Exception):
+    """The publisher cannot serve: no library, no port, or a tree that the protocol cannot number."""
+
+
+class RequestError(Exception):
+    """A request cannot be answered; its text is told to the one who asked."""

@@ -1,0 +1,195 @@
+"""Hooks that Groot2 puts on nodes: breakpoints that hold up a tick, and results given in a node's place.
+
+They act as those of BehaviorTree.CPP's ``Groot2Publisher``: one before and one after each node, a second one on the
+same place changes the first. A breakpoint holds the thread that ticks: simulated time stands still, a real base stops
+by its dead man's switch, arms hold where they are. A cancelled execution leaves it.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from bestman_bt.engine import FAILURE, SUCCESS, Node, Tree
+from bestman_bt.monitor.groot2.errors import RequestError
+
+POLL = 0.05
+"""Seconds after which a tick that is held up looks whether the execution was cancelled."""
+NOT_FOUND = "Node ID not found"
+_REPLACING = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
+"""The results that replace a node's own; all others leave it."""
+
+
+class Position(IntEnum):
+    """Where a hook is."""
+
+    BEFORE = 0
+    AFTER = 1
+
+
+class Mode(IntEnum):
+    """What a hook does."""
+
+    BREAKPOINT = 0
+    REPLACE = 1
+
+
+Uid = Annotated[int, Field(ge=0, le=65535)]
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+    uid: Uid
+    position: Position
+
+
+class _Unlock(_Message):
+    desired_status: str
+    remove_when_done: bool
+
+
+class _Insertion(_Message):
+    enabled: bool
+    mode: Mode
+    once: bool
+    desired_status: Literal["IDLE", "RUNNING", "SUCCESS", "FAILURE", "SKIPPED"]
+
+
+class _Hook:
+    """A hook that stands; guarded by the lock of ``Hooks``."""
+
+    def __init__(self, asked: _Insertion, run: Callable[[_Hook], int | None]) -> None:
+        self.uid, self.position = asked.uid, asked.position
+        self.ready = False
+        self.change(asked)
+        self.callback: Callable[..., int | None] = lambda *_: run(self)
+
+    def change(self, asked: _Insertion) -> None:
+        """Become what was asked for; the place stays."""
+        self.enabled, self.mode, self.once = asked.enabled, asked.mode, asked.once
+        self.desired_status: str = asked.desired_status
+
+    def document(self) -> dict[str, Any]:
+        return {
+            "desired_status": self.desired_status,
+            "enabled": self.enabled,
+            "mode": int(self.mode),
+            "once": self.once,
+            "position": int(self.position),
+            "uid": self.uid,
+        }
+
+
+class Hooks:
+    """The hooks on the nodes of ``tree``. ``reached``: told, in the ticking thread, of each node whose hook is met."""
+
+    def __init__(self, tree: Tree, reached: Callable[[int], None]) -> None:
+        self._tree = tree
+        self._reached = reached
+        self._changed = threading.Condition()
+        self._hooks: dict[tuple[Position, int], _Hook] = {}
+
+    def insert(self, content: bytes) -> None:
+        """Put or change one hook, or a list of them; those on unknown nodes are left out, as BehaviorTree.CPP does."""
+        several = content.lstrip().startswith(b"[")
+        for one in _read(list[_Insertion], content) if several else [_read(_Insertion, content)]:
+            with self._changed:
+                standing = self._hooks.get((one.position, one.uid))
+                if standing is not None:
+                    standing.ready |= standing.mode is Mode.BREAKPOINT and one.mode is Mode.REPLACE
+                    standing.change(one)
+                    self._changed.notify_all()
+                elif 1 <= one.uid <= len(self._tree.nodes):
+                    self._put(_Hook(one, self._run))
+
+    def remove(self, content: bytes) -> None:
+        """Take one hook away and let go whatever it holds up."""
+        asked = _read(_Message, content)
+        with self._changed:
+            self._take(self._standing(asked))
+
+    def remove_all(self) -> None:
+        """Take all hooks away and let go whatever they hold up."""
+        with self._changed:
+            for hook in list(self._hooks.values()):
+                self._take(hook)
+
+    def enable_all(self, enabled: bool) -> None:
+        """Switch all hooks on, or off: then they hold up nothing."""
+        with self._changed:
+            for hook in self._hooks.values():
+                hook.enabled = enabled
+            self._changed.notify_all()
+
+    def unlock(self, content: bytes) -> None:
+        """Let the tick that a breakpoint holds up go on, with a result in the node's place if one is given."""
+        asked = _read(_Unlock, content)
+        with self._changed:
+            hook = self._standing(asked)
+            hook.desired_status = asked.desired_status if asked.desired_status in _REPLACING else "SKIPPED"
+            hook.once |= asked.remove_when_done
+            hook.ready |= hook.mode is Mode.BREAKPOINT
+            self._changed.notify_all()
+
+    def dump(self) -> bytes:
+        """All hooks as JSON, those before nodes first."""
+        with self._changed:
+            standing = sorted(self._hooks.values(), key=lambda hook: (hook.position, hook.uid))
+            return json.dumps([hook.document() for hook in standing], separators=(",", ":")).encode()
+
+    def _standing(self, asked: _Message) -> _Hook:
+        hook = self._hooks.get((asked.position, asked.uid))
+        if hook is None:
+            raise RequestError(NOT_FOUND)
+        return hook
+
+    def _put(self, hook: _Hook) -> None:
+        self._hooks[hook.position, hook.uid] = hook
+        node = self._node(hook)
+        if hook.position is Position.BEFORE:
+            node.add_pre_tick(hook.callback)
+        else:
+            node.add_post_tick(hook.callback)
+
+    def _take(self, hook: _Hook) -> None:
+        hook.enabled = False  # a tick may already have read the callback
+        if self._hooks.pop((hook.position, hook.uid), None) is hook:
+            self._node(hook).remove_hook(hook.callback)
+        self._changed.notify_all()
+
+    def _node(self, hook: _Hook) -> Node:
+        return self._tree.nodes[hook.uid - 1]
+
+    def _run(self, hook: _Hook) -> int | None:
+        """The tick has come to ``hook``: tell it, wait where it is a breakpoint, and say what replaces the result."""
+        if not hook.enabled:
+            return None
+        if hook.mode is Mode.BREAKPOINT:
+            self._tree.publish()
+        self._reached(hook.uid)
+        with self._changed:
+            if hook.mode is Mode.BREAKPOINT:
+                while hook.enabled and not hook.ready:
+                    self._changed.wait(POLL)
+                    self._tree.raise_if_refused()
+                hook.ready = False
+            if not hook.enabled:
+                return None
+            if hook.once:
+                self._take(hook)
+            return _REPLACING.get(hook.desired_status)
+
+
+def _read(form: Any, content: bytes) -> Any:
+    try:
+        return TypeAdapter(form).validate_json(content, strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise RequestError(f"{place + ': ' if place else ''}{first['msg']}") from error

@@ -1,0 +1,199 @@
+"""Shows a tree to Groot2, live, and lets it hold up and replace what nodes do."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+import uuid
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from bestman_bt.engine import Tree
+from bestman_bt.engine.xml.writer import XmlError, full_tree_xml
+from bestman_bt.monitor.groot2.blackboard_dump import dump_blackboards
+from bestman_bt.monitor.groot2.errors import Groot2Error, RequestError
+from bestman_bt.monitor.groot2.hooks import Hooks
+from bestman_bt.monitor.groot2.observed_states import ObservedStates
+from bestman_bt.monitor.groot2.protocol import (
+    DEFAULT_PORT,
+    Request,
+    RequestKind,
+    breakpoint_message,
+    error_reply,
+    reply,
+)
+
+if TYPE_CHECKING:
+    import zmq
+
+MOST_NODES = 2**16 - 1
+"""The protocol numbers nodes by 16 bits."""
+
+
+@dataclass(frozen=True)
+class PublisherParameters:
+    """``host``, ``port``: where requests are answered; breakpoints are told on the next port.
+
+    ``heartbeat``: seconds without a request after which nobody is there any more and hooks are switched off;
+    ``poll``: seconds between looks; ``most_bytes``: of a message.
+    """
+
+    port: int = DEFAULT_PORT
+    host: str = "127.0.0.1"
+    heartbeat: float = 5.0
+    poll: float = 0.05
+    most_bytes: int = 1 << 20
+
+
+class Groot2Publisher:
+    """Serves one tree between ``open`` and ``close``; a context manager.
+
+    Answers come from a thread of its own: a tick only notes its state changes, and waits only at breakpoints.
+    """
+
+    def __init__(self, tree: Tree, parameters: PublisherParameters | None = None) -> None:
+        self.parameters = parameters or PublisherParameters()
+        self._tree = tree
+        self._uuid = uuid.uuid4().bytes
+        self._xml = b""
+        self._states = ObservedStates(tree)
+        self._hooks = Hooks(tree, self._tell_of_breakpoint)
+        self._identifiers = itertools.count(1)
+        self._telling = threading.Lock()
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._context: zmq.Context[Any] | None = None
+        self._requests: zmq.Socket[Any] | None = None
+        self._breakpoints: zmq.Socket[Any] | None = None
+
+    def open(self) -> Groot2Publisher:
+        """Bind both ports and begin to answer.
+
+        Raises:
+            Groot2Error: the extra is not installed, a port is taken, or the tree cannot be shown.
+        """
+        zmq = import_zmq()
+        if len(self._tree.nodes) > MOST_NODES:
+            raise Groot2Error(f"the tree has {len(self._tree.nodes)} nodes; Groot2 can tell {MOST_NODES} apart")
+        try:
+            self._xml = full_tree_xml(self._tree).encode()
+        except XmlError as error:
+            raise Groot2Error(str(error)) from error
+        self._context = zmq.Context()
+        self._requests = self._bound(zmq.REP, self.parameters.port)
+        self._breakpoints = self._bound(zmq.PUB, self.parameters.port + 1)
+        self._states = ObservedStates(self._tree)
+        self._tree.subscribe(self._states.on_changes)
+        self._thread = threading.Thread(target=self._serve, name="groot2", daemon=True)
+        self._thread.start()
+        return self
+
+    def close(self) -> None:
+        """Let go what breakpoints hold up, and stop answering."""
+        self._closing.set()
+        self._tree.unsubscribe(self._states.on_changes)
+        self._hooks.remove_all()
+        if self._thread is not None:
+            self._thread.join()
+        with self._telling:
+            if self._context is not None:
+                self._context.destroy(linger=0)
+            self._context = self._requests = self._breakpoints = None
+
+    def __enter__(self) -> Groot2Publisher:
+        return self.open()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _bound(self, kind: int, port: int) -> zmq.Socket[Any]:
+        import zmq
+
+        assert self._context is not None
+        socket: zmq.Socket[Any] = self._context.socket(kind)
+        socket.setsockopt(zmq.LINGER, 0)
+        socket.setsockopt(zmq.MAXMSGSIZE, self.parameters.most_bytes)
+        address = f"tcp://{self.parameters.host}:{port}"
+        try:
+            socket.bind(address)
+        except zmq.ZMQError as error:
+            self._context.destroy(linger=0)
+            self._context = None
+            raise Groot2Error(f"Groot2 cannot be served at {address}: {error}") from error
+        return socket
+
+    def _serve(self) -> None:
+        import zmq
+
+        assert self._requests is not None
+        last_request, there = time.monotonic(), True
+        while not self._closing.is_set():
+            asked = self._requests.poll(round(self.parameters.poll * 1000)) != 0
+            if asked:
+                last_request = time.monotonic()
+            if there != (time.monotonic() - last_request < self.parameters.heartbeat):
+                there = not there
+                self._hooks.enable_all(there)
+            if asked:
+                parts = self._requests.recv_multipart()
+                self._requests.send_multipart(self._answer(parts), zmq.DONTWAIT)
+
+    def _answer(self, parts: list[bytes]) -> list[bytes]:
+        try:
+            request = Request.parse(parts)
+            return reply(request, self._uuid, self._content(request))
+        except RequestError as error:
+            return error_reply(str(error))
+
+    def _content(self, request: Request) -> bytes | None:
+        """Do what is asked; the second part of the answer."""
+        match request.kind:
+            case RequestKind.FULL_TREE:
+                return self._xml
+            case RequestKind.STATUS:
+                return self._states.status_bytes()
+            case RequestKind.BLACKBOARD:
+                return dump_blackboards(self._tree, request.needed().decode(errors="replace"))
+            case RequestKind.INSERT_HOOK:
+                self._hooks.insert(request.needed())
+            case RequestKind.REMOVE_HOOK:
+                self._hooks.remove(request.needed())
+            case RequestKind.REMOVE_ALL_HOOKS:
+                self._hooks.remove_all()
+            case RequestKind.DISABLE_ALL_HOOKS:
+                self._hooks.enable_all(False)
+            case RequestKind.DUMP_HOOKS:
+                return self._hooks.dump()
+            case RequestKind.UNLOCK_BREAKPOINT:
+                self._hooks.unlock(request.needed())
+            case RequestKind.TOGGLE_RECORDING:
+                if request.needed() == b"start":
+                    return self._states.start_recording()
+                if request.needed() == b"stop":
+                    self._states.stop_recording()
+            case RequestKind.TRANSITIONS:
+                return self._states.take_transitions()
+            case _:
+                raise RequestError("Request not recognized")
+        return None
+
+    def _tell_of_breakpoint(self, uid: int) -> None:
+        import zmq
+
+        with self._telling:
+            if self._breakpoints is not None:
+                self._breakpoints.send_multipart(breakpoint_message(next(self._identifiers), uid), zmq.DONTWAIT)
+
+
+def import_zmq() -> Any:
+    """ZeroMQ, and that MessagePack is there; Groot2Error that names the extra where they are not."""
+    try:
+        import msgpack  # noqa: F401
+        import zmq
+    except ImportError as error:
+        raise Groot2Error("Groot2 needs the extra groot2: pip install 'bestman-bt[groot2]'") from error
+    return zmq

@@ -1,0 +1,201 @@
+"""What a publisher does for the executor's sake and against odd clients."""
+
+from __future__ import annotations
+
+import json
+import random
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+
+import pytest
+
+from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, Tree, load_tree
+from bestman_bt.messages import Pose2D
+from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, PublisherParameters
+from bestman_bt.monitor.groot2.blackboard_dump import dump_blackboards
+from bestman_bt.runtime import Ending, Execution, Executor
+from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
+
+msgpack = pytest.importorskip("msgpack")
+
+XML = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence name="all"><AlwaysSuccess name="first"/>
+<Sleep name="nap" msec="200"/></Sequence></BehaviorTree></root>"""
+FIRST = 2
+
+
+@pytest.fixture
+def tree() -> Tree:
+    return load_tree(XML, registry=NodeRegistry(), clock=ManualClock())
+
+
+@pytest.fixture
+def publisher(tree: Tree) -> Iterator[Groot2Publisher]:
+    with Groot2Publisher(tree, PublisherParameters(free_ports(), heartbeat=0.4)) as serving:
+        yield serving
+
+
+@pytest.fixture
+def client(publisher: Groot2Publisher) -> Iterator[Groot2Client]:
+    with groot2_client(publisher.parameters.port) as asking:
+        yield asking
+
+
+def running(executor: Executor) -> tuple[threading.Thread, list[Execution]]:
+    """The executor in a thread of its own, and where its end will be told."""
+    ends: list[Execution] = []
+    thread = threading.Thread(target=lambda: ends.append(executor.run()))
+    thread.start()
+    return thread, ends
+
+
+def test_a_breakpoint_stops_simulated_time(tree: Tree, client: Groot2Client) -> None:
+    client.ask("I", hook(FIRST, 0))
+    thread, ends = running(Executor(tree, tree.clock))
+    client.breakpoint()
+    client.ask("S")
+    time.sleep(0.2)
+    assert tree.clock.now() == 0.0
+    client.ask("U", {"uid": FIRST, "desired_status": "SKIPPED", "position": 0, "remove_when_done": False})
+    thread.join(5.0)
+    assert [(end.ending, end.tree_status) for end in ends] == [(Ending.FINISHED, "SUCCESS")]
+
+
+@pytest.mark.parametrize("position", [0, 1])
+def test_a_cancelled_execution_leaves_a_breakpoint(tree: Tree, client: Groot2Client, position: int) -> None:
+    client.ask("I", hook(FIRST, 0, position=position))
+    executor = Executor(tree, tree.clock)
+    thread, ends = running(executor)
+    client.breakpoint()
+    executor.cancel("enough")
+    thread.join(5.0)
+    assert [(end.ending, end.why) for end in ends] == [(Ending.CANCELLED, "enough")]
+
+
+def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(
+    tree: Tree, client: Groot2Client
+) -> None:
+    client.ask("I", hook(FIRST, 0))
+    thread, ends = running(Executor(tree, tree.clock))
+    client.breakpoint()
+    thread.join(5.0)
+    assert ends[0].tree_status == "SUCCESS"
+    client.ask("S")
+    time.sleep(0.2)
+    assert json.loads(client.ask("D")[1])[0]["enabled"] is True
+
+
+def test_closing_lets_go_what_a_breakpoint_holds(tree: Tree) -> None:
+    parameters = PublisherParameters(free_ports())
+    with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+        client.ask("I", hook(FIRST, 0))
+        thread, ends = running(Executor(tree, tree.clock))
+        client.breakpoint()
+    thread.join(5.0)
+    assert ends[0].tree_status == "SUCCESS"
+    assert tree.nodes[FIRST - 1].hooks is None
+
+
+def test_a_hook_that_acts_once_is_gone_afterwards(tree: Tree, client: Groot2Client) -> None:
+    client.ask("I", hook(FIRST, 1, "FAILURE", once=True))
+    assert tree.tick_exactly_once() != RUNNING
+    assert json.loads(client.ask("D")[1]) == []
+    assert tree.tick_exactly_once() == RUNNING
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"{",
+        b"[" * 100_000,
+        b"null",
+        b"[1]",
+        b"{}",
+        b'{"enabled": true, "uid": "1", "mode": 0, "once": false, "desired_status": "SKIPPED", "position": 0}',
+        b'{"enabled": true, "uid": 1, "mode": 7, "once": false, "desired_status": "SKIPPED", "position": 0}',
+        b'{"enabled": true, "uid": 1, "mode": 0, "once": false, "desired_status": "WHAT", "position": 0}',
+        b'{"enabled": true, "uid": -1, "mode": 0, "once": false, "desired_status": "SKIPPED", "position": 0}',
+        "<script>ü".encode("latin-1"),
+    ],
+)
+@pytest.mark.parametrize("letter", ["I", "U", "R"])
+def test_damaged_requests_are_refused_and_the_next_ones_answered(
+    client: Groot2Client, letter: str, content: bytes
+) -> None:
+    head, words = client.ask(letter, content)
+    assert head == b"error"
+    assert words
+    assert json.loads(client.ask("D")[1]) == []
+
+
+def test_random_bytes_are_answered(client: Groot2Client) -> None:
+    generator = random.Random(5)
+    for _ in range(300):
+        parts = [generator.randbytes(generator.choice((0, 5, 6, 6, 7, 40))) for _ in range(generator.randint(1, 3))]
+        assert client.send(*parts)
+    assert client.states() == {1: 0, 2: 0, 3: 0}
+
+
+def test_only_this_machine_is_served(publisher: Groot2Publisher) -> None:
+    for port in (publisher.parameters.port, publisher.parameters.port + 1):
+        socket.create_connection(("127.0.0.1", port), 2.0).close()
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.2", port), 2.0)
+
+
+@pytest.mark.parametrize("taken", [0, 1])
+def test_a_port_that_is_taken_is_named(tree: Tree, taken: int) -> None:
+    port = free_ports()
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", port + taken))
+        other.listen()
+        with pytest.raises(Groot2Error, match=rf"127\.0\.0\.1:{port + taken}"):
+            Groot2Publisher(tree, PublisherParameters(port)).open()
+
+
+def test_a_tree_that_has_been_served_is_served_again(tree: Tree) -> None:
+    parameters = PublisherParameters(free_ports())
+    for _ in range(2):
+        with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+            tree.tick_exactly_once()
+            assert client.states()[1] == RUNNING
+
+
+def test_states_from_before_it_was_opened_are_shown(tree: Tree) -> None:
+    tree.tick_exactly_once()
+    parameters = PublisherParameters(free_ports())
+    with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+        assert client.states() == {1: RUNNING, 2: SUCCESS, 3: RUNNING}
+
+
+def test_values_of_all_kinds_are_shown_on_the_blackboard(tree: Tree) -> None:
+    class Rude:
+        def to_string(self) -> str:
+            raise RuntimeError("no")
+
+    values = {
+        "pose": Pose2D(1.0, 2.0, 0.5),
+        "yes": True,
+        "large": 2**70,
+        "list": [1, 0.1, "a"],
+        "other": deque([1]),
+        "rude": Rude(),
+        "long": "x" * 5000,
+        "real": float("inf"),
+    }
+    for key, value in values.items():
+        tree.blackboard.set(key, value)
+    shown = msgpack.unpackb(dump_blackboards(tree, "Main"))["Main"]
+    assert shown == {
+        "pose": values["pose"].to_string(),  # type: ignore[attr-defined]
+        "yes": True,
+        "large": str(2**70),
+        "list": [1, 0.1, "a"],
+        "other": "<deque>",
+        "rude": "<Rude>",
+        "long": "x" * 5000,
+        "real": float("inf"),
+    }
