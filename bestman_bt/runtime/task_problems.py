@@ -102,7 +102,8 @@ def _disturbance_problems(
         what = "the map has no door or drawer"
         yield from _unknown(config, (*path, "articulation"), asked.articulation, leaves, what)
     if asked.surface is not None:
-        yield from _unknown(config, (*path, "surface"), asked.surface, _surfaces(known), "the map has no surface")
+        what = "the map has no surface outside doors and drawers called"
+        yield from _unknown(config, (*path, "surface"), asked.surface, _surfaces(known, inside=False), what)
 
 
 def _unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str], what: str) -> Iterator[Problem]:
@@ -111,9 +112,11 @@ def _unknown(config: RunConfig, path: FieldPath, value: str, names: Iterable[str
         yield config.problem(path, f"{what} {value!r}; {suggestion(value, there)}")
 
 
-def _surfaces(known: WorldModel) -> list[str]:
-    furniture = known.map.furniture
-    return [*furniture, *(f"{name}/{s.name}" for name, piece in furniture.items() for s in piece.surfaces)]
+def _surfaces(known: WorldModel, inside: bool = True) -> list[str]:
+    """Names of furniture and surfaces; without ``inside`` not those of surfaces in drawers and behind doors."""
+    pieces = known.map.furniture
+    surfaces = [(piece, surface) for piece in pieces.values() for surface in piece.surfaces]
+    return [*pieces, *(f"{p.name}/{s.name}" for p, s in surfaces if inside or not p.is_inside(s))]
 
 
 def _contact_problems(config: RunConfig, world: World, things: list[str], model: RobotModel) -> Iterator[Problem]:

@@ -150,6 +150,12 @@ def test_what_is_wrong_with_a_disturbance_is_told_before_anything_starts(disturb
         prepare_episode(load_run("pick_place_table", seed=3, settings=[f"disturbances={disturbances}"]))
 
 
+def test_nothing_is_put_into_a_drawer() -> None:
+    asked = f"disturbances=[{{kind: elsewhere, object: cup, surface: {DRAWER}}}]"
+    with pytest.raises(ConfigurationError, match="no surface outside doors and drawers called 'drawer_chest/drawer_3'"):
+        prepare_episode(load_run("fetch_from_drawer", settings=[asked]))
+
+
 def test_a_grasp_slips_and_the_tree_recovers() -> None:
     names = ("cup", "can", "box", "soup_can")
     asked = ", ".join(f"{{kind: slips, object: {name}, after: [0, 0]}}" for name in names)
