@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Seed
+from bestman_bt.cli.options import MONITOR_PORT, Json, Monitor, MonitorPort, Seed
 from bestman_bt.cli.run_command import execute, exit_code
+from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.episode import prepare_episode
 
@@ -20,10 +21,15 @@ DEMO_SEED = 7
 def command(
     seed: Seed = DEMO_SEED,
     runs: Annotated[Path, typer.Option(help="Where the run folder is made.")] = Path("runs"),
+    monitor: Monitor = False,
+    monitor_port: MonitorPort = MONITOR_PORT,
     as_json: Json = False,
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
     with json_output(as_json) as tell:
-        result = execute(prepare_episode(load_run("fetch_cup", seed=seed, record=True)), runs, pictures=True)
+        setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
+        if monitor:
+            show_in_monitor(monitor_port)
+        result = execute(setup, runs, pictures=True)
         tell(result.to_document())
     sys.exit(exit_code(result))

@@ -12,8 +12,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from bestman_bt.cli.eval_view import EvaluationView
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Json, Plugins, Robot, Scene, Settings
+from bestman_bt.cli.options import MONITOR_PORT, Json, Monitor, MonitorPort, Plugins, Robot, Scene, Settings
 from bestman_bt.cli.run_view import CONSOLE
+from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, load_run
 from bestman_bt.evaluation.batch import run_batch
 from bestman_bt.evaluation.episode import prepare_episode
@@ -44,6 +45,8 @@ def command(
     keep_old: Annotated[
         bool, typer.Option("--keep-old", help="Count finished episodes that were run with other code.")
     ] = False,
+    monitor: Monitor = False,
+    monitor_port: MonitorPort = MONITOR_PORT,
     as_json: Json = False,
 ) -> None:
     """Run seeds SEED … SEED + EPISODES - 1 of each task and summarise."""
@@ -51,10 +54,12 @@ def command(
         if len(tasks) == 1 and out is None and not is_suite(tasks[0]):
             config = _config(tasks[0], seed or 0, scene, robot, settings, plugins)
             prepare_episode(config)  # what is wrong is told before the progress bar begins
+            _show(monitor, monitor_port)
             document = _evaluate(config, episodes or 10, jobs, runs)
             ended, met = document["episodes"] == (episodes or 10), not document["failures"]
         else:
             suite = _suite(tasks, episodes, seed, scene, robot, settings, plugins)
+            _show(monitor, monitor_port)
             is_kept = any(entry.asked is not None for entry in suite.entries)
             folder = out or (Path("runs/evaluations") / suite.name if is_kept else runs)
             document = _evaluate_suite(suite, folder, jobs, keep_old, as_json)
@@ -63,6 +68,11 @@ def command(
     if not as_json:
         (_tell_evaluation if "evaluation" in document else _tell)(document)
     sys.exit((0 if met else 1) if ended else 130)
+
+
+def _show(monitor: bool, port: int) -> None:
+    if monitor:
+        show_in_monitor(port)
 
 
 def _config(

@@ -9,16 +9,15 @@ from typing import Annotated
 
 import typer
 
+from bestman_bt.cli.options import MONITOR_PORT
 from bestman_bt.configuration import ConfigurationError, Problem
-
-DEFAULT_PORT = 8750
 
 
 def command(
     folders: Annotated[
         list[Path] | None, typer.Argument(metavar="[RUN]...", help="Run folders, or folders that hold some.")
     ] = None,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="0 for any free one.")] = DEFAULT_PORT,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 for any free one.")] = MONITOR_PORT,
     host: Annotated[str, typer.Option(help="Address to listen on; any but loopback demands a token.")] = "127.0.0.1",
     token: Annotated[
         str | None, typer.Option(help="The token to demand; made up where --host needs one.", show_default=False)

@@ -43,3 +43,8 @@ SavedWorld = Annotated[
     Path | None,
     typer.Option("--world", metavar="FILE", help="What is believed, as a run writes it: world.yaml in its folder."),
 ]
+Monitor = Annotated[
+    bool, typer.Option("--monitor", help="Show it live in the browser; the address is printed, the page stays on.")
+]
+MonitorPort = Annotated[int, typer.Option(min=1, max=65535, help="With --monitor: the port of the page.")]
+MONITOR_PORT = 8750

@@ -12,8 +12,20 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import Driver, Json, Plugins, Robot, Scene, Seed, Settings
+from bestman_bt.cli.options import (
+    MONITOR_PORT,
+    Driver,
+    Json,
+    Monitor,
+    MonitorPort,
+    Plugins,
+    Robot,
+    Scene,
+    Seed,
+    Settings,
+)
 from bestman_bt.cli.run_view import RunView, summary
+from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.cli.validate_command import GIVEN
 from bestman_bt.configuration import (
     ConfigurationError,
@@ -57,6 +69,8 @@ def command(
         Path | None, typer.Option(metavar="SOCKET", help="With --driver hardware on twins: the judge that they told.")
     ] = None,
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
+    monitor: Monitor = False,
+    monitor_port: MonitorPort = MONITOR_PORT,
     as_json: Json = False,
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
@@ -72,6 +86,8 @@ def command(
         setup = prepare_episode(config)
         for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=GIVEN):
             print(warning, file=sys.stderr)
+        if monitor:
+            show_in_monitor(monitor_port)
         result = execute(setup, runs, pictures, gui, judge)
         tell(result.to_document())
     sys.exit(exit_code(result))

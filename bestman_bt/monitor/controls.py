@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bestman_bt.engine.status import FAILURE, STATUS_NAMES, SUCCESS
-from bestman_bt.monitor.events import EventError
+from bestman_bt.monitor.events import MAIN_TREE, EventError
 from bestman_bt.monitor.nodes import NodeList
 from bestman_bt.monitor.run import MonitoredRun, RunError
 
@@ -70,7 +70,7 @@ CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
 
 
 def _node(asked: Request, nodes: NodeList) -> Request:
-    """The node as its executor numbers it."""
+    """The node; breakpoints and forced results are hooks on nodes of the main tree."""
     uid = asked.get("node")
     if not isinstance(uid, int) or isinstance(uid, bool):
         raise RunError("node is the number of a node")
@@ -78,7 +78,9 @@ def _node(asked: Request, nodes: NodeList) -> Request:
         tree, inner = nodes.inside(uid)
     except EventError as error:
         raise RunError(str(error)) from error
-    return {"node": inner} | ({"tree": tree} if tree else {})
+    if tree != MAIN_TREE:
+        raise RunError("only nodes of the main tree can be held or forced, not those of trees loaded while it runs")
+    return {"node": inner}
 
 
 def _when(asked: Request) -> str:

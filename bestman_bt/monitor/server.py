@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import os
 import socket
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
@@ -60,7 +61,7 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
 
     @app.get("/health")
     async def health() -> Response:
-        return JSONResponse({"service": SERVICE, "read_only": config.read_only})
+        return JSONResponse({"service": SERVICE, "user": os.getuid(), "read_only": config.read_only})
 
     @app.get("/")
     async def page() -> Response:

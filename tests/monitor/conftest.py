@@ -108,7 +108,7 @@ class FakeExecutor:
             connection.close()
 
 
-def wait_until(holds: Callable[[], bool], what: str, seconds: float = 5.0) -> None:
+def wait_until(holds: Callable[[], bool], what: str, seconds: float = 20.0) -> None:
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end, f"not within {seconds} s: {what}"
@@ -125,7 +125,7 @@ class Page:
     def ask(self, what: str, **more: Any) -> None:
         self.connection.send(json.dumps({"do": what, **more}))
 
-    def next(self, kind: str, holds: Callable[[Message], bool] = lambda message: True, seconds: float = 5.0) -> Message:
+    def next(self, kind: str, holds: Callable[[Message], bool] = lambda message: True, seconds: float = 20.0) -> Message:
         """The next message of a kind for which ``holds``; others are read and kept in ``seen``."""
         end = time.monotonic() + seconds
         while True:
@@ -153,7 +153,7 @@ class Monitor:
         started = threading.Event()
         self._thread = threading.Thread(target=self.server.run, args=(listening, started.set), daemon=True)
         self._thread.start()
-        assert started.wait(10.0)
+        assert started.wait(30.0)
 
     def http(self) -> httpx.Client:
         return httpx.Client(base_url=f"http://{self.host}", trust_env=False)
@@ -166,7 +166,7 @@ class Monitor:
 
     def close(self) -> None:
         self.server.end()
-        self._thread.join(10.0)
+        self._thread.join(30.0)
         assert not self._thread.is_alive()
 
 

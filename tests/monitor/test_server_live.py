@@ -299,9 +299,10 @@ def test_trees_loaded_while_running_appear_under_their_leaf(
         executor.tell(states_event(1.0, (2, FAILURE), tree=3))
         assert all_changes(page, (6, FAILURE)) == [[6, FAILURE, 0, FAILURE]]
         page.ask("force", id=ID, n=1, node=6, result="SUCCESS")
-        page.next("answer", lambda answer: answer["for"] == 1)
+        refused = page.next("answer", lambda answer: answer["for"] == 1)
     assert [(node["uid"], node["parent"]) for node in nodes[4:]] == [(5, 4), (6, 5)]
-    assert executor.asked[-1] == {"do": "force", "node": 2, "tree": 3, "result": "SUCCESS"}
+    assert "only nodes of the main tree" in refused["error"]
+    assert {asked["do"] for asked in executor.asked} == {"subscribe"}
 
 
 def test_damaged_events_are_left_out_and_the_rest_is_shown(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
