@@ -10,7 +10,6 @@ from pathlib import Path
 from behaviours.failure import Failure
 from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunConfig
 from bestman_bt.engine import Tree
-from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.driven_path import DrivenPath
@@ -110,7 +109,8 @@ def run_episode(
         tree = session.load()
         after_tick = _after_tick(stack, session, tree, observers, folder, watch)
         executor = session.executor(tree, after_tick)
-        stack.enter_context(ControlChannel(executor, session.skills.stop.hold, setup.config.name).serving(folder))
+        telemetry = stack.enter_context(session.telemetry(executor, folder))
+        stack.enter_context(ControlChannel(executor, session.skills.stop.hold, telemetry).serving(folder))
         execution = executor.run()
         verdict: Verdict | None = None
         if execution.ending is Ending.CANCELLED:
@@ -124,6 +124,7 @@ def run_episode(
         record = observers.honesty_record()
         audited = audit(record, setup.config.task.allowed_contacts) if record is not None else None
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
+        telemetry.end(result.outcome, result.tree_status, result.failure.why if result.failure is not None else "")
         if folder is not None:
             write_world(folder / WORLD_NAME, setup, session.skills.world)
     if folder is not None:
@@ -149,7 +150,6 @@ def _after_tick(
 ) -> Callable[[], None]:
     calls: list[Callable[[], None]] = []
     if folder is not None:
-        stack.enter_context(BtLogWriter(tree, folder / "transitions.btlog"))
         if observers.scene is not None:
             motion = MotionLog(folder, observers.scene)
             motion.open()

@@ -151,9 +151,9 @@ class MapPiece:
 class MapEvent:
     """The map: ``walls`` as segments x1, y1, x2, y2.
 
-    ``png``: base64 of a grid where there is one, dark where it is occupied, its first row at the greatest y; then
-    ``resolution`` is metres per pixel and ``origin`` the lower left corner; ``width`` and ``height`` in pixels. Empty
-    otherwise, with the rectangle of all walls, metres.
+    ``width`` × ``height`` cells of ``resolution`` metres around all of it, from the corner ``origin`` with the smallest
+    x and y on. ``png``: base64 of a grid with these cells, dark where it is occupied, its first row at the greatest y;
+    empty where there is none.
     """
 
     resolution: float

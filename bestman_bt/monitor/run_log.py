@@ -15,7 +15,17 @@ from pathlib import Path
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment
-from bestman_bt.monitor.events import MAIN_TREE, Event, EventError, LogEvent, RunEvent, StatesEvent, from_line, to_line
+from bestman_bt.monitor.events import (
+    MAIN_TREE,
+    Event,
+    EventError,
+    LogEvent,
+    RobotEvent,
+    RunEvent,
+    StatesEvent,
+    from_line,
+    to_line,
+)
 
 STATES_FILE, EVENTS_FILE, LOG_FILE = "transitions.btlog", "events.jsonl", "log.jsonl"
 SEGMENT = 4 << 20
@@ -23,6 +33,8 @@ SEGMENT = 4 << 20
 KEEP_EVENTS, KEEP_LOG = 64 << 20, 16 << 20
 """Compressed bytes of full segments that are kept."""
 LONGEST_SEGMENT = 4 * SEGMENT
+ROBOT_EVERY = 0.19
+"""Seconds between robot states that are kept; of those that come ten times a second every other."""
 
 
 class RunLogWriter:
@@ -34,6 +46,7 @@ class RunLogWriter:
         self._events = SegmentedFile(folder / EVENTS_FILE, segment=SEGMENT, keep=KEEP_EVENTS)
         self._log = SegmentedFile(folder / LOG_FILE, segment=SEGMENT, keep=KEEP_LOG)
         self._said: dict[int, str] = {}
+        self._next_robot = 0.0
         self.flush()
 
     def write(self, event: Event) -> None:
@@ -41,6 +54,10 @@ class RunLogWriter:
         if isinstance(event, LogEvent):
             self._log.write(self._log_line(event))
             return
+        if isinstance(event, RobotEvent):
+            if event.time < self._next_robot:
+                return
+            self._next_robot = event.time + ROBOT_EVERY
         if isinstance(event, StatesEvent) and event.tree == MAIN_TREE:
             self._states.write(event.time, event.changes)
             news = {uid: text for uid, text in event.messages.items() if self._said.get(uid) != text}
@@ -62,11 +79,11 @@ class RunLogWriter:
 
     def _log_line(self, event: LogEvent) -> bytes:
         when = datetime.fromtimestamp(self._started + event.time, UTC)
-        words = {
-            name: value for name, value in asdict(event).items() if value != "" and name not in ("event", "message")
-        }
-        line = {"timestamp": when.isoformat(timespec="milliseconds").replace("+00:00", "Z"), "event": event.message}
-        return json.dumps({**line, **words}, ensure_ascii=False).encode() + b"\n"
+        words = {name: value for name, value in asdict(event).items() if value != ""}
+        del words["message"]
+        stamp = when.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+        line = {**words, "timestamp": stamp, "event": event.message}
+        return json.dumps(line, ensure_ascii=False).encode() + b"\n"
 
 
 def read_events(folder: Path) -> Iterator[Event]:

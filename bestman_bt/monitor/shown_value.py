@@ -50,8 +50,9 @@ def _text(value: Any) -> str:
 
 
 def _is_plain(value: Any, depth: int = 2) -> bool:
+    share = 1 if depth == 2 else 8
     if isinstance(value, str):
-        return len(value) <= LONGEST_TEXT // (1 if depth == 2 else 20)
+        return len(value) <= LONGEST_TEXT // (share * share)
     if isinstance(value, float):
         return math.isfinite(value)
     if isinstance(value, bool) or value is None:

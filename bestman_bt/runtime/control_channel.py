@@ -1,9 +1,16 @@
 """The control channel: a Unix socket through which others watch, pause, step, halt, set and stop an execution.
 
-One JSON object a line in each direction. Requests: ``{"do": "stop"}``, also ``halt``, ``pause``, ``resume``, ``step``,
-``status``, ``subscribe`` and ``{"do": "set", "key": …, "value": …}``. Each is answered by ``{"ok": true, …}`` or
-``{"ok": false, "error": …}``; a subscriber also gets ``{"time": …, "changes": [[path, state], …]}`` for each tick that
-changed something, until the execution ends.
+One JSON object a line in each direction. Requests, which are answered by ``{"ok": true, …}`` or
+``{"ok": false, "error": …}``:
+
+- ``{"do": "status"}``, ``pause``, ``resume``, ``step``, ``halt``, ``stop``
+- ``{"do": "set", "key": …, "value": …, "scope": …}``: a blackboard entry; ``scope``: path of a SubTree, else the root
+- ``{"do": "breakpoint", "node": …, "when": "before" or "after", "condition": script, "once": false}``: the execution
+  waits there, within the tick; nodes are named by uid or path
+- ``{"do": "clear_breakpoint", "node": …, "when": …}``, ``{"do": "breakpoints"}``
+- ``{"do": "force", "node": …, "result": "SUCCESS" or "FAILURE"}``: what the node's next tick returns
+- ``{"do": "subscribe", "topics": […]}``: after the answer come events, see ``bestman_bt.monitor.events``: first how
+  all stands, then what happens, until the execution ends; without ``topics`` those of all
 """
 
 from __future__ import annotations
@@ -11,8 +18,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import queue
-import socket
 import socketserver
 import threading
 from collections.abc import Callable, Iterator
@@ -21,27 +26,33 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.engine import EngineError, StateChanges, status_name
+from bestman_bt.engine import EngineError, status_name
 from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.events import TOPICS, BreakpointsEvent, Topic
+from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
 from bestman_bt.runtime.executor import Executor
+from bestman_bt.runtime.outbox import Outbox
+from bestman_bt.runtime.telemetry import Telemetry
 
 MAX_REQUEST = 65536
-MAX_BACKLOG = 4096
-LAST_WORDS = 0.2
-"""Seconds that a connection gets at its end to take what is still to be told."""
-SET_WAIT = 2.0
-"""Seconds that ``set`` waits for the tick that goes on."""
+TASK_WAIT = 2.0
+"""Seconds that what is done between ticks waits for the tick that goes on."""
+
+Request = dict[str, Any]
+
+
+class RefusedError(Exception):
+    """A request cannot be carried out."""
 
 
 class ControlChannel:
     """Serves one executor; ``stop_robot`` is called at once, from the serving thread: a stop that no tree may clear."""
 
-    def __init__(self, executor: Executor, stop_robot: Callable[[], None], task: str) -> None:
+    def __init__(self, executor: Executor, stop_robot: Callable[[], None], telemetry: Telemetry) -> None:
         self._executor = executor
         self._stop_robot = stop_robot
-        self._task = task
-        self._subscribers: list[_Outbox] = []
-        self._lock = threading.Lock()
+        self._telemetry = telemetry
+        self._breakpoints = Breakpoints(executor, self._tell_breakpoints)
 
     @contextmanager
     def serving(self, run_folder: Path | None = None) -> Iterator[Path]:
@@ -58,23 +69,42 @@ class ControlChannel:
         link = run_folder / "control.sock" if run_folder is not None else None
         if link is not None:
             link.symlink_to(path)
-        self._executor.tree.subscribe(self._publish)
         try:
             yield path
         finally:
-            self._executor.tree.unsubscribe(self._publish)
             server.shutdown()
             server.server_close()
             path.unlink(missing_ok=True)
             if link is not None:
                 link.unlink(missing_ok=True)
-            with self._lock:
-                subscribers = list(self._subscribers)
-            for subscriber in subscribers:
-                subscriber.close()
 
     def answer(self, message: Any) -> dict[str, Any]:
-        """Carry out one request."""
+        """Carry out one request; what ``subscribe`` asks for begins with ``subscribe``."""
+        try:
+            self._do(message)
+        except (RefusedError, BreakpointError, EngineError) as error:
+            return {"ok": False, "error": str(error)}
+        executor = self._executor
+        return {
+            "ok": True,
+            "task": self._telemetry.run.task,
+            "pid": os.getpid(),
+            "ticks": executor.ticks,
+            "time": executor.clock.now(),
+            "paused": executor.paused,
+            "root": status_name(executor.tree.root.state),
+            "breakpoints": self._breakpoints.documents(),
+        }
+
+    def subscribe(self, message: Request, outbox: Outbox) -> None:
+        """Let the events come that a request has asked for, which ``answer`` has agreed to."""
+        self._telemetry.subscribe(outbox, _topics(message))
+
+    def forget(self, outbox: Outbox) -> None:
+        """Tell somebody nothing more."""
+        self._telemetry.forget(outbox)
+
+    def _do(self, message: Any) -> None:
         what = message.get("do") if isinstance(message, dict) else None
         executor = self._executor
         match what:
@@ -90,87 +120,46 @@ class ControlChannel:
             case "step":
                 executor.step()
             case "set":
-                error = self._set(message.get("key"), message.get("value"))
-                if error:
-                    return {"ok": False, "error": error}
-            case "status" | "subscribe":
+                self._set(message.get("key"), message.get("value"), message.get("scope") or "")
+            case "breakpoint":
+                asked = [message.get(name) for name in ("node", "when", "condition", "once")]
+                self._between_ticks(lambda: self._breakpoints.add(asked[0], asked[1], asked[2], bool(asked[3])))
+            case "clear_breakpoint":
+                self._between_ticks(lambda: self._breakpoints.clear(message.get("node"), message.get("when")))
+            case "force":
+                self._between_ticks(lambda: self._breakpoints.force(message.get("node"), message.get("result")))
+            case "subscribe":
+                _topics(message)
+            case "status" | "breakpoints":
                 pass
             case _:
-                known = "status, subscribe, pause, resume, step, set, halt, stop"
-                return {"ok": False, "error": f"unknown request {what!r}; known: {known}"}
-        return {
-            "ok": True,
-            "task": self._task,
-            "pid": os.getpid(),
-            "ticks": executor.ticks,
-            "time": executor.clock.now(),
-            "paused": executor.paused,
-            "root": status_name(executor.tree.root.state),
-        }
+                known = "status, subscribe, pause, resume, step, set, breakpoint, clear_breakpoint, breakpoints, force"
+                raise RefusedError(f"unknown request {what!r}; known: {known}, halt, stop")
 
-    def add(self, subscriber: _Outbox) -> None:
-        """Tell somebody of every change from now on."""
-        with self._lock:
-            self._subscribers.append(subscriber)
-
-    def forget(self, subscriber: _Outbox) -> None:
-        """Tell somebody nothing more."""
-        with self._lock:
-            if subscriber in self._subscribers:
-                self._subscribers.remove(subscriber)
-
-    def _set(self, key: Any, value: Any) -> str:
-        """Set a root entry between ticks; returns what was wrong."""
+    def _set(self, key: Any, value: Any, scope: Any) -> None:
         if not isinstance(key, str) or not key:
-            return "set wants a key (text) and a value"
-        executor = self._executor
+            raise RefusedError("set wants a key (text) and a value")
+        board = self._executor.tree.blackboards.get(scope) if isinstance(scope, str) else None
+        if board is None:
+            raise RefusedError(f"there is no SubTree {scope!r}")
+        self._between_ticks(lambda: board.set(key, value))
+
+    def _between_ticks(self, task: Callable[[], None]) -> None:
+        """Have something done in the executor's thread, and wait for it; raises what it raises."""
         try:
-            executor.between_ticks(lambda: executor.tree.blackboard.set(key, value)).result(SET_WAIT)
-        except EngineError as error:
-            return str(error)
-        except (CancelledError, TimeoutError):
-            return "the tree does not tick any more"
-        return ""
+            self._executor.between_ticks(task).result(TASK_WAIT)
+        except (CancelledError, TimeoutError) as error:
+            raise RefusedError("the tree does not tick any more") from error
 
-    def _publish(self, changes: StateChanges) -> None:
-        with self._lock:
-            subscribers = list(self._subscribers)
-        if not subscribers:
-            return
-        nodes = self._executor.tree.nodes
-        told = [[nodes[uid - 1].path, status_name(state)] for uid, state in changes]
-        for subscriber in subscribers:
-            subscriber.send({"time": changes.stamp, "changes": told})
+    def _tell_breakpoints(self) -> None:
+        self._telemetry.tell(BreakpointsEvent(self._breakpoints.documents()))
 
 
-class _Outbox:
-    """Writes to one connection in a thread of its own: a reader who sleeps never holds up the robot.
-
-    What overflows is lost.
-    """
-
-    def __init__(self, connection: socket.socket) -> None:
-        self._connection = connection
-        self._lines: queue.Queue[bytes | None] = queue.Queue(MAX_BACKLOG)
-        self._thread = threading.Thread(target=self._write, name="control-outbox", daemon=True)
-        self._thread.start()
-
-    def send(self, message: dict[str, Any]) -> None:
-        with contextlib.suppress(queue.Full):
-            self._lines.put_nowait(json.dumps(message).encode() + b"\n")
-
-    def close(self) -> None:
-        """Give the reader a moment to take the rest, then end the connection."""
-        with contextlib.suppress(queue.Full):
-            self._lines.put_nowait(None)
-        self._thread.join(LAST_WORDS)
-        with contextlib.suppress(OSError):
-            self._connection.shutdown(socket.SHUT_RDWR)
-
-    def _write(self) -> None:
-        with contextlib.suppress(OSError):
-            while (line := self._lines.get()) is not None:
-                self._connection.sendall(line)
+def _topics(message: Request) -> frozenset[Topic]:
+    topics = message.get("topics", list(TOPICS))
+    if not isinstance(topics, list) or not all(topic in TOPICS for topic in topics):
+        raise RefusedError(f"topics is a list of some of {', '.join(TOPICS)}")
+    return frozenset(topics)
 
 
 class _Server(socketserver.ThreadingUnixStreamServer):
@@ -185,16 +174,21 @@ class _Handler(socketserver.StreamRequestHandler):
     server: _Server
 
     def handle(self) -> None:
-        channel, outbox = self.server.channel, _Outbox(self.connection)
+        channel, outbox = self.server.channel, Outbox(self.connection)
         with contextlib.suppress(OSError):
             for line in iter(lambda: self.rfile.readline(MAX_REQUEST), b""):
                 try:
                     message = json.loads(line)
-                except ValueError:
-                    outbox.send({"ok": False, "error": "a request is one JSON object a line"})
+                except (ValueError, RecursionError):
+                    outbox.send(_answer_line({"ok": False, "error": "a request is one JSON object a line"}))
                     continue
-                outbox.send(channel.answer(message))
-                if isinstance(message, dict) and message.get("do") == "subscribe":
-                    channel.add(outbox)
+                answer = channel.answer(message)
+                outbox.send(_answer_line(answer))
+                if answer["ok"] and message["do"] == "subscribe":
+                    channel.subscribe(message, outbox)
         channel.forget(outbox)
         outbox.close()
+
+
+def _answer_line(answer: dict[str, Any]) -> bytes:
+    return json.dumps(answer).encode() + b"\n"

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from types import FrameType
+from typing import Literal, Protocol
 
 from bestman_bt.engine import IDLE, RUNNING, EngineError, Tree, status_name
 from bestman_bt.engine.clock import Clock
@@ -49,10 +50,30 @@ class Execution:
         return self.tree_status == "SUCCESS"
 
 
+@dataclass(frozen=True)
+class Hold:
+    """Why an execution waits: ``node`` (path) and ``when`` where that is a breakpoint."""
+
+    reason: Literal["asked", "breakpoint"] = "asked"
+    node: str | None = None
+    when: Literal["before", "after"] | None = None
+
+
+class ExecutionWatcher(Protocol):
+    """Is told, in the executor's thread, what goes on."""
+
+    def after_tick(self) -> None:
+        """A tick has ended."""
+
+    def held(self, hold: Hold | None) -> None:
+        """The execution waits now; None: it goes on."""
+
+
 class Executor:
     """Runs one tree on one clock.
 
     ``period``: seconds between ticks. ``time_limit``: seconds of the clock. ``after_tick``: called after each tick.
+    ``watchers`` are told of pauses, too.
     ``cancel``, ``pause``, ``resume`` and ``step`` may be called from any thread.
     """
 
@@ -70,6 +91,7 @@ class Executor:
         self.period = period
         self.time_limit = time_limit
         self.after_tick = after_tick
+        self.watchers: list[ExecutionWatcher] = []
         self.ticks = 0
         self._cancel_reason = ""
         self._go = threading.Event()
@@ -103,8 +125,21 @@ class Executor:
         """Whether the execution waits."""
         return not self._go.is_set()
 
+    def hold(self, hold: Hold) -> None:
+        """Wait here, within a tick, until ``resume`` or ``step``: for what is called in the executor's thread.
+
+        In simulation the clock stands still; on hardware motions that are under way go on, as in a pause.
+
+        Raises:
+            EngineError: the execution was cancelled meanwhile.
+        """
+        self._go.clear()
+        self.tree.publish()
+        self._wait_for_turn(hold)
+        self.tree.raise_if_refused()
+
     def between_ticks(self, task: Callable[[], None]) -> Future[None]:
-        """Run ``task`` in the executor's thread before the next tick, also while paused; what it raises is told to you.
+        """Run ``task`` in the executor's thread before the next tick, or while it waits; what it raises is told to you.
 
         The future is cancelled where the execution ends before.
         """
@@ -140,6 +175,8 @@ class Executor:
             self.ticks += 1
             if self.after_tick is not None:
                 self.after_tick()
+            for watcher in self.watchers:
+                watcher.after_tick()
             if self._cancel_reason:  # a stopped robot makes skills fail: that is not the tree's own failure
                 return Ending.CANCELLED, IDLE, self._cancel_reason
             if status != RUNNING:
@@ -160,19 +197,33 @@ class Executor:
             self._wake_ups = 0
             self.clock.sleep(self.period)
 
-    def _wait_for_turn(self) -> None:
+    def _wait_for_turn(self, hold: Hold = Hold()) -> None:
         """Do what is to be done between ticks; while paused, wait."""
+        waits = False
         while True:
-            while self._tasks:
-                task, future = self._tasks.popleft()
-                try:
-                    task()
-                except Exception as error:  # noqa: BLE001 - it belongs to the one who asked
-                    future.set_exception(error)
-                else:
-                    future.set_result(None)
-            if self._cancel_reason or self._go.wait(PAUSE_POLL):
-                return
+            self._do_tasks()
+            if self._cancel_reason or self._go.is_set():
+                break
+            if not waits:
+                waits = True
+                self._tell(hold)
+            self._go.wait(PAUSE_POLL)
+        if waits:
+            self._tell(None)
+
+    def _tell(self, hold: Hold | None) -> None:
+        for watcher in self.watchers:
+            watcher.held(hold)
+
+    def _do_tasks(self) -> None:
+        while self._tasks:
+            task, future = self._tasks.popleft()
+            try:
+                task()
+            except Exception as error:  # noqa: BLE001 - it belongs to the one who asked
+                future.set_exception(error)
+            else:
+                future.set_result(None)
 
     def _refuse_tasks(self) -> None:
         while self._tasks:

@@ -31,9 +31,14 @@ from bestman_bt.runtime.algorithms import (
     make_odometry_filter,
     planner_by_name,
 )
+from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor
+from bestman_bt.runtime.picture_source import PictureSource
 from bestman_bt.runtime.policies import find_policy
+from bestman_bt.runtime.robot_source import RobotSource
+from bestman_bt.runtime.run_facts import describe_run
 from bestman_bt.runtime.setup import Setup, load_for, prepare
+from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
 from bestman_bt.sensing.joint_state import JointStateSensor
@@ -91,8 +96,19 @@ class Session:
         )
 
     def run(self, tree: str | Path | Node | None = None, after_tick: Callable[[], None] | None = None) -> Execution:
-        """Load a tree and tick it to its end; the robot rests afterwards."""
-        return self.executor(self.load(tree), after_tick).run()
+        """Load a tree and tick it to its end, for others to watch and control; the robot rests afterwards."""
+        executor = self.executor(self.load(tree), after_tick)
+        telemetry = self.telemetry(executor)
+        with telemetry, ControlChannel(executor, self.skills.stop.hold, telemetry).serving():
+            execution = executor.run()
+            telemetry.end_as(execution)
+        return execution
+
+    def telemetry(self, executor: Executor, folder: Path | None = None) -> Telemetry:
+        """What tells of an execution: the tree, the robot, pictures, failures; kept in ``folder`` if there is one."""
+        sources = (RobotSource(self.robot, self.setup.robot_model, self.skills), PictureSource(self.skills, folder))
+        run = describe_run(self.setup, executor, folder)
+        return Telemetry(executor, run, folder, self.skills.failures, sources)
 
 
 @contextmanager

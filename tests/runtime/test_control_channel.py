@@ -17,7 +17,9 @@ import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
+from bestman_bt.monitor.events import EndEvent, Event, RunEvent, StatesEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
+from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
   <Repeat num_cycles="-1" name="again"><Blink name="blink"/></Repeat>
@@ -76,8 +78,9 @@ def served(tmp_path: Path) -> Iterator[Served]:
     clock = ManualClock()
     executor = Executor(load_tree(TREE, registry, clock=clock), clock, after_tick=lambda: time.sleep(0.001))
     stops: list[float] = []
-    channel = ControlChannel(executor, lambda: stops.append(clock.now()), "blinking")
-    with channel.serving(tmp_path) as path:
+    telemetry = Telemetry(executor, described("blinking"))
+    channel = ControlChannel(executor, lambda: stops.append(clock.now()), telemetry)
+    with telemetry, channel.serving(tmp_path) as path:
         served = Served(executor, channel, path, tmp_path, stops)
 
         def run() -> None:
@@ -89,6 +92,18 @@ def served(tmp_path: Path) -> Iterator[Served]:
         yield served
         executor.cancel()
         thread.join(5.0)
+
+
+def described(task: str) -> RunEvent:
+    return RunEvent(task, "Main", "", "", 0, "", os.getpid(), time.time(), 1000.0, "simulated")
+
+
+def subscribe(connection: socket.socket) -> Iterator[Event]:
+    """The events of all topics until the connection ends."""
+    connection.sendall(b'{"do": "subscribe"}\n')
+    lines = connection.makefile("rb")
+    assert json.loads(lines.readline())["ok"]
+    return (from_line(line) for line in lines)
 
 
 def connect(path: Path) -> socket.socket:
@@ -112,7 +127,8 @@ def test_the_socket_is_for_its_user_only_and_linked_from_the_run_folder(served: 
 def test_socket_and_link_are_gone_afterwards(tmp_path: Path) -> None:
     clock = ManualClock()
     executor = Executor(load_tree(SHORT, clock=clock), clock)
-    with ControlChannel(executor, lambda: None, "short").serving(tmp_path) as path:
+    telemetry = Telemetry(executor, described("short"))
+    with telemetry, ControlChannel(executor, lambda: None, telemetry).serving(tmp_path) as path:
         assert path.exists()
     assert not path.exists()
     assert not (tmp_path / "control.sock").is_symlink()
@@ -198,52 +214,65 @@ def test_a_request_that_makes_no_sense_is_answered_and_harms_nothing(served: Ser
         assert json.loads(answers.readline())["ok"]
 
 
-def test_a_subscriber_sees_every_change_until_the_end(served: Served) -> None:
-    with connect(served.socket) as connection, connection.makefile("rb") as lines:
-        connection.sendall(b'{"do": "subscribe"}\n')
-        assert json.loads(lines.readline())["ok"]
-        told = [json.loads(lines.readline()) for _ in range(20)]
-        times = [change["time"] for change in told]
-        assert times == sorted(times)
-        states = [state for change in told for path, state in change["changes"] if path == "blink"]
-        assert {"RUNNING", "SUCCESS"} <= set(states)
+def test_a_subscriber_is_told_how_all_stands_then_every_change_and_the_end(served: Served) -> None:
+    with connect(served.socket) as connection:
+        told = subscribe(connection)
+        first = [next(told) for _ in range(3)]
+        assert [event.event for event in first] == ["run", "tree", "states"]
+        blink = next(node for node in first[1].nodes if node.path == "blink")
+        assert (blink.uid, blink.parent, blink.category, blink.type) == (2, 1, "action", "Blink")
+        assert dict(first[2].changes).keys() == {1, 2}
+        changes = [next(told) for _ in range(20)]
         served.ask("stop")
         served.wait()
-        rest = [json.loads(line) for line in _until_quiet(connection, lines)]
-        assert ["again", "IDLE"] in rest[-1]["changes"]
+        states = [event for event in [*changes, *_until_the_end(told)] if isinstance(event, StatesEvent)]
+    times = [event.time for event in states]
+    assert times == sorted(times)
+    ticks = [event.tick for event in states]
+    assert ticks[:-1] == list(range(ticks[0], ticks[0] + len(ticks) - 1))
+    assert {state for event in states for uid, state in event.changes if uid == 2} == {0, 1, 2}
+    assert states[-1].changes[-1] == (1, 0)
 
 
-def _until_quiet(connection: socket.socket, lines: Any) -> Iterator[bytes]:
-    connection.settimeout(0.5)
-    try:
-        while line := lines.readline():
-            yield line
-    except TimeoutError:
-        return
+def _until_the_end(told: Iterator[Event]) -> Iterator[Event]:
+    for event in told:
+        yield event
+        if isinstance(event, StatesEvent) and event.changes[-1] == (1, 0):
+            return
 
 
-def test_a_subscriber_is_told_the_end_by_the_end_of_its_connection(tmp_path: Path) -> None:
+def test_a_subscriber_is_told_the_end_and_then_its_connection_ends(tmp_path: Path) -> None:
     clock = ManualClock()
     executor = Executor(load_tree(SHORT, clock=clock), clock)
-    with ControlChannel(executor, lambda: None, "short").serving(tmp_path) as path:
+    telemetry = Telemetry(executor, described("short"))
+    with telemetry, ControlChannel(executor, lambda: None, telemetry).serving(tmp_path) as path:
         connection = connect(path)
-        lines = connection.makefile("rb")
-        connection.sendall(b'{"do": "subscribe"}\n')
-        assert json.loads(lines.readline())["ok"]
-        executor.tree.tick_once()
-    told = [json.loads(line) for line in lines]
+        told = subscribe(connection)
+        telemetry.end_as(executor.run())
+    events = list(told)
     connection.close()
-    assert [change["changes"] for change in told] == [[["yes", "SUCCESS"], ["yes", "IDLE"]]]
+    assert [state for event in events if isinstance(event, StatesEvent) for _, state in event.changes] == [0, 2, 0]
+    assert isinstance(events[-1], EndEvent)
+    assert (events[-1].outcome, events[-1].tree_status) == ("success", "SUCCESS")
+
+
+def test_only_the_topics_that_were_asked_for_come(served: Served) -> None:
+    with connect(served.socket) as connection, connection.makefile("rb") as lines:
+        connection.sendall(b'{"do": "subscribe", "topics": ["blackboard"]}\n')
+        assert json.loads(lines.readline())["ok"]
+        served.ask("set", key="speed", value=3)
+        events = (from_line(line) for line in lines)
+        while (event := next(events)).event != "blackboard" or not event.entries:
+            assert event.event in ("run", "tree", "blackboard")
+    assert event.entries[""]["speed"].value == 3
 
 
 def test_a_subscriber_that_never_reads_does_not_hold_up_the_run(served: Served) -> None:
     with connect(served.socket) as connection:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)
-        connection.sendall(b'{"do": "subscribe"}\n')
-        served.ticks_after(served.executor.ticks + 100)
-        assert len(served.channel._subscribers) == 1
+        subscribe(connection)
         served.executor.after_tick = None
-        served.ticks_after(served.executor.ticks + 10_000)  # more lines than socket and backlog hold
+        served.ticks_after(served.executor.ticks + 2_000)  # more than the socket holds
         assert served.ask("status")["ok"]
         started = time.monotonic()
         served.ask("stop")

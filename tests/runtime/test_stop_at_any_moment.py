@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -12,7 +13,9 @@ import pytest
 
 from bestman_bt.control.robot_stop import HELD, RobotStop
 from bestman_bt.engine import FAILURE, SUCCESS, NodeRegistry, SyncAction, WallClock, load_tree
+from bestman_bt.monitor.events import RunEvent
 from bestman_bt.runtime import ControlChannel, Ending, Executor
+from bestman_bt.runtime.telemetry import Telemetry
 from hal.api import CommandRefusedError
 from hal.hardware import StopLatch
 
@@ -107,7 +110,8 @@ def test_no_leaf_begins_nothing_is_cleared_and_no_command_accepted_after_it(
         if listening:
             tree.subscribe(lambda changes: None)
         executor = Executor(tree, tree.clock, period=0.0)
-        channel = ControlChannel(executor, stop.hold, "recovering")
+        run = RunEvent("recovering", "recovering", "", "", 0, "", os.getpid(), time.time(), 1000.0, "real")
+        channel = ControlChannel(executor, stop.hold, Telemetry(executor, run))
         ended: list[Any] = []
         thread = threading.Thread(target=lambda run=executor.run, to=ended: to.append(run()))
         thread.start()

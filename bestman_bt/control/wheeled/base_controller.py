@@ -75,6 +75,8 @@ class BaseController:
         self._loop = ActionLoop(
             base, clock, self._where, self._gate, self._rotation, self.layer, world, p.actions, self._period
         )
+        self.last_scan: PlacedScan | None = None
+        """What the localisation saw last, for whoever shows it."""
         self._timer: Timer | None = None
         self._own_follower = follower
         follower.configure(motion_limits(base.description))
@@ -245,6 +247,7 @@ class BaseController:
         return self._loop
 
     def _observe(self, seen: PlacedScan) -> None:
+        self.last_scan = seen
         self._gate.observe(seen.scan, self.base_from_lidar, seen.odometry)
         self._follower.observe(seen.scan, seen.map_from_lidar)
         if seen.fits:

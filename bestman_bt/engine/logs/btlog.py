@@ -141,7 +141,7 @@ class BtLogWriter:
 
 
 def read_btlog(path: str | Path) -> BtLog:
-    """Read a ``.btlog`` file with its earlier segments, ours or one of BehaviorTree.CPP; a torn last record is left out.
+    """Read a ``.btlog`` file, ours with its earlier segments or one of BehaviorTree.CPP, but for a torn last record.
 
     Raises:
         LogError: it is no such file.

@@ -1,0 +1,48 @@
+"""Which blackboard entries of a tree were written since one last looked."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from bestman_bt.engine import Tree
+from bestman_bt.engine.blackboard import Slot
+from bestman_bt.monitor.events import BlackboardEvent, ShownEntry
+from bestman_bt.monitor.shown_value import REMOVED, show_value
+
+
+class WrittenEntry(NamedTuple):
+    """An entry as it is now; ``scope``: path of its SubTree; ``exists``: False for one that was removed."""
+
+    scope: str
+    key: str
+    exists: bool
+    value: Any
+    kind: Any
+
+
+class BlackboardChanges:
+    """Compares the entries' sequence numbers: who writes is not slowed down by it."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+        self._seen: dict[Slot, int] = {}
+
+    def collect(self) -> list[WrittenEntry]:
+        """What has changed since the last call; at first all entries."""
+        seen, written = self._seen, []
+        for scope, board in self._tree.blackboards.items():
+            for slot in board.slots():
+                sequence = slot.sequence if slot.exists else -1
+                if seen.get(slot, -1) != sequence:
+                    seen[slot] = sequence
+                    written.append(WrittenEntry(scope, slot.key, slot.exists, slot.value, slot.kind))
+        return written
+
+
+def blackboard_event(time: float, tick: int, written: list[WrittenEntry]) -> BlackboardEvent:
+    """The event that tells it; values are read here, so call it where that may take its time."""
+    entries: dict[str, dict[str, ShownEntry]] = {}
+    for entry in written:
+        shown = show_value(entry.value, entry.kind) if entry.exists else REMOVED
+        entries.setdefault(entry.scope, {})[entry.key] = shown
+    return BlackboardEvent(time, tick, entries)

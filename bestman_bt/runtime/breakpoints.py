@@ -1,0 +1,148 @@
+"""Breakpoints on nodes, and results that are forced on them once; both by hooks around the nodes' ticks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node
+from bestman_bt.runtime.executor import Executor, Hold
+
+When = Literal["before", "after"]
+RESULTS = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
+
+
+class BreakpointError(Exception):
+    """A breakpoint or a forced result that makes no sense, in words."""
+
+
+@dataclass(eq=False)
+class Breakpoint:
+    """``condition``: a script that must hold, in the scope of the node; ``once``: it is cleared when it is hit."""
+
+    node: Node
+    when: When
+    condition: str | None
+    once: bool
+    holds: Callable[[], bool] | None = None
+    held: bool = False
+
+    def met(self, begins_or_ends: bool) -> bool:
+        """Whether to hold now.
+
+        Without a condition where the node begins, or has its result; with one at the first tick at which it holds.
+        """
+        if self.holds is None:
+            return begins_or_ends
+        before = self.held
+        try:
+            self.held = self.holds()
+        except EngineError:  # an entry that is not there yet
+            self.held = False
+        return self.held and not before
+
+    def document(self) -> dict[str, Any]:
+        """As the control channel tells it."""
+        return {
+            "node": self.node.uid,
+            "path": self.node.path,
+            "when": self.when,
+            "condition": self.condition,
+            "once": self.once,
+        }
+
+
+class Breakpoints:
+    """Those of one executor's tree. All but ``documents`` are for the executor's thread.
+
+    ``changed``: called after a breakpoint was set, cleared or used up. Nodes are named by uid or path.
+    """
+
+    def __init__(self, executor: Executor, changed: Callable[[], None]) -> None:
+        self._executor = executor
+        self._changed = changed
+        self._breakpoints: dict[tuple[Node, When], Breakpoint] = {}
+        self._forced: dict[Node, int] = {}
+
+    def documents(self) -> list[dict[str, Any]]:
+        """All breakpoints."""
+        return [breakpoint.document() for breakpoint in list(self._breakpoints.values())]
+
+    def add(self, node: int | str, when: str, condition: str | None = None, once: bool = False) -> None:
+        """Set one in place of another there; raises BreakpointError, or ScriptError for the condition."""
+        found, moment = self._node(node), self._when(when)
+        made = Breakpoint(found, moment, condition or None, once)
+        if made.condition is not None:
+            made.holds = found.owner.compiler.compile_condition(made.condition, found.board)
+        self._breakpoints[found, moment] = made
+        self._hook(found)
+        self._changed()
+
+    def clear(self, node: int | str | None = None, when: str | None = None) -> None:
+        """Clear one; without ``when`` both of the node, without ``node`` all."""
+        found = None if node is None else self._node(node)
+        moment = None if when is None else self._when(when)
+        for key in list(self._breakpoints):
+            if found in (None, key[0]) and moment in (None, key[1]):
+                del self._breakpoints[key]
+                self._unhook(key[0])
+        self._changed()
+
+    def force(self, node: int | str, result: str) -> None:
+        """Let the node's next tick give this result instead; one that runs is halted first."""
+        if result not in RESULTS:
+            raise BreakpointError(f"a result is {' or '.join(RESULTS)}, not {result!r}")
+        found = self._node(node)
+        self._forced[found] = RESULTS[result]
+        self._hook(found)
+
+    def _before(self, node: Node) -> int | None:
+        self._stop_at(node, "before", node.state == IDLE)
+        forced = self._forced.pop(node, None)
+        if forced is None:
+            return None
+        if node.state == RUNNING:
+            node.halt_node()
+        self._executor.between_ticks(lambda: self._unhook(node))
+        return forced
+
+    def _after(self, node: Node, status: int) -> None:
+        self._stop_at(node, "after", status in RESULTS.values())
+
+    def _stop_at(self, node: Node, when: When, begins_or_ends: bool) -> None:
+        breakpoint = self._breakpoints.get((node, when))
+        if breakpoint is None or not breakpoint.met(begins_or_ends):
+            return
+        if breakpoint.once:
+            del self._breakpoints[node, when]
+            self._changed()
+            self._executor.between_ticks(lambda: self._unhook(node))
+        self._executor.hold(Hold("breakpoint", node.path, when))
+
+    def _hook(self, node: Node) -> None:
+        if node.hooks is None or self._before not in node.hooks.pre:
+            node.add_pre_tick(self._before, rebind=False)
+            node.add_post_tick(self._after)
+
+    def _unhook(self, node: Node) -> None:
+        if not any((node, when) in self._breakpoints for when in ("before", "after")) and node not in self._forced:
+            node.remove_hook(self._before, rebind=False)
+            node.remove_hook(self._after)
+
+    def _node(self, node: int | str) -> Node:
+        tree = self._executor.tree
+        if isinstance(node, str):
+            try:
+                return tree.node(node)
+            except KeyError as error:
+                raise BreakpointError(error.args[0]) from error
+        if isinstance(node, bool) or not isinstance(node, int) or not 1 <= node <= len(tree.nodes):
+            raise BreakpointError(f"a node is a path or a number from 1 to {len(tree.nodes)}, not {node!r}")
+        return tree.nodes[node - 1]
+
+    def _when(self, when: Any) -> When:
+        if when not in ("before", "after"):
+            raise BreakpointError(f"a breakpoint is before or after a node, not {when!r}")
+        moment: When = when
+        return moment

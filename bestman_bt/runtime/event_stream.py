@@ -1,0 +1,167 @@
+"""From the executor's thread to files and subscribers, by a thread that makes events of what happened."""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from bestman_bt.monitor.events import DroppedEvent, Event, LogEvent, Topic, to_line, topic_of
+from bestman_bt.monitor.run_log import RunLogWriter
+from bestman_bt.runtime.outbox import Outbox
+from bestman_bt.runtime.standing import Standing
+
+MAX_WAITING = 20_000
+"""Ticks and the like that wait to become events; what comes beyond them, on a disk that hangs, is dropped."""
+FLUSH_EVERY = 0.25
+"""Seconds after which at the latest the files are handed what was written."""
+REST = 0.005
+"""Seconds between looks at what waits, so that ticks in quick succession do not wake the thread one by one."""
+LAST_EVENTS = 10.0
+"""Seconds that the thread gets at the end to write what still waits."""
+
+Making = Callable[[], Iterable[Event]]
+"""Makes events, in the thread of the stream."""
+Tell = Callable[[Making], bool]
+"""Has events made and handed on; False where they are lost."""
+
+
+@dataclass(eq=False)
+class _Subscription:
+    outbox: Outbox
+    topics: frozenset[Topic]
+    missed: int = 0
+
+
+class EventStream:
+    """``tell`` costs the executor a put into a queue; everything else happens in the stream's own thread."""
+
+    def __init__(self) -> None:
+        self._waiting: queue.SimpleQueue[Making | None] = queue.SimpleQueue()
+        self._subscriptions: list[_Subscription] = []
+        self._standing = Standing()
+        self._log: RunLogWriter | None = None
+        self._lost = 0
+        self._flushed = 0.0
+        self._thread = threading.Thread(target=self._run, name="events", daemon=True)
+        self.wanted: frozenset[Topic] = frozenset()
+        """The topics that somebody has subscribed to."""
+
+    def start(self, log: RunLogWriter | None) -> None:
+        """Begin; ``log`` is written to, and closed at the end."""
+        self._log = log
+        self._thread.start()
+
+    def tell(self, make: Making) -> bool:
+        """Have events made and handed on, after all that was told before; False where the queue is full."""
+        if self._waiting.qsize() >= MAX_WAITING:
+            self._lost += 1
+            return False
+        self._waiting.put(make)
+        return True
+
+    def add(self, outbox: Outbox, topics: frozenset[Topic]) -> None:
+        """Tell somebody how all stands, and then every event of these topics; replaces an earlier subscription."""
+        self.tell(lambda: self._add(_Subscription(outbox, topics)))
+
+    def forget(self, outbox: Outbox) -> None:
+        """Tell somebody nothing more."""
+        self.tell(lambda: self._forget(outbox))
+
+    def begin_anew(self) -> None:
+        """Forget how all stood: nobody will be told what happens until somebody subscribes."""
+        self.tell(self._forget_standing)
+
+    def close(self) -> None:
+        """Hand on what waits, close the files and end all subscriptions."""
+        self._waiting.put(None)
+        self._thread.join(LAST_EVENTS)
+        for subscription in self._subscriptions:
+            subscription.outbox.close()
+
+    def _run(self) -> None:
+        try:
+            while self._work_off():
+                time.sleep(REST)
+        finally:
+            if self._log is not None:
+                self._log.close()
+
+    def _work_off(self) -> bool:
+        """Hand on all that waits, or wait for something; False at the end."""
+        with contextlib.suppress(queue.Empty):
+            make = self._waiting.get(timeout=None if self._log is None else FLUSH_EVERY)
+            while make is not None:
+                for event in make():
+                    self._hand_on(event)
+                self._flush_when_due()
+                make = self._waiting.get_nowait()
+            return False
+        self._flush_when_due()
+        return True
+
+    def _flush_when_due(self) -> None:
+        if self._lost:
+            lost, self._lost = self._lost, 0
+            self._hand_on(DroppedEvent(lost))
+        now = time.monotonic()
+        if self._log is not None and now - self._flushed >= FLUSH_EVERY:
+            self._flushed = now
+            self._log.flush()
+
+    def _hand_on(self, event: Event) -> None:
+        self._standing.take(event)
+        self._keep(event)
+        topic, line = topic_of(event), b""
+        for subscription in self._subscriptions:
+            if topic is None or topic in subscription.topics:
+                line = line or to_line(event)
+                self._send(subscription, line)
+
+    def _keep(self, event: Event) -> None:
+        if self._log is None:
+            return
+        try:
+            self._log.write(event)
+        except OSError as error:
+            self._log = None
+            message = f"nothing is kept of the run from here on: {error.strerror}"
+            self._hand_on(LogEvent(self._standing.time, "error", message, logger=__name__))
+
+    def _send(self, subscription: _Subscription, line: bytes) -> None:
+        outbox = subscription.outbox
+        if not subscription.missed:
+            subscription.missed += not outbox.send(line)
+            return
+        if not outbox.has_room:
+            subscription.missed += 1
+            return
+        outbox.send(to_line(DroppedEvent(subscription.missed)))
+        subscription.missed = 0
+        self._tell_all(subscription)
+
+    def _tell_all(self, subscription: _Subscription) -> None:
+        for event in self._standing.events(subscription.topics):
+            subscription.missed += not subscription.outbox.send(to_line(event))
+
+    def _add(self, subscription: _Subscription) -> Iterable[Event]:
+        self._forget(subscription.outbox)
+        self._subscriptions.append(subscription)
+        self._note_wanted()
+        self._tell_all(subscription)
+        return ()
+
+    def _forget(self, outbox: Outbox) -> Iterable[Event]:
+        self._subscriptions = [other for other in self._subscriptions if other.outbox is not outbox]
+        self._note_wanted()
+        return ()
+
+    def _forget_standing(self) -> Iterable[Event]:
+        self._standing = Standing()
+        return ()
+
+    def _note_wanted(self) -> None:
+        self.wanted = frozenset(topic for subscription in self._subscriptions for topic in subscription.topics)

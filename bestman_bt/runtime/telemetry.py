@@ -1,0 +1,205 @@
+"""Watches one execution from inside and tells it to its run folder and to whoever subscribes.
+
+In the executor's thread only references are collected; events are made of them in the thread of an ``EventStream``.
+Where nothing is kept and nobody watches, nothing is collected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol
+
+from behaviours.failure import Failure
+from bestman_bt.engine import Node, Tree
+from bestman_bt.monitor.events import (
+    EndEvent,
+    Event,
+    Level,
+    LogEvent,
+    PausedEvent,
+    ResumedEvent,
+    RunEvent,
+    Topic,
+)
+from bestman_bt.monitor.run_log import RunLogWriter
+from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
+from bestman_bt.runtime.event_stream import EventStream, Tell
+from bestman_bt.runtime.executor import Ending, Execution, Executor, Hold
+from bestman_bt.runtime.failure_lines import FailureLines
+from bestman_bt.runtime.outbox import Outbox
+from bestman_bt.runtime.package_log import PackageLog
+from bestman_bt.runtime.tree_tap import TreeTap
+
+LOOK_EVERY = 0.2
+"""Seconds of the clock between looks at what running leaves say of themselves."""
+
+OUTCOMES = {Ending.CANCELLED: "cancelled", Ending.ERROR: "error"}
+"""Of executions that a judge does not even look at, as in ``result.json``."""
+
+
+class Source(Protocol):
+    """What there is to tell besides the tree; called in the executor's thread, ``time`` and ``tick`` as in events."""
+
+    def begin(self, tell: Tell) -> None:
+        """Somebody keeps or watches from now on."""
+
+    def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
+        """A tick has ended; ``wanted``: what is subscribed to."""
+
+    def failed(self, time: float, node: str) -> None:
+        """An action has failed."""
+
+
+class Telemetry:
+    """Tells of one execution while it is used as a context; it watches the executor.
+
+    ``folder``: where the events are kept, if anywhere. ``told``: where skills tell of their failures. ``sources``: what
+    else is told.
+    """
+
+    def __init__(
+        self,
+        executor: Executor,
+        run: RunEvent,
+        folder: Path | None = None,
+        told: Sequence[Failure] = (),
+        sources: Sequence[Source] = (),
+    ) -> None:
+        self.run = run
+        self._executor, self._tree, self._folder = executor, executor.tree, folder
+        self._sources = sources
+        self._stream = EventStream()
+        self._failures = FailureLines(told)
+        self._start = executor.clock.now()
+        self._taps: dict[Tree, TreeTap] = {}
+        self._trees = 0
+        self._blackboard = BlackboardChanges(self._tree)
+        self._looked = 0.0
+        self._subscribers: set[Outbox] = set()
+        self._attached = False
+        self._ended = False
+        self._package_log = PackageLog(self.tell, self.now)
+
+    def __enter__(self) -> Telemetry:
+        log = None if self._folder is None else RunLogWriter(self._folder, self._tree, self.run)
+        self._stream.start(log)
+        self._executor.watchers.append(self)
+        if log is not None:
+            self._attach()
+        self._package_log.__enter__()
+        self.say("info", f"{self.run.task} begins: tree {self.run.tree}, seed {self.run.seed}")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if not self._ended:
+            self.end("cancelled" if error is None else "error", "IDLE", "" if error is None else f"{error}")
+        self._package_log.__exit__(kind, error, trace)
+        self._detach()
+        self._executor.watchers.remove(self)
+        self._stream.close()
+
+    def now(self) -> float:
+        """Seconds of the clock since the start, as events have them."""
+        return self._executor.clock.now() - self._start
+
+    def tell(self, event: Event) -> None:
+        """Tell an event that is made already; from any thread."""
+        self._stream.tell(lambda: (event,))
+
+    def say(self, level: Level, message: str) -> None:
+        """A line of the log."""
+        self.tell(LogEvent(self.now(), level, message, logger=__name__))
+
+    def end(self, outcome: str, tree_status: str, why: str = "") -> None:
+        """How the run has ended, for whoever judges it; without it the execution's own end is told."""
+        self._ended = True
+        level: Level = "info" if outcome == "success" else "error"
+        self.say(level, f"{self.run.task} ends: {outcome}" + (f": {why}" if why else ""))
+        self.tell(EndEvent(self.now(), outcome, tree_status, why))
+
+    def end_as(self, execution: Execution) -> None:
+        """How the run has ended where nobody judges it."""
+        outcome = "success" if execution.succeeded else OUTCOMES.get(execution.ending, "failure")
+        self.end(outcome, execution.tree_status, execution.why)
+
+    # ---- subscribers, from threads of the control channel
+
+    def subscribe(self, outbox: Outbox, topics: frozenset[Topic]) -> None:
+        """Tell somebody how all stands and what happens; see ``EventStream.add``."""
+        self._subscribers.add(outbox)
+        self._stream.add(outbox, topics)
+        self._executor.between_ticks(self._attach)
+
+    def forget(self, outbox: Outbox) -> None:
+        """Tell somebody nothing more."""
+        self._subscribers.discard(outbox)
+        self._stream.forget(outbox)
+
+    # ---- in the executor's thread
+
+    def after_tick(self) -> None:
+        """As a watcher of the executor."""
+        if not self._attached:
+            return
+        time, tick = self.now(), self._executor.ticks
+        self._tell_blackboard(time, tick)
+        for source in self._sources:
+            source.after_tick(time, tick, self._stream.wanted)
+        if time - self._looked >= LOOK_EVERY:
+            self._looked = time
+            for tap in self._taps.values():
+                tap.look()
+            if self._folder is None and not self._subscribers:
+                self._detach()
+
+    def held(self, hold: Hold | None) -> None:
+        """As a watcher of the executor."""
+        if hold is None:
+            self.tell(ResumedEvent(self.now()))
+        else:
+            self._tell_blackboard(self.now(), self._executor.ticks)
+            self.tell(PausedEvent(self.now(), hold.reason, hold.node, hold.when))
+
+    def _attach(self) -> None:
+        if self._attached:
+            return
+        self._attached = True
+        self.tell(self.run)
+        self._tap(self._tree)
+        for source in self._sources:
+            source.begin(self._stream.tell)
+        self._blackboard = BlackboardChanges(self._tree)
+        self._tell_blackboard(self.now(), self._executor.ticks)
+
+    def _detach(self) -> None:
+        self._attached = False
+        for tap in self._taps.values():
+            tap.detach()
+        self._taps.clear()
+        self._trees = 0
+        self._stream.begin_anew()
+
+    def _tap(self, tree: Tree, under: Node | None = None) -> None:
+        number = 0 if under is None else self._trees
+        self._taps[tree] = tap = TreeTap(tree, self._stream.tell, self._moment, self._failed, number, under)
+        self._trees += 1
+        tap.attach()
+
+    def _moment(self, stamp: float) -> tuple[float, int]:
+        return stamp - self._start, self._executor.ticks
+
+    def _tell_blackboard(self, time: float, tick: int) -> None:
+        written = self._blackboard.collect()
+        if written:
+            self._stream.tell(lambda: (blackboard_event(time, tick, written),))
+
+    def _failed(self, tree: Tree, uids: list[int]) -> None:
+        time = self.now()
+        for line in self._failures.of(tree, uids):
+            self.tell(LogEvent(time, "warning", line.words, line.node, line.code))
+            for source in self._sources:
+                source.failed(time, line.node)
