@@ -50,10 +50,10 @@ def run_plan(
     runs.mkdir(parents=True, exist_ok=True)
     file = runs / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-plan.xml"
     file.write_text(xml, encoding="utf-8")
-    return execute(prepare_episode(_judged_by_goal(setup, problem, plan, asked, file)), runs, False)
+    return execute(prepare_episode(judged_by_goal(setup, problem, plan, asked, file)), runs, False)
 
 
-def _judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanConfig, tree: Path) -> RunConfig:
+def judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanConfig, tree: Path) -> RunConfig:
     """The run's configuration with the plan's goal for that of the task, if it has one."""
     contacts = (*setup.config.task.allowed_contacts, *_contacts(setup, problem, plan))
     task = dataclasses.replace(

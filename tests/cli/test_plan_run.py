@@ -1,0 +1,47 @@
+"""How a tree that was just planned is judged when it is run at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.cli.plan_question import PlanQuestion, Transcript
+from bestman_bt.cli.plan_run import judged_by_goal
+from bestman_bt.cli.planning_config import planning_state
+from bestman_bt.configuration import RunConfig
+from bestman_bt.configuration.task import PlanConfig
+from bestman_bt.registry import BUILDERS
+from bestman_bt.task_planning.limits import PlanLimits
+
+
+@pytest.fixture(scope="module")
+def question() -> PlanQuestion:
+    setup, beliefs = planning_state("open_drawer", None, None, 0, None, None)
+    return PlanQuestion(setup, beliefs, BUILDERS.resolve("reactive")(), PlanLimits())
+
+
+def judged(question: PlanQuestion, goal: str) -> RunConfig:
+    problem, plan = question.answer(None, goal, "symbolic", Transcript())
+    return judged_by_goal(question.setup, problem, plan, PlanConfig(goal), Path("plan.xml"))
+
+
+def test_the_goals_facts_take_the_place_of_what_the_task_asks_for(question: PlanQuestion) -> None:
+    assert question.setup.config.task.opening is not None
+    task = judged(question, "open(drawer_2)").task
+    assert (task.predicates, task.opening, task.tree) == (("facts",), None, "plan.xml")
+    assert task.plan == PlanConfig("open(drawer_2)")
+
+
+def test_fingers_may_touch_furniture_with_handles_and_nothing_else_that_is_not_named(question: PlanQuestion) -> None:
+    contacts = judged(question, "open(drawer_2)").task.allowed_contacts
+    assert ("fingers", "drawer_chest") in contacts
+    assert {first for first, _ in contacts} == {"fingers"}
+    assert {second for _, second in contacts} <= {"drawer_chest"}
+
+
+def test_of_facts_about_the_robot_alone_the_trees_word_counts(
+    question: PlanQuestion, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert judged(question, "near(drawer_chest/top) and open(drawer_2)").task.predicates == ()
+    assert "near(drawer_chest/top) cannot be judged" in capsys.readouterr().err
