@@ -43,7 +43,7 @@ class DisturbanceConfig:
     articulation: str | None = None
     surface: str | None = None
     distance: tuple[PositiveLength, PositiveLength] = (0.10, 0.30)
-    after: tuple[Time, Time] = (0.0, 1.0)
+    after: tuple[Time, Time] = (0.0, 0.3)
 
 
 def disturbance_faults(asked: Sequence[DisturbanceConfig], document: Document) -> Iterator[Problem]:

@@ -23,6 +23,8 @@ HAND_OUT = 0.35
 """Metres between the robot's hand and the handle of a door or drawer that somebody else pushes."""
 LIFTED = 0.03
 """Metres above where it stood from which on an object counts as lifted."""
+ABOVE = 0.10
+"""Metres beside where it stood within which a lifted object falls back there when it slips, and not on the floor."""
 STILL = (0.01, 0.1)
 """Metres and radians per second below which an object rests."""
 UPRIGHT = math.radians(10.0)
@@ -34,14 +36,14 @@ TRIES_AGAIN = 1.0
 
 @dataclass
 class _Script:
-    """``delay``: seconds from the trigger to the deed. ``due``: when that is. ``stood_at``: height of an object."""
+    """``delay``: seconds from the trigger to the deed. ``due``: when that is. ``stood_at``: where an object last stood."""
 
     asked: DisturbanceConfig
     rng: np.random.Generator
     delay: float
     due: float | None = None
     done: bool = False
-    stood_at: float = math.inf
+    stood_at: tuple[float, ...] | None = None
 
 
 class Disturbances:
@@ -94,11 +96,15 @@ class Disturbances:
         return rests and math.dist(self._hand(), pose.position) > HAND_AWAY
 
     def _is_lifted(self, script: _Script) -> bool:
-        name, held = str(script.asked.object), self._session.skills.world.held
-        height = float(self._truth.object_pose(name).position[2])
-        if not self._truth.touches_robot(name):
-            script.stood_at = height
-        return held is not None and held.name == name and height > script.stood_at + LIFTED
+        """The robot has lifted it, and it is still above where it stood."""
+        name, truth = str(script.asked.object), self._truth
+        position = tuple(truth.object_pose(name).position.tolist())
+        if not truth.touches_robot(name):
+            if truth.supports(name):
+                script.stood_at = position
+            return False
+        stood = script.stood_at
+        return stood is not None and position[2] > stood[2] + LIFTED and math.dist(position[:2], stood[:2]) < ABOVE
 
     def _stands_open(self, script: _Script) -> bool:
         """It was opened, and the hand is out of it again."""
