@@ -154,7 +154,9 @@ BEHAVIOURS = Registry(
         "ArePosesNear": "behaviours.nav2.goals:ArePosesNear",
         "At": "behaviours.navigate:At",
         "BackUp": "behaviours.nav2.motions:BackUp",
+        "BelieveBlocked": "behaviours.blocked_places:BelieveBlocked",
         "BelieveLocked": "behaviours.containers:BelieveLocked",
+        "ForgetBlocked": "behaviours.blocked_places:ForgetBlocked",
         "BelievedSurface": "behaviours.object_conditions:BelievedSurface",
         "CheckHeld": "behaviours.check_held:CheckHeld",
         "ClearCostmap": "behaviours.nav2.clear_costmap:ClearCostmap",
@@ -245,6 +247,7 @@ PREDICATES = Registry(
     {
         "accessible": "bestman_bt.task_planning.predicates:ACCESSIBLE",
         "behind": "bestman_bt.task_planning.predicates:BEHIND",
+        "blocked": "bestman_bt.task_planning.predicates:BLOCKED",
         "closed": "bestman_bt.task_planning.predicates:CLOSED",
         "drawer": "bestman_bt.task_planning.predicates:DRAWER",
         "hand_empty": "bestman_bt.task_planning.predicates:HAND_EMPTY",

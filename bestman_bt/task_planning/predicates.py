@@ -125,6 +125,12 @@ LOCKED = Predicate(
     "the {container} did not open when it was tried",
     lambda beliefs, container: container in beliefs.world.locked,
 )
+BLOCKED = Predicate(
+    "blocked",
+    {"place": "place"},
+    "there was nowhere to stand from where the {place} could be reached, and no door or drawer has moved since",
+    lambda beliefs, place: place in beliefs.world.blocked,
+)
 BEHIND = Predicate(
     "behind",
     {"place": "place", "container": "container"},

@@ -113,6 +113,7 @@ class SavedPiece:
 class SavedBeliefs:
     """``openings``: ``furniture/leaf`` → metres or radians. ``searched``: object → surface → when, in vain since it was
     lost. ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
+    ``blocked``: surfaces that could be reached from nowhere.
     """
 
     base: SavedBase | None = None
@@ -123,6 +124,7 @@ class SavedBeliefs:
     searched: Mapping[str, Mapping[str, Time]] = field(default_factory=dict)
     told: Mapping[str, str] = field(default_factory=dict)
     locked: tuple[str, ...] = ()
+    blocked: tuple[str, ...] = ()
 
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
@@ -144,6 +146,7 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
         "searched": searched,
         "told": dict(world.told),
         "locked": sorted(world.locked),
+        "blocked": sorted(world.blocked),
     }
     held = world.held
     if held is not None:
@@ -175,7 +178,8 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
         )
         known = known.with_furniture(believed)
     base, held = beliefs.base, beliefs.held
-    world = WorldModel(known, dict(start.models), start.base, told=dict(beliefs.told), locked=set(beliefs.locked))
+    world = WorldModel(known, dict(start.models), start.base, told=dict(beliefs.told))
+    world.locked, world.blocked = set(beliefs.locked), set(beliefs.blocked)
     if base is not None:
         world.base = BasePose(Pose2D(base.x, base.y, base.theta), base.position_std, base.heading_std, base.stamp)
     world.articulations.update(beliefs.openings)
@@ -219,6 +223,7 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
         asked.append((("held", "what", "model"), "model", beliefs.held.what.model, models))
     asked += [(("openings", name), "door or drawer", name, leaves) for name in beliefs.openings]
     asked += [(("locked", at), "door or drawer", name, leaves) for at, name in enumerate(beliefs.locked)]
+    asked += [(("blocked", at), "surface", name, surfaces) for at, name in enumerate(beliefs.blocked)]
     asked += [(("furniture", name), "furniture", name, list(start.map.furniture)) for name in beliefs.furniture]
     for name, place in beliefs.told.items():
         asked += [(("told", name), "object", name, things), (("told", name), "surface", place, surfaces)]

@@ -14,6 +14,9 @@ from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurfac
 HANDLE_STANDOFF = 0.10
 """Metres that a handle stands before the front that it is on, at most."""
 
+MOVED = 0.01
+"""Metres or radians beyond which a door or drawer is not where it was."""
+
 
 @dataclass(frozen=True, eq=False)
 class ObjectBelief:
@@ -112,6 +115,7 @@ class WorldModel:
     that are not named are closed; at first those of the map. ``occupancy``: what was seen to be free and filled, in the
     map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain.
     ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
+    ``blocked``: surfaces that could be reached from nowhere, as long as no door or drawer has moved since.
     """
 
     map: SemanticMap
@@ -127,6 +131,7 @@ class WorldModel:
     searched: dict[tuple[str, str], float] = field(default_factory=dict)
     told: dict[str, str] = field(default_factory=dict)
     locked: set[str] = field(default_factory=set)
+    blocked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         for piece in self.map.furniture.values():
@@ -175,6 +180,8 @@ class WorldModel:
         piece = self.map.furniture[piece_name]
         leaf, frame = piece.leaf(part), piece.pose.to_pose()
         before, handles = self.opening_of(piece, leaf), self.handles_of(piece, leaf)
+        if abs(position - self.articulations.get(name, 0.0)) > MOVED:
+            self.blocked.clear()
         self.articulations[name] = position
         moved = frame @ self.opening_of(piece, leaf) @ before.inverse() @ frame.inverse()
         boards = {f"{piece_name}/{surface.name}" for surface in piece.surfaces if surface.leaf == part}

@@ -1,0 +1,34 @@
+"""Places that could be reached from nowhere: remembered, so that plans go round them, and forgotten again."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from py_trees.ports import PortInformation
+
+from behaviours.skill import InstantSkill
+from behaviours.surfaces import find_surface
+
+
+class BelieveBlocked(InstantSkill):
+    """Remember that there was nowhere to stand from where a surface could be reached."""
+
+    INPUT_PORTS: ClassVar = {"surface": PortInformation(str, description="the surface, such as table")}
+
+    def act(self) -> None:
+        """Writes a belief; moves nothing. What moves a door or drawer clears it."""
+        furniture, surface = find_surface(self.skills, self.get_input("surface"))
+        self.skills.world.blocked.add(f"{furniture.name}/{surface.name}")
+
+
+class ForgetBlocked(InstantSkill):
+    """Forget which surfaces could not be reached, to try them once more."""
+
+    OUTPUT_PORTS: ClassVar = {"forgotten": PortInformation(int, required=False, description="how many there were")}
+
+    def act(self) -> None:
+        """Writes a belief; moves nothing."""
+        blocked = self.skills.world.blocked
+        self.set_output("forgotten", len(blocked))
+        self.feedback_message = ", ".join(sorted(blocked))
+        blocked.clear()
