@@ -82,6 +82,7 @@ def test_the_shipped_transcript_answers_without_an_endpoint(
 ) -> None:
     monkeypatch.delenv("BESTMAN_LLM_BASE_URL", raising=False)
     answer = bestman_bt("plan", INSTRUCTION, "--planner", "language", "--replay", TRANSCRIPT)
+    assert "another question was recorded" not in answer.err, "python -m tests.cli.record_shipped_transcript"
     assert answer.code == 0, answer.err
     assert "it needs open(drawer_chest/drawer_1), which does not hold then" in answer.err
     assert answer.out.split("\n")[-2] == "  4. PutAt(mug, table/top)"
