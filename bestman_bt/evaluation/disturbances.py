@@ -36,7 +36,7 @@ TRIES_AGAIN = 1.0
 
 @dataclass
 class _Script:
-    """``delay``: seconds from the trigger to the deed. ``due``: when that is. ``stood_at``: where an object last stood."""
+    """``delay``: seconds from trigger to deed. ``due``: when that is. ``stood_at``: where an object last stood."""
 
     asked: DisturbanceConfig
     rng: np.random.Generator
