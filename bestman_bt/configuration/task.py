@@ -118,7 +118,7 @@ class PlanConfig:
     planner: str = "symbolic"
     builder: str = "reactive"
     limits: str = ""
-    replans: Count = 6
+    replans: Count = 20
 
 
 @dataclass(frozen=True)

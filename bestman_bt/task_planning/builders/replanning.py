@@ -21,7 +21,7 @@ def with_replanning(
     builder: str,
     registry: NodeRegistry,
     limits: PlanLimits | None = None,
-    replans: int = 6,
+    replans: int = 20,
 ) -> str:
     """A file of its own: first the plan as it was checked, then, if need be, ``ReachGoal``. Raises TreeLoadError.
 
