@@ -27,6 +27,7 @@ VERBS = {
     "twin": "stand in for a robot's controllers, over a simulated world in real time",
     "monitor": "show running executors, and recorded runs, in the browser",
     "report": "write a page that tells of a run, or of many",
+    "render": "make pictures and a film of a simulated run that has ended",
     "stop": "stop the robots of all running executors",
     "version": "print the versions of this package and of what it stands on",
 }
