@@ -23,7 +23,7 @@ def _writable_html(path: Path) -> Path:
 
 
 def command(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="Run folders, or folders that hold some.")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="Run folders, or folders that hold some.")],
     out: Annotated[
         Path, typer.Option("-o", "--out", metavar="FILE.html", help="The page.", callback=_writable_html)
     ] = Path("report.html"),

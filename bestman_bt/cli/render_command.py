@@ -1,0 +1,64 @@
+"""Examples: bestman-bt render runs/<run>; bestman-bt render runs/<run> --film; bestman-bt render runs/<run> --blender."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from bestman_bt.cli.run_view import CONSOLE
+
+
+def _size(text: str) -> str:
+    width, _, height = text.partition("x")
+    if not (width.isdigit() and height.isdigit()):
+        raise typer.BadParameter(f"a size is WIDTHxHEIGHT, such as 960x720, got '{text}'")
+    return text
+
+
+def command(
+    run: Annotated[Path | None, typer.Argument(help="The folder of a simulated run.", show_default=False)] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Where the pictures go; 'render' in the run folder.")
+    ] = None,
+    at: Annotated[
+        list[float] | None,
+        typer.Option(metavar="SECONDS", help="A still of this moment; may be repeated. Else of the best one."),
+    ] = None,
+    film: Annotated[
+        bool, typer.Option("--film", help="An mp4 of the whole run too; needs the extra 'gallery'.")
+    ] = False,
+    blender: Annotated[bool, typer.Option("--blender", help="Let Blender paint: slower, and handsomer.")] = False,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.", callback=_size)] = "960x720",
+    samples: Annotated[int, typer.Option(min=1, max=4096, help="Blender's light paths per pixel.")] = 32,
+    install_blender: Annotated[
+        bool, typer.Option("--install-blender", help="Install Blender (GPL-3.0, about 1 GB) beside bestman-bt first.")
+    ] = False,
+) -> None:
+    """Make pictures and a film of a run that has ended."""
+    from bestman_bt.evaluation.film.filmed_run import FilmError, read_filmed_run
+    from bestman_bt.evaluation.film.rendering import RenderOptions, render
+    from bestman_bt.visualization.blender import BlenderError
+    from bestman_bt.visualization.blender import install_blender as make_installation
+
+    if run is None and not install_blender:
+        raise typer.BadParameter("name a run folder, or give --install-blender")
+    try:
+        if install_blender:
+            with CONSOLE.status("installing Blender") as status:
+                python = make_installation(lambda what: status.update(f"installing Blender: {what}"))
+            CONSOLE.print(f"installed: {python}", highlight=False, soft_wrap=True)
+        if run is None:
+            return
+        width, height = (int(pixels) for pixels in size.split("x"))
+        options = RenderOptions(tuple(at or ()), film, blender, (width, height), samples)
+        filmed = read_filmed_run(run)
+        with CONSOLE.status("reading the run") as status:
+            written = render(filmed, out or run / "render", options, status.update)
+    except (FilmError, BlenderError) as error:
+        print(f"bestman-bt: {error}", file=sys.stderr)
+        sys.exit(2)
+    for path in written:
+        print(path)

@@ -1,0 +1,80 @@
+"""A finished run with everything that a picture of it needs: its world, its robot, and where all was when."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass
+from pathlib import Path
+
+from bestman_bt.configuration import RunConfig, read_run
+from bestman_bt.engine import RUNNING, EngineError
+from bestman_bt.engine.logs import logged_nodes, read_btlog
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.runtime.task_goals import task_goals
+from bestman_bt.scene import World, draw_world, load_scene
+from bestman_bt.visualization import RecordingError
+from bestman_bt.visualization.motion_file import MOTION_NAME, Motion, read_motion
+
+
+class FilmError(EngineError):
+    """There is nothing to make pictures of, or no way to make them."""
+
+
+@dataclass(frozen=True, eq=False)
+class FilmedRun:
+    """``subjects``: what the task is about: objects, doors, drawers. ``doings``: since when (s) which leaf ran."""
+
+    config: RunConfig
+    robot_model: RobotModel
+    world: World
+    motion: Motion
+    subjects: tuple[str, ...]
+    doings: tuple[tuple[float, str], ...]
+
+    def doing(self, time: float) -> str:
+        """The type of the leaf that ran at ``time``, or nothing."""
+        index = bisect_right(self.doings, time, key=lambda doing: doing[0]) - 1
+        return self.doings[index][1] if index >= 0 else ""
+
+
+def read_filmed_run(folder: Path) -> FilmedRun:
+    """Read the folder of a simulated run; the scene is drawn again from its seed.
+
+    Raises FilmError, ConfigurationError or SceneError.
+    """
+    if not (folder / "config.yaml").is_file():
+        raise FilmError(f"{folder} is no run folder: it has no config.yaml")
+    if not (folder / MOTION_NAME).is_file():
+        raise FilmError(f"{folder} has no {MOTION_NAME}: only simulated runs leave one, and older ones did not")
+    config = read_run(folder / "config.yaml")
+    try:
+        motion = read_motion(folder / MOTION_NAME)
+    except RecordingError as error:
+        raise FilmError(str(error)) from error
+    robot_model = load_robot_model(config.task.robot, config.robot_settings)
+    scene = load_scene(config.task.scene, config.scene_settings)
+    world = draw_world(scene, config.seed)
+    leaves = [f"{piece.name}/{leaf.name}" for piece in world.furniture for leaf in piece.model.articulations]
+    there = {thing.name for thing in world.objects} | set(leaves) | {walker.name for walker in world.walkers}
+    if there != set(motion.bodies):
+        changed = ", ".join(sorted(there ^ set(motion.bodies)))
+        raise FilmError(f"the scene {config.task.scene!r} has changed since the run: {changed}")
+    subjects = [goal.object for goal in task_goals(config, world, dict(scene.models))]
+    subjects += [config.task.opening.articulation] if config.task.opening is not None else []
+    subjects += list(config.task.tidy.objects) if config.task.tidy is not None else []
+    return FilmedRun(config, robot_model, world, motion, tuple(subjects), _doings(folder / "transitions.btlog"))
+
+
+def _doings(log: Path) -> tuple[tuple[float, str], ...]:
+    """Which leaf ran, from when on; of several at once the last in the tree."""
+    if not log.is_file():
+        return ()
+    read = read_btlog(log)
+    leaves = {node.uid: node.type for node in logged_nodes(read.xml, str(log)) if node.is_leaf}
+    running: set[int] = set()
+    found = [(0.0, "")]
+    for change in read:
+        if change.uid in leaves:
+            (running.add if change.status == RUNNING else running.discard)(change.uid)
+            found.append((change.time, leaves[max(running)] if running else ""))
+    return tuple(found)

@@ -1,0 +1,118 @@
+"""A stage: a second copy of a run's world, in which everything is put where it was, and photographed.
+
+It is no simulation: poses are set and no time runs. The judged run has ended before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from types import TracebackType
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
+from bestman_bt.messages import Pose, wrap_angle
+from bestman_bt.scene import Articulation, PlacedFurniture
+from bestman_bt.visualization import RobotSnapshot
+from hal.pybullet import PyBulletRobot, Viewpoint
+from hal.pybullet.client import ReadPurpose
+from hal.pybullet.render import smooth_picture
+
+
+class Stage:
+    """Used as a context, in which it holds its own connection."""
+
+    def __init__(self, run: FilmedRun) -> None:
+        self._robot = PyBulletRobot(run.robot_model, run.world, seed=run.config.seed)
+        gripper = next(iter(run.robot_model.grippers.values()), None)
+        self._hand = run.robot_model.base_frame if gripper is None else gripper.hand_link
+        self._shown = (self._hand,) if gripper is None else (*gripper.finger_links, gripper.hand_link)
+        self._leaves = {
+            f"{p.name}/{leaf.name}": (p, leaf) for p in run.world.furniture for leaf in p.model.articulations
+        }
+        self._starts = {walker.name: walker.route[0] for walker in run.world.walkers}
+
+    def __enter__(self) -> Stage:
+        self._robot.connect()
+        self._reader = self._robot.simulation.client.reader(ReadPurpose.RECORDING)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._robot.disconnect()
+
+    def set(self, snapshot: RobotSnapshot) -> None:
+        """Put everything where it was."""
+        simulation = self._robot.simulation
+        client, built = simulation.client, simulation.built
+        for name, pose in snapshot.body_poses.items():
+            if name in self._leaves:
+                client.resetJointState(*built.articulations[name], opening(*self._leaves[name], pose))
+            elif name in self._starts:
+                body, slides = built.walkers[name]
+                for slide, value in zip(slides, pose.position[:2] - np.array(self._starts[name]), strict=True):
+                    client.resetJointState(body, slide, float(value))
+            else:
+                body = built.objects[name]
+                client.resetBasePositionAndOrientation(body, pose.position.tolist(), pose.quaternion.tolist())
+        now = simulation.link_pose(self._reader, simulation.model.base_frame)
+        position, quaternion = self._reader.getBasePositionAndOrientation(built.robot)
+        root = snapshot.map_from_base @ now.inverse() @ Pose(np.array(position), np.array(quaternion))
+        client.resetBasePositionAndOrientation(built.robot, root.position.tolist(), root.quaternion.tolist())
+        unknown = set(snapshot.joint_positions) - set(built.joints)
+        if unknown:
+            raise FilmError(f"the robot has changed since the run: it has no joint {', '.join(sorted(unknown))}")
+        for name, value in snapshot.joint_positions.items():
+            client.resetJointState(built.robot, built.joints[name], value)
+
+    def hand(self) -> NDArray[np.float64]:
+        """(3,) metres: where the hand is, or the base of a robot without one."""
+        return self._robot.simulation.link_pose(self._reader, self._hand).position
+
+    def seen(
+        self, viewpoint: Viewpoint, subjects: Sequence[str], width: int = 160, height: int = 120
+    ) -> tuple[float, float]:
+        """Shares of a small picture that show the fingers, and the subjects: objects, or doors and drawers."""
+        built = self._robot.simulation.built
+        view = pybullet.computeViewMatrix(viewpoint.eye, viewpoint.target, [0.0, 0.0, 1.0])
+        projection = pybullet.computeProjectionMatrixFOV(viewpoint.field_of_view, width / height, viewpoint.near, 30.0)
+        image = self._reader.getCameraImage(
+            width,
+            height,
+            viewMatrix=view,
+            projectionMatrix=projection,
+            shadow=0,
+            renderer=pybullet.ER_TINY_RENDERER,
+            flags=pybullet.ER_SEGMENTATION_MASK_OBJECT_AND_LINKINDEX,
+        )
+        mask = np.asarray(image[4], dtype=np.int64).reshape(-1)
+        bodies, links = mask & ((1 << 24) - 1), (mask >> 24) - 1
+        hand = [built.links[link] for link in self._shown if link in built.links]
+        of_hand = (bodies == built.robot) & np.isin(links, hand)
+        of_subjects = np.zeros(len(mask), bool)
+        for name in subjects:
+            if name in built.objects:
+                of_subjects |= bodies == built.objects[name]
+            elif name in built.articulations:
+                body, link = built.articulations[name]
+                of_subjects |= (bodies == body) & (links == link)
+        visible = mask >= 0
+        return float(np.mean(of_hand & visible)), float(np.mean(of_subjects & visible))
+
+    def picture(self, viewpoint: Viewpoint, width: int, height: int, oversampling: int = 1) -> NDArray[np.uint8]:
+        """(height, width, 3) uint8."""
+        return smooth_picture(self._reader, viewpoint, width, height, oversampling)
+
+
+def opening(furniture: PlacedFurniture, leaf: Articulation, map_from_leaf: Pose) -> float:
+    """How far a door or drawer is open, radians or metres, when the frame at its joint is there."""
+    closed = furniture.pose @ Pose(np.array(leaf.origin))
+    moved = closed.inverse() @ map_from_leaf
+    axis = np.asarray(leaf.axis)
+    if leaf.kind == "prismatic":
+        return float(moved.position @ axis)
+    return wrap_angle(2.0 * math.atan2(float(moved.quaternion[:3] @ axis), float(moved.quaternion[3])))
