@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import MONITOR_PORT, Json, Monitor, MonitorPort, Seed
+from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Monitor, MonitorPort, Seed
 from bestman_bt.cli.run_command import execute, exit_code
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import load_run
@@ -23,6 +23,7 @@ def command(
     runs: Annotated[Path, typer.Option(help="Where the run folder is made.")] = Path("runs"),
     monitor: Monitor = False,
     monitor_port: MonitorPort = MONITOR_PORT,
+    groot2_port: Groot2Port = None,
     as_json: Json = False,
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
@@ -30,6 +31,6 @@ def command(
         setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
         if monitor:
             show_in_monitor(monitor_port)
-        result = execute(setup, runs, pictures=True)
+        result = execute(setup, runs, pictures=True, groot2_port=groot2_port)
         tell(result.to_document())
     sys.exit(exit_code(result))

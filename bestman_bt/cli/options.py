@@ -43,6 +43,10 @@ SavedWorld = Annotated[
     Path | None,
     typer.Option("--world", metavar="FILE", help="What is believed, as a run writes it: world.yaml in its folder."),
 ]
+Groot2Port = Annotated[
+    int | None,
+    typer.Option(min=1, max=65534, help="Let Groot2 connect there and to the next port; its own default is 1667."),
+]
 Monitor = Annotated[
     bool, typer.Option("--monitor", help="Show it live in the browser; the address is printed, the page stays on.")
 ]

@@ -6,15 +6,19 @@ import dataclasses
 import os
 import shutil
 import sys
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from bestman_bt.cli.groot2_view import Groot2View
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import (
     MONITOR_PORT,
     Driver,
+    Groot2Port,
     Json,
     Monitor,
     MonitorPort,
@@ -37,11 +41,12 @@ from bestman_bt.configuration import (
     read_run,
     task_of_tree,
 )
+from bestman_bt.engine import Tree
 from bestman_bt.engine.validation import validate_file
-from bestman_bt.evaluation.episode import prepare_episode, run_episode
+from bestman_bt.evaluation.episode import Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
-from bestman_bt.runtime import Setup
+from bestman_bt.runtime import Session, Setup
 from hal.hardware import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
 
@@ -71,6 +76,7 @@ def command(
     runs: Annotated[Path, typer.Option(help="Where run folders are made.")] = Path("runs"),
     monitor: Monitor = False,
     monitor_port: MonitorPort = MONITOR_PORT,
+    groot2_port: Groot2Port = None,
     as_json: Json = False,
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
@@ -88,22 +94,45 @@ def command(
             print(warning, file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)
-        result = execute(setup, runs, pictures, gui, judge)
+        result = execute(setup, runs, pictures, gui, judge, groot2_port)
         tell(result.to_document())
     sys.exit(exit_code(result))
 
 
-def execute(setup: Setup, runs: Path, pictures: bool, gui: bool = False, twin_judge: Path | None = None) -> RunResult:
+def execute(
+    setup: Setup,
+    runs: Path,
+    pictures: bool,
+    gui: bool = False,
+    twin_judge: Path | None = None,
+    groot2_port: int | None = None,
+) -> RunResult:
     """Run with a live view, print the summary, and return the result."""
-    folder = make_run_folder(setup.config, runs)
-    try:
-        with RunView(setup.config.name) as view:
-            result = run_episode(setup, folder, pictures, view.watch, gui, twin_judge)
-    except ConnectionFailedError:
-        shutil.rmtree(folder)  # nothing was started: there is nothing to keep
-        raise
+    with ExitStack() as stack:
+        watchers = [stack.enter_context(RunView(setup.config.name)).watch]
+        if groot2_port is not None:
+            watchers.append(stack.enter_context(Groot2View(groot2_port)).watch)
+        folder = make_run_folder(setup.config, runs)
+        try:
+            result = run_episode(setup, folder, pictures, _all_of(watchers), gui, twin_judge)
+        except ConnectionFailedError:
+            shutil.rmtree(folder)  # nothing was started: there is nothing to keep
+            raise
     summary(result, setup, folder)
     return result
+
+
+def _all_of(watchers: Sequence[Watcher]) -> Watcher:
+    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+        calls = [watcher(session, tree) for watcher in watchers]
+
+        def after_tick() -> None:
+            for call in calls:
+                call()
+
+        return after_tick
+
+    return watch
 
 
 def _ask_judge(judge: Path, driver: str) -> None:

@@ -11,13 +11,11 @@ import struct
 from typing import Any
 
 from bestman_bt.engine import Blackboard, Tree
-from bestman_bt.engine.conversion import text_of, type_name
 from bestman_bt.monitor.groot2.errors import RequestError
+from bestman_bt.monitor.shown_value import show_value
 
 ROOT = "ROOT"
 """The name by which the topmost blackboard comes with that of any SubTree."""
-MOST_TEXT = 2000
-"""Characters shown of a value that has no other form."""
 _INTEGERS = range(-(2**63), 2**64)
 
 
@@ -48,7 +46,7 @@ def _entries(board: Blackboard) -> dict[str, Any] | None:
 
 
 def _shown(value: Any) -> Any:
-    """``value`` as JSON could hold it; what it cannot as the text that stands for it in a tree file, or its type."""
+    """``value`` as JSON could hold it; what it cannot as text."""
     if value is None or isinstance(value, (bool, str)):
         return value
     if isinstance(value, numbers.Integral):
@@ -57,10 +55,7 @@ def _shown(value: Any) -> Any:
         return float(value)
     if isinstance(value, (list, tuple)) and all(isinstance(item, (bool, str, numbers.Real)) for item in value):
         return [_shown(item) for item in value]
-    try:
-        return text_of(value)[:MOST_TEXT]
-    except Exception:  # noqa: BLE001 - the value's own to_string() speaks; whatever it does, others are still shown
-        return f"<{type_name(type(value))}>"
+    return show_value(value).text
 
 
 def _packed(value: Any) -> bytes:

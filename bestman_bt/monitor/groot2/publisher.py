@@ -53,12 +53,13 @@ class Groot2Publisher:
     Answers come from a thread of its own: a tick only notes its state changes, and waits only at breakpoints.
     """
 
+    _states: ObservedStates
+
     def __init__(self, tree: Tree, parameters: PublisherParameters | None = None) -> None:
         self.parameters = parameters or PublisherParameters()
         self._tree = tree
         self._uuid = uuid.uuid4().bytes
         self._xml = b""
-        self._states = ObservedStates(tree)
         self._hooks = Hooks(tree, self._tell_of_breakpoint)
         self._identifiers = itertools.count(1)
         self._telling = threading.Lock()
@@ -74,16 +75,13 @@ class Groot2Publisher:
         Raises:
             Groot2Error: the extra is not installed, a port is taken, or the tree cannot be shown.
         """
-        zmq = import_zmq()
         if len(self._tree.nodes) > MOST_NODES:
             raise Groot2Error(f"the tree has {len(self._tree.nodes)} nodes; Groot2 can tell {MOST_NODES} apart")
         try:
             self._xml = full_tree_xml(self._tree).encode()
         except XmlError as error:
             raise Groot2Error(str(error)) from error
-        self._context = zmq.Context()
-        self._requests = self._bound(zmq.REP, self.parameters.port)
-        self._breakpoints = self._bound(zmq.PUB, self.parameters.port + 1)
+        self._context, self._requests, self._breakpoints = _bound(self.parameters)
         self._states = ObservedStates(self._tree)
         self._tree.subscribe(self._states.on_changes)
         self._thread = threading.Thread(target=self._serve, name="groot2", daemon=True)
@@ -92,11 +90,13 @@ class Groot2Publisher:
 
     def close(self) -> None:
         """Let go what breakpoints hold up, and stop answering."""
+        if self._thread is None:
+            return
         self._closing.set()
         self._tree.unsubscribe(self._states.on_changes)
         self._hooks.remove_all()
-        if self._thread is not None:
-            self._thread.join()
+        self._thread.join()
+        self._thread = None
         with self._telling:
             if self._context is not None:
                 self._context.destroy(linger=0)
@@ -109,22 +109,6 @@ class Groot2Publisher:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    def _bound(self, kind: int, port: int) -> zmq.Socket[Any]:
-        import zmq
-
-        assert self._context is not None
-        socket: zmq.Socket[Any] = self._context.socket(kind)
-        socket.setsockopt(zmq.LINGER, 0)
-        socket.setsockopt(zmq.MAXMSGSIZE, self.parameters.most_bytes)
-        address = f"tcp://{self.parameters.host}:{port}"
-        try:
-            socket.bind(address)
-        except zmq.ZMQError as error:
-            self._context.destroy(linger=0)
-            self._context = None
-            raise Groot2Error(f"Groot2 cannot be served at {address}: {error}") from error
-        return socket
 
     def _serve(self) -> None:
         import zmq
@@ -189,8 +173,32 @@ class Groot2Publisher:
                 self._breakpoints.send_multipart(breakpoint_message(next(self._identifiers), uid), zmq.DONTWAIT)
 
 
-def import_zmq() -> Any:
-    """ZeroMQ, and that MessagePack is there; Groot2Error that names the extra where they are not."""
+def check_servable(parameters: PublisherParameters) -> None:
+    """Whether a tree could be served so; Groot2Error where the extra is not installed or a port is taken."""
+    context, _, _ = _bound(parameters)
+    context.destroy(linger=0)
+
+
+def _bound(parameters: PublisherParameters) -> tuple[zmq.Context[Any], zmq.Socket[Any], zmq.Socket[Any]]:
+    """A context, the socket that answers and the one that tells of breakpoints."""
+    zmq = _import_zmq()
+    context = zmq.Context()
+    sockets = []
+    for kind, port in ((zmq.REP, parameters.port), (zmq.PUB, parameters.port + 1)):
+        socket = context.socket(kind)
+        socket.setsockopt(zmq.MAXMSGSIZE, parameters.most_bytes)
+        address = f"tcp://{parameters.host}:{port}"
+        try:
+            socket.bind(address)
+        except zmq.ZMQError as error:
+            context.destroy(linger=0)
+            raise Groot2Error(f"Groot2 cannot be served at {address}: {error}") from error
+        sockets.append(socket)
+    return context, sockets[0], sockets[1]
+
+
+def _import_zmq() -> Any:
+    """ZeroMQ, where MessagePack is there, too; Groot2Error that names the extra where they are not."""
     try:
         import msgpack  # noqa: F401
         import zmq

@@ -1,0 +1,37 @@
+"""``--groot2-port``: what is told before anything starts, and that a run's tree is served."""
+
+from __future__ import annotations
+
+import socket
+from types import SimpleNamespace
+
+import pytest
+
+from bestman_bt.cli.groot2_view import Groot2View
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.engine import RUNNING, load_tree
+from tests.monitor.groot2.wire_client import free_ports, groot2_client
+
+XML = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sleep name="nap" msec="60000"/></BehaviorTree></root>'
+
+
+@pytest.mark.parametrize("taken", [0, 1])
+def test_a_port_that_is_taken_is_told_before_anything_starts(taken: int) -> None:
+    port = free_ports()
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", port + taken))
+        other.listen()
+        with pytest.raises(ConfigurationError, match=rf"--groot2-port {port}.*:{port + taken}"), Groot2View(port):
+            pass
+
+
+def test_the_tree_of_a_run_is_served_until_the_run_ends(capsys: pytest.CaptureFixture[str]) -> None:
+    port, tree = free_ports(), load_tree(XML)
+    with Groot2View(port) as view, groot2_client(port) as client:
+        after_tick = view.watch(SimpleNamespace(), tree)  # type: ignore[arg-type]
+        tree.tick_exactly_once()
+        after_tick()
+        assert client.states() == {1: RUNNING}
+    assert str(port) in capsys.readouterr().err
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", port))
