@@ -49,18 +49,17 @@ class _Chunk:
         self.ends = array("I")
         self.codes = array("I")
 
-    def at(self, time: float) -> Moment:
+    def at(self, time: float, node_count: int) -> Moment:
         nodes, begin = self.nodes.copy(), 0
+        nodes.grow(node_count)  # later trees may have brought some since the keyframe
         count = bisect_right(self.times, time)
         for index in range(count):
             stamp, end = self.times[index], self.ends[index]
             for code in self.codes[begin:end]:
                 nodes.change(code // STATES, code % STATES, stamp)
             begin = end
-        return Moment(self.times[count - 1], self.ticks[count - 1], nodes) if count else self._begin()
-
-    def _begin(self) -> Moment:
-        return Moment(self.time, self.tick, self.nodes.copy())
+        when = (self.times[count - 1], self.ticks[count - 1]) if count else (self.time, self.tick)
+        return Moment(*when, nodes)
 
     def forget_changes(self) -> None:
         self.times, self.ticks, self.ends, self.codes = array("d"), array("Q"), array("I"), array("I")
@@ -104,9 +103,7 @@ class StateHistory:
         if not self._chunks:
             return Moment(self.time, self.tick, self.now.copy())
         index = bisect_right(self._chunks, time, key=lambda chunk: chunk.time) - 1
-        moment = self._chunks[max(0, index)].at(time)
-        moment.nodes.grow(len(self.now))
-        return moment
+        return self._chunks[max(0, index)].at(time, len(self.now))
 
     def _thin(self) -> None:
         while self._changes > self._limits.changes and self._bare < len(self._chunks) - 1:

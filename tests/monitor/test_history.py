@@ -1,0 +1,159 @@
+"""What is known of a run besides its states, and that all of it has bounds."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from bestman_bt.monitor.comparison import compare
+from bestman_bt.monitor.events import (
+    BlackboardEvent,
+    Event,
+    EventError,
+    ImageEvent,
+    LogEvent,
+    PausedEvent,
+    ShownEntry,
+    StatesEvent,
+    from_line,
+)
+from bestman_bt.monitor.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A_KEY, RunHistory
+from bestman_bt.monitor.samples import Freshness, Samples
+from bestman_bt.monitor.timeline import Timeline
+from tests.monitor.conftest import tree_event
+
+IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3
+LOOK, AGAIN, GRASP = 2, 3, 4
+
+
+def as_event(document: dict[str, Any]) -> Event:
+    return from_line(json.dumps(document))
+
+
+def history_of(*changes: tuple[float, int, int], messages: dict[int, str] | None = None) -> RunHistory:
+    """A history of the tree of four nodes: (time, uid, state)."""
+    history = RunHistory()
+    history.take(as_event(tree_event()))
+    for time, uid, state in changes:
+        said = {uid: text for uid, text in (messages or {}).items() if state == FAILURE}
+        history.take(StatesEvent(time, round(time * 20), [(uid, state)], said))
+    return history
+
+
+def test_samples_thin_the_old_half_and_keep_the_first_and_the_newest() -> None:
+    samples: Samples[int] = Samples(100)
+    for number in range(10_000):
+        samples.add(float(number), number)
+    times = [time for time, _ in samples]
+    assert len(samples) <= 100
+    assert (times[0], times[-1]) == (0.0, 9999.0)
+    assert times[-40:] == [float(number) for number in range(9960, 10_000)]
+    assert samples.at(9980.5) == (9980.0, 9980)
+    assert samples.at(-1.0) is None
+
+
+def test_freshness_names_what_changed_since() -> None:
+    freshness: Freshness[str] = Freshness()
+    for version, key in enumerate("abcab", 1):
+        freshness.touch(key, version)
+    assert freshness.since(3) == ["b", "a"]
+    assert freshness.since(0) == ["b", "a", "c"]
+    assert freshness.since(5) == []
+
+
+def test_logs_pictures_and_values_are_bounded() -> None:
+    history = history_of()
+    for number in range(MAX_LOG_LINES + 10):
+        history.take(LogEvent(float(number), "info", f"line {number}"))
+    for number in range(MAX_PICTURES + 10):
+        history.take(ImageEvent(float(number), "head", 1, 1, "AAAA"))
+    for number in range(MAX_VALUES_A_KEY + 10):
+        history.take(BlackboardEvent(float(number), number, {"": {"x": ShownEntry("int", str(number))}}))
+    assert len(history.log) == MAX_LOG_LINES
+    assert len(history.pictures) == MAX_PICTURES
+    assert len(history._entries["", "x"]) <= MAX_VALUES_A_KEY
+    assert [line["message"] for line in history.lines_since(-1, 2)] == [
+        f"line {MAX_LOG_LINES + 8}",
+        f"line {MAX_LOG_LINES + 9}",
+    ]
+
+
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        {**tree_event(), "tree": 5, "nodes": [{**tree_event()["nodes"][1], "uid": 1, "parent": 7}]},
+        {**tree_event(), "tree": 5, "under": 99},
+        {**tree_event(), "nodes": tree_event()["nodes"][:2]},
+        {"event": "states", "time": 1e12, "tick": 1, "changes": []},
+        {"event": "states", "time": 1.0, "tick": 1, "changes": [], "tree": 9},
+        {"event": "image", "time": 1.0, "camera": "c", "width": 1, "height": 1, "jpeg": "no base64!"},
+    ],
+)
+def test_an_event_that_does_not_fit_is_refused_and_nothing_is_lost(damaged: dict[str, Any]) -> None:
+    history = history_of((1.0, LOOK, SUCCESS))
+    with pytest.raises(EventError):
+        history.take(as_event(damaged))
+    assert list(history.states.now.states) == [0, IDLE, SUCCESS, IDLE, IDLE]
+    assert (len(history.nodes), history.last) == (4, 1.0)
+
+
+def test_the_timeline_has_spans_of_leaves_and_marks() -> None:
+    history = history_of((1.0, GRASP, RUNNING), (1.0, AGAIN, RUNNING), (3.0, GRASP, FAILURE), (4.0, GRASP, IDLE))
+    history.take(LogEvent(3.0, "error", "slipped", "main/grasp", "not_held"))
+    history.take(PausedEvent(3.5, "asked"))
+    timeline = history.timeline.document(4.0)
+    assert timeline["spans"] == [
+        {"uid": GRASP, "state": RUNNING, "from": 1.0, "to": 3.0},
+        {"uid": GRASP, "state": FAILURE, "from": 3.0, "to": 4.0},
+    ]
+    assert [(mark["time"], mark["kind"], mark["text"]) for mark in timeline["marks"]] == [
+        (3.0, "error", "main/grasp: not_held: slipped"),
+        (3.5, "paused", "asked"),
+    ]
+
+
+def test_a_timeline_with_too_many_spans_gets_coarser_and_keeps_failures() -> None:
+    timeline = Timeline(max_spans=200)
+    timeline.add_node(1)
+    for second in range(5000):
+        timeline.change(1, FAILURE if second == 700 else SUCCESS, float(second))
+        timeline.change(1, IDLE, second + 0.5)
+    spans = timeline.document(5000.0)["spans"]
+    assert len(spans) <= 200
+    assert any(span["state"] == FAILURE and span["from"] <= 700 <= span["to"] for span in spans)
+    assert max(span["to"] for span in spans) == 4999.5
+
+
+def test_equal_stories_at_different_speeds_do_not_part() -> None:
+    slow = history_of((1.0, LOOK, RUNNING), (9.0, LOOK, SUCCESS), (9.0, LOOK, IDLE), (10.0, GRASP, SUCCESS))
+    fast = history_of((0.1, LOOK, RUNNING), (0.2, LOOK, SUCCESS), (0.2, LOOK, IDLE), (0.3, GRASP, SUCCESS))
+    told = compare(slow, fast)
+    assert told["parted"] is None
+    assert "2 outcomes" in told["words"]
+
+
+def test_how_often_a_condition_is_asked_does_not_part_runs() -> None:
+    asked = [(float(second), LOOK, state) for second in range(5) for state in (SUCCESS, IDLE)]
+    assert (
+        compare(history_of(*asked, (6.0, GRASP, SUCCESS)), history_of(*asked[:4], (6.0, GRASP, SUCCESS)))["parted"]
+        is None
+    )
+
+
+def test_runs_part_where_a_leaf_first_returned_something_else() -> None:
+    a = history_of((1.0, LOOK, SUCCESS), (2.0, GRASP, FAILURE), messages={GRASP: "slipped"})
+    b = history_of((1.5, LOOK, SUCCESS), (3.0, GRASP, SUCCESS))
+    parted = compare(a, b)["parted"]
+    assert (parted["time_a"], parted["time_b"], parted["path"]) == (2.0, 3.0, "main/grasp")
+    assert (parted["state_a"], parted["state_b"]) == (FAILURE, SUCCESS)
+    assert "in A 'main/grasp' failed at 2.00 s (slipped); in B 'main/grasp' succeeded at 3.00 s" in parted["words"]
+
+
+def test_a_run_that_was_cut_off_parts_where_it_ends() -> None:
+    a = history_of((1.0, LOOK, SUCCESS))
+    b = history_of((1.0, LOOK, SUCCESS), (3.0, GRASP, SUCCESS))
+    parted = compare(a, b)["parted"]
+    assert (parted["time_a"], parted["time_b"], parted["path"], parted["state_a"]) == (1.0, 3.0, "main/grasp", None)
+    assert compare(history_of(), history_of())["words"].startswith("no leaf")
