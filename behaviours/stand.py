@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -13,25 +14,36 @@ from py_trees.ports import PortInformation
 from behaviours.context import DRIVEN
 from behaviours.grasp_candidates import grasp_candidates
 from behaviours.place import place_tool_poses
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import find_surface, with_open_drawers
 from bestman_bt.manipulation.collision import CollisionWorld, planning_scene_from_world_model
 from bestman_bt.manipulation.kinematics import StandPose, rank_stand_poses, stands_along
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.world_model import BasePose, MapFurniture
+from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
 
 SAME_STAND = 0.05
 """Metres: a stand nearer than this to one that was tried is the same one."""
 SAME_TARGET = 0.05
 PRE_REACH = 0.1
 """Metres before its place from where the hand should go straight into furniture."""
+PART = 0.25
+"""Share of a surface's size from its middle to the middle of a quarter."""
 HAND_ABOVE = 0.08
 """Metres above a surface at which the hand should be able to work where the object has not been seen yet."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Target:
+    """``tool_poses``: in the map frame, each a sequence of which all are to be reached. ``at``: (2,) what for."""
+
+    tool_poses: Sequence[Sequence[Pose]]
+    at: NDArray[np.float64]
 
 
 class FindStandPose(Skill):
     """Choose where to stand to reach an object (where it was seen), a goal on a surface, or else the surface itself.
 
+    Of a surface the middle is preferred; where that is out of reach, another part of it will do.
     Each time it is asked again for the same target it gives another stand, until all have been tried.
     """
 
@@ -51,15 +63,13 @@ class FindStandPose(Skill):
     def execute(self) -> Steps:
         """Rank the stands along the furniture by what the arm reaches from them."""
         furniture, _ = find_surface(self.skills, self.get_input("surface"))
-        alternatives, target = self._alternatives()
-        if np.linalg.norm(target - self._target) > SAME_TARGET:
-            self._target, self._tried = target, []
-        stands: tuple[StandPose, ...] = yield self.compute(
-            "stand_planning", self._rank, furniture, alternatives, target
-        )
+        targets = self._targets()
+        if np.linalg.norm(targets[0].at - self._target) > SAME_TARGET:
+            self._target, self._tried = targets[0].at, []
+        stands = yield from self._first_reached(furniture, targets)
         if not stands and self._tried:
             self._tried = []
-            stands = yield self.compute("stand_planning", self._rank, furniture, alternatives, target)
+            stands = yield from self._first_reached(furniture, targets)
         if not stands:
             raise SkillFailure(
                 "no_stand", f"the arm cannot reach its target from anywhere free at the {furniture.name}"
@@ -69,27 +79,41 @@ class FindStandPose(Skill):
         self.set_output("stand", best)
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
-    def _alternatives(self) -> tuple[Sequence[Sequence[Pose]], NDArray[np.float64]]:
-        """Tool poses in the map frame, and the target (x, y) that they serve."""
+    def _first_reached(self, furniture: MapFurniture, targets: Sequence[_Target]) -> StepsTo[tuple[StandPose, ...]]:
+        """Stands, best first, from where one of the targets is reached, those of the first one that is."""
+        for target in targets:
+            stands: tuple[StandPose, ...] = yield self.compute("stand_planning", self._rank, furniture, target)
+            if stands:
+                return stands
+        return ()
+
+    def _targets(self) -> list[_Target]:
+        """What would do, the best first."""
         skills = self.skills
         goal: Pose | None = self.get_input("goal")
         name: str = self.get_input("object") or ""
         belief = skills.world.objects.get(name)
         if goal is not None and skills.world.held is not None:
             on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
-            return place_tool_poses(skills.world.held, on_surface), goal.position[:2]
+            return [_Target(place_tool_poses(skills.world.held, on_surface), goal.position[:2])]
         if belief is not None:
             candidates = grasp_candidates(self.skills, belief)[:8]
             map_from_base = skills.map_from_base
-            return [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates], belief.pose.position[
-                :2
-            ]
+            grasps = [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates]
+            return [_Target(grasps, belief.pose.position[:2])]
         furniture, surface = find_surface(skills, self.get_input("surface"))
-        target = goal.position[:2] if goal is not None else self._middle()[:2]
-        at = np.array([*target, self._middle()[2] + HAND_ABOVE])
-        if furniture.is_inside(surface) and surface.leaf is None:
-            return _from_front(at, furniture.pose.theta), target
-        return _top_down(at), target
+        height = self._middle()[2] + HAND_ABOVE
+        points = goal.position[None, :2] if goal is not None else self._parts(furniture, surface)
+        within = furniture.is_inside(surface) and surface.leaf is None
+        hands = partial(_from_front, heading=furniture.pose.theta) if within else _top_down
+        return [_Target(hands(np.array([*point, height])), point) for point in points]
+
+    def _parts(self, furniture: MapFurniture, surface: MapSurface) -> NDArray[np.float64]:
+        """Points (N, 2) of a surface in the map frame, the middle first, then others nearer to its front."""
+        shares = np.array([(0.0, 0.0), *((-PART, share * PART) for share in (0.0, 1.0, -1.0))])
+        points = np.column_stack([shares * np.array(surface.size), np.zeros(len(shares))])
+        in_map: NDArray[np.float64] = (furniture.pose.to_pose() @ surface.pose).apply(points)[:, :2]
+        return in_map
 
     def _middle(self) -> NDArray[np.float64]:
         furniture, surface = find_surface(self.skills, self.get_input("surface"))
@@ -100,20 +124,18 @@ class FindStandPose(Skill):
         assert held is not None
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
-    def _rank(
-        self, furniture: MapFurniture, alternatives: Sequence[Sequence[Pose]], target: NDArray[np.float64]
-    ) -> tuple[StandPose, ...]:
+    def _rank(self, furniture: MapFurniture, target: _Target) -> tuple[StandPose, ...]:
         skills = self.skills
         corners = np.array(skills.base.description.footprint)
         costmap = skills.seen_costmap(DRIVEN)
         candidates = [
             stand
-            for stand in stands_along(with_open_drawers(skills, furniture), target, float(corners[:, 0].max()))
+            for stand in stands_along(with_open_drawers(skills, furniture), target.at, float(corners[:, 0].max()))
             if all(stand.distance_to(tried) > SAME_STAND for tried in self._tried)
         ]
         return rank_stand_poses(
             candidates,
-            alternatives,
+            target.tool_poses,
             skills.algorithms.kinematics,
             skills.arm_model,
             skills.arm_positions(),
@@ -124,14 +146,15 @@ class FindStandPose(Skill):
         )
 
     def _world_at(self, stand: Pose2D) -> CollisionWorld:
-        """What the arm will have around it there, but for the target itself and for what stands in a goal's way.
+        """What the arm will have around it there, but for the target itself and for what stands on the surface.
 
-        What is in the way there is for the one to tell who looks at the place.
+        What is in the way at a goal is for the one to tell who looks at the place.
         """
         skills = self.skills
         there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), held=None)
-        ignore = [self.get_input("object") or ""]
-        if self.get_input("goal") is not None:
+        name: str = self.get_input("object") or ""
+        ignore = [name]
+        if self.get_input("goal") is not None or name not in skills.world.objects:
             ignore += [*skills.world.objects, *(n for n in skills.world.obstacles if not n.endswith("/surface"))]
         scene = planning_scene_from_world_model(
             there, skills.robot, skills.joints.positions(), skills.arm.name, ignore=ignore
