@@ -1,4 +1,6 @@
+import { createHash } from "node:crypto";
 import { readdirSync, readFileSync } from "node:fs";
+import { join } from "node:path";
 import { defineConfig, type Plugin } from "vite";
 
 const BUNDLED = ["preact", "@preact/signals", "@preact/signals-core", "d3-hierarchy", "uplot", "@fontsource-variable/inter"];
@@ -19,10 +21,27 @@ function licences(): Plugin {
   };
 }
 
+/** A digest of the sources beside the built files; a test holds the committed build to the committed sources. */
+function digest(): Plugin {
+  return {
+    name: "digest",
+    generateBundle() {
+      const root = import.meta.dirname;
+      const names = ["index.html", "package-lock.json", ...["src", "public"].flatMap((folder) =>
+        readdirSync(join(root, folder), { recursive: true, withFileTypes: true })
+          .filter((entry) => entry.isFile())
+          .map((entry) => join(entry.parentPath, entry.name).slice(root.length + 1)))].sort();
+      const hash = createHash("sha256");
+      for (const name of names) hash.update(`${name}\n`).update(readFileSync(join(root, name)));
+      this.emitFile({ type: "asset", fileName: "SOURCES.sha256", source: `${hash.digest("hex")}\n` });
+    },
+  };
+}
+
 // Files are never inlined as data: URLs, because the server's Content-Security-Policy allows scripts of its own origin only.
 export default defineConfig({
   base: "./",
-  plugins: [licences()],
+  plugins: [licences(), digest()],
   build: {
     outDir: "../static",
     emptyOutDir: true,

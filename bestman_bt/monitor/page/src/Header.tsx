@@ -62,7 +62,7 @@ function Controls({ run }: { run: Run }) {
   const off = reason !== null;
   return (
     <div class="group controls" role="toolbar" aria-label="Controls of the execution" title={reason ?? undefined}>
-      <button type="button" class="button" disabled={off} aria-keyshortcuts="Space" onClick={() => pauseOrResume(run)}>
+      <button type="button" class="button" disabled={off} title={paused ? "Resume (Space)" : "Pause (Space)"} aria-label={paused ? "Resume" : "Pause"} aria-keyshortcuts="Space" onClick={() => pauseOrResume(run)}>
         <Icon name={paused ? "play" : "pause"} /><span>{paused ? "Resume" : "Pause"}</span>
       </button>
       <button type="button" class="button" disabled={off} title="One tick (N)" aria-label="Step one tick" aria-keyshortcuts="N" onClick={() => step(run)}>

@@ -70,8 +70,8 @@ export class Tree {
     if (words.length === 0) return [];
     return this.nodes
       .filter((node) => {
-        const all = `${node.name} ${node.type} ${node.path}`.toLowerCase();
-        return words.every((word) => all.includes(word));
+        const all = `${node.name} ${node.type}`.toLowerCase();
+        return words.every((word) => (word.includes("/") ? node.path.toLowerCase() : all).includes(word));
       })
       .map((node) => node.index);
   }

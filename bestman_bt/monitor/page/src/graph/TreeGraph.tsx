@@ -20,11 +20,14 @@ export function TreeGraph({ run }: { run: Run }) {
   const view = useRef<GraphView | null>(null);
 
   useEffect(() => {
-    const marker = (): HTMLElement | null => host.current!.querySelector("[aria-selected=true]");
-    const made = new GraphView(run, host.current!, canvas.current!, map.current!, marker, () => (following.value = false));
+    const box = host.current!;
+    const marker = (): HTMLElement | null => box.querySelector("[aria-selected=true]");
+    const made = new GraphView(run, box, canvas.current!, map.current!, marker, () => (following.value = false));
     view.current = made;
-    made.relayout(orientation.peek());
-    return () => made.close();
+    return () => {
+      made.close();
+      view.current = null;
+    };
   }, [run]);
 
   useSignalEffect(() => {

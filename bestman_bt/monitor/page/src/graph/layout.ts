@@ -7,12 +7,13 @@ import type { Tree, TreeNode } from "../tree";
 export const CARD_HEIGHT = 36;
 export const NAME_FONT = `600 12.500px ${FONT}`;
 export const TYPE_FONT = `450 10.500px ${FONT}`;
-const LEAST_WIDTH = 92;
-const MOST_WIDTH = 196;
+const LEAST_WIDTH = 80;
+const MOST_WIDTH = 184;
 const ROW = 46;
-const COLUMN_GAP = 34;
+const COLUMN_GAP = 30;
 const LEVEL = 78;
 const SIBLING_GAP = 14;
+const GIST_WIDTH = 90;
 const TEXT_LEFT = 34;
 const TEXT_RIGHT = 12;
 
@@ -59,16 +60,21 @@ function fitted(text: string, font: string, most: number): [string, number] {
 const texts = new Map<string, { text: string; width: number }>();
 
 /** Measuring is the slow part of a layout, and names repeat. */
-function measured(text: string, font: string): { text: string; width: number } {
-  const key = `${font}${text}`;
+function measured(text: string, font: string, most = MOST_WIDTH - TEXT_LEFT - TEXT_RIGHT): { text: string; width: number } {
+  const key = `${font}${most}${text}`;
   let known = texts.get(key);
   if (known === undefined) {
-    const [short, width] = fitted(text, font, MOST_WIDTH - TEXT_LEFT - TEXT_RIGHT);
+    const [short, width] = fitted(text, font, most);
     known = { text: short, width };
     if (texts.size > 8000) texts.clear();
     texts.set(key, known);
   }
   return known;
+}
+
+/** The second line of a card whose name says its type already. */
+function gist(node: TreeNode): string {
+  return Object.values(node.ports ?? {}).join(" ") || node.category;
 }
 
 export function layOut(tree: Tree, collapsed: ReadonlySet<number>, orientation: Orientation): Layout {
@@ -78,7 +84,9 @@ export function layOut(tree: Tree, collapsed: ReadonlySet<number>, orientation: 
   const cards = new Map<number, Card>();
   root.each(({ data }) => {
     const name = measured(data.name, NAME_FONT);
-    const type = measured(data.type, TYPE_FONT);
+    const type = data.type === data.name
+      ? measured(gist(data), TYPE_FONT, Math.max(GIST_WIDTH, Math.floor(name.width) - 14))
+      : measured(data.type, TYPE_FONT);
     const width = Math.max(LEAST_WIDTH, Math.ceil(Math.max(name.width, type.width + 14)) + TEXT_LEFT + TEXT_RIGHT);
     const hidden = collapsed.has(data.index) ? data.size : 0;
     cards.set(data.index, { index: data.index, x: 0, y: 0, width, name: name.text, kind: type.text, parent: null, hidden });

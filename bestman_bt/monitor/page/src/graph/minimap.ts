@@ -16,12 +16,13 @@ export class Minimap {
 
   constructor(private readonly canvas: HTMLCanvasElement) {}
 
-  /** Whether it is of use: not while the whole tree is in view. */
-  paint(layout: Layout, states: Uint8Array, camera: Camera, colours: Palette, now: number): void {
+  /** Hides itself while the whole tree is in view; returns whether it still has to be painted, later. */
+  paint(layout: Layout, states: Uint8Array, camera: Camera, colours: Palette, now: number): boolean {
     const seen = camera.seen();
     const all = seen.left <= layout.left && seen.right >= layout.right && seen.top <= layout.top && seen.bottom >= layout.bottom;
     this.canvas.hidden = all;
-    if (all || now - this.painted < EVERY) return;
+    if (all) return false;
+    if (now - this.painted < EVERY) return true;
     this.painted = now;
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const ratio = devicePixelRatio;
@@ -50,6 +51,7 @@ export class Minimap {
       Math.min(width - 1, this.left + seen.right * this.scale) - x,
       Math.min(height - 1, this.top + seen.bottom * this.scale) - y,
     );
+    return false;
   }
 
   /** The point of the drawing under a point of the minimap. */

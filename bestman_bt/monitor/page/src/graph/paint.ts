@@ -82,7 +82,7 @@ export function paint(
   );
 
   context.lineWidth = Math.max(1.200, 0.7 / camera.zoom);
-  context.strokeStyle = colours.line;
+  context.strokeStyle = colours.faint;
   context.stroke(edges);
   context.lineWidth = Math.max(2.600, 1.600 / camera.zoom);
   context.strokeStyle = colours.states[RUNNING]!;
@@ -126,7 +126,7 @@ function paintCard(context: CanvasRenderingContext2D, card: Card, picture: Pictu
   context.fillStyle = colours.soft[state]!;
   context.fill();
   context.lineWidth = state === IDLE ? 1 : 1.500;
-  context.strokeStyle = state === IDLE ? colours.line : colours.states[state]!;
+  context.strokeStyle = state === IDLE ? colours.faint : colours.states[state]!;
   if (node.category === "subtree") context.setLineDash([5, 3]);
   context.stroke();
   context.setLineDash([]);

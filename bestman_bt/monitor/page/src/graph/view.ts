@@ -57,6 +57,7 @@ export class GraphView {
   close(): void {
     this.watching.disconnect();
     cancelAnimationFrame(this.due);
+    this.layout = null;
   }
 
   relayout(orientation: Orientation): void {
@@ -69,7 +70,9 @@ export class GraphView {
     this.edges = edgePath(this.layout, this.layout.cards);
     const after = before === null ? undefined : this.layout.byIndex.get(before.index);
     if (!this.fitted || turned) this.open();
-    else if (after !== undefined) this.camera.pan((before!.x - after.x) * this.camera.zoom, (before!.y - after.y) * this.camera.zoom);
+    else if (after !== undefined && (before!.x !== after.x || before!.y !== after.y)) {
+      this.camera.pan((before!.x - after.x) * this.camera.zoom, (before!.y - after.y) * this.camera.zoom);
+    }
     this.redraw();
   }
 
@@ -161,9 +164,9 @@ export class GraphView {
       palette.peek(),
       now,
     );
-    this.minimap.paint(this.layout, this.run.states, this.camera, palette.peek(), now);
+    const behind = this.minimap.paint(this.layout, this.run.states, this.camera, palette.peek(), now);
     this.placeMarker();
-    if (moving || glowing) this.redraw();
+    if (moving || glowing || behind) this.redraw();
   }
 
   /** The focused tree item lies over its card, so that magnifiers and focus rings find it. */

@@ -46,7 +46,7 @@ class MapView {
     if (map?.png !== undefined) {
       const bytes = Uint8Array.from(atob(map.png), (letter) => letter.charCodeAt(0));
       const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
-      const scratch = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d")!;
+      const scratch = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d", { willReadFrequently: true })!;
       scratch.drawImage(bitmap, 0, 0);
       this.pixels = scratch.getImageData(0, 0, bitmap.width, bitmap.height);
     }
@@ -95,7 +95,7 @@ class MapView {
     if (this.grid?.source === source && this.grid.colours === colours) return this.grid.picture;
     const picture = document.createElement("canvas");
     [picture.width, picture.height] = [source.width, source.height];
-    const context = picture.getContext("2d")!;
+    const context = picture.getContext("2d", { willReadFrequently: true })!;
     const colour = (css: string): Uint8ClampedArray => {
       context.fillStyle = css;
       context.fillRect(0, 0, 1, 1);

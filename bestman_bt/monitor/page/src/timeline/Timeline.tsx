@@ -10,7 +10,7 @@ import { stateName } from "../states";
 import { palette } from "../theme";
 import { tallTimeline } from "../view_options";
 import { laneByNode, packed } from "./lanes";
-import { AXIS, GUTTER, paintTimeline, positionOf, TALL_LANE } from "./paint_timeline";
+import { AXIS, GUTTER, paintTimeline, positionOf, RIGHT, SLIM_LANE, TALL_LANE } from "./paint_timeline";
 import { Player } from "./Player";
 
 const SEEK_EVERY = 60;
@@ -77,14 +77,14 @@ export function Timeline({ run, follow }: { run: Run; follow: Run | null }) {
   };
   const timeAt = (event: PointerEvent): number => {
     const { width, gutter: left, first, last } = frame();
-    const part = (event.offsetX - left) / Math.max(1, width - left - 10);
+    const part = (event.offsetX - left) / Math.max(1, width - left - RIGHT);
     return first + part * Math.max(0.5, last - first);
   };
   const wordsAt = (event: PointerEvent): string => {
     const near = marks.find((mark) => Math.abs(positionOf(mark.time, frame()) - event.offsetX) < NEAR_MARK && event.offsetY < AXIS + 14);
     if (near !== undefined) return `${seconds(near.time)} · ${near.kind}: ${near.text}`;
     const time = timeAt(event);
-    const row = lanes[Math.floor((event.offsetY - AXIS - 14) / (tall ? TALL_LANE : 15))];
+    const row = lanes[Math.floor((event.offsetY - AXIS - 14) / (tall ? TALL_LANE : SLIM_LANE))];
     const item = row?.spans.find(({ span }) => time >= span.from && time <= span.to);
     return item === undefined ? seconds(time) : `${seconds(time)} · ${tree!.nodes[item.index]!.name}: ${stateName(item.span.state)}`;
   };

@@ -29,12 +29,14 @@ export function laneByNode(spans: Span[], tree: Tree): Lane[] {
   return [...lanes.values()].sort((a, b) => a.index - b.index);
 }
 
-/** Only what leaves did and where they failed, first come first placed. */
+/** Only what leaves did, first come first placed; a failure shows where a long history was merged into it. */
 export function packed(spans: Span[], tree: Tree): Lane[] {
   const lanes: Lane[] = [];
   const ends: number[] = [];
+  const ran = new Set(spans.filter((span) => span.state === RUNNING).map((span) => `${span.uid} ${span.to}`));
   const items = shown(spans, tree, true)
-    .filter(({ span }) => span.state === RUNNING || span.state === FAILURE)
+    .filter(({ span, index }) => tree.nodes[index]!.category !== "condition"
+      && (span.state === RUNNING || (span.state === FAILURE && !ran.has(`${span.uid} ${span.from}`))))
     .sort((a, b) => a.span.from - b.span.from);
   for (const item of items) {
     let at = ends.findIndex((end) => end <= item.span.from + 1e-6);

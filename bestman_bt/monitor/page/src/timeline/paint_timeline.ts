@@ -1,6 +1,6 @@
 // Paints the timeline: lanes of spans, marks, the axis, and where one looks.
 
-import { FAILURE, IDLE } from "../states";
+import { FAILURE, IDLE, RUNNING } from "../states";
 import { FONT, type Palette } from "../theme";
 import type { Mark } from "../protocol";
 import type { Lane } from "./lanes";
@@ -8,8 +8,9 @@ import type { Lane } from "./lanes";
 export const GUTTER = 148;
 export const AXIS = 18;
 export const TALL_LANE = 18;
-const SLIM_LANE = 15;
+export const SLIM_LANE = 15;
 const MARKS = 12;
+export const RIGHT = 16;
 
 export interface TimelinePicture {
   width: number;
@@ -28,7 +29,7 @@ export interface TimelinePicture {
 
 export function positionOf(time: number, picture: { width: number; gutter: number; first: number; last: number }): number {
   const span = Math.max(0.5, picture.last - picture.first);
-  return picture.gutter + ((time - picture.first) / span) * (picture.width - picture.gutter - 10);
+  return picture.gutter + ((time - picture.first) / span) * (picture.width - picture.gutter - RIGHT);
 }
 
 /** A step of 1, 2 or 5 times a power of ten, or of minutes, that leaves about `room` pixels between labels. */
@@ -51,6 +52,7 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
   context.font = `500 10.500px ${FONT}`;
   context.textBaseline = "middle";
 
+  const playhead = at(Math.min(last, Math.max(first, picture.time)));
   const step = stepOf(last - first, width - gutter, 64);
   for (let time = Math.ceil(first / step) * step; time <= last + 1e-6; time += step) {
     const x = Math.round(at(time)) + 0.5;
@@ -62,7 +64,7 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
     context.stroke();
     context.fillStyle = colours.muted;
     context.textAlign = time === 0 ? "left" : "center";
-    context.fillText(label(time), x, AXIS / 2);
+    if (Math.abs(x - playhead) > 26) context.fillText(label(time), x, AXIS / 2);
   }
 
   const lane = tall ? TALL_LANE : SLIM_LANE;
@@ -71,7 +73,7 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
     const y = top + i * lane;
     if (tall) {
       if (row.index === picture.selected) {
-        context.fillStyle = colours.soft[1]!;
+        context.fillStyle = colours.soft[RUNNING]!;
         context.fillRect(0, y, width, lane);
       }
       context.fillStyle = row.index === picture.selected ? colours.ink : colours.muted;
@@ -82,7 +84,7 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
       const x = at(span.from);
       const wide = Math.max(2, at(span.to) - x - 0.5);
       context.fillStyle = span.state === IDLE ? colours.faint : colours.states[span.state]!;
-      context.globalAlpha = span.state === 1 ? 0.9 : 0.55;
+      context.globalAlpha = span.state === RUNNING ? 0.92 : tall ? 0.32 : 0.6;
       context.beginPath();
       context.roundRect(x, y + 2, wide, lane - 4, Math.min(3, wide / 2));
       context.fill();
@@ -101,8 +103,8 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
 
   for (const mark of picture.marks) paintMark(context, mark, at(mark.time), AXIS + MARKS / 2, colours);
 
-  const x = at(Math.min(last, Math.max(first, picture.time)));
-  context.strokeStyle = context.fillStyle = picture.live ? colours.states[1]! : colours.ink;
+  const x = playhead;
+  context.strokeStyle = context.fillStyle = picture.live ? colours.states[RUNNING]! : colours.ink;
   context.lineWidth = 2;
   context.beginPath();
   context.moveTo(x, AXIS - 2);
