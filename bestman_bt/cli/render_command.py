@@ -1,4 +1,4 @@
-"""Examples: bestman-bt render runs/<run>; bestman-bt render runs/<run> --film; bestman-bt render runs/<run> --blender."""
+"""Examples: bestman-bt render runs/<run> --film; bestman-bt render runs/<run> --blender --at 12.5."""
 
 from __future__ import annotations
 

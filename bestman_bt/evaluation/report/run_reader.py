@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import logged_nodes, read_btlog
+from bestman_bt.engine.logs.segmented_file import full_segments, read_segment
 from bestman_bt.evaluation.report.activities import activities
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
 from bestman_bt.evaluation.report.story import (
@@ -42,6 +43,7 @@ from bestman_bt.monitor.events import TreeEvent as InnerTree
 RESULT, CONFIG, BTLOG, EVENTS = "result.json", "config.yaml", "transitions.btlog", "events.jsonl"
 PARTS = (RESULT, CONFIG, BTLOG, EVENTS)
 MAX_BYTES = {RESULT: 4_000_000, CONFIG: 1_000_000, BTLOG: 32_000_000, EVENTS: 64_000_000}
+MAX_SEGMENTS = 40
 MAX_FAILURES = 200
 MAX_PICTURES = 50
 NAMED_PICTURES = ("start", "grasp", "end")
@@ -200,10 +202,10 @@ def _read_btlog(path: Path, parts: _Parts) -> None:
 
 
 def _read_events(path: Path, parts: _Parts) -> None:
-    """Line by line; the last one may be torn."""
+    """Line by line, from the first segment of a long log on; where a run was killed the last line may be torn."""
     damaged = 0
-    with path.open("rb") as file:
-        for line in file:
+    for segment in (*full_segments(path)[:MAX_SEGMENTS], path):
+        for line in read_segment(segment, MAX_BYTES[EVENTS]).splitlines(keepends=True):
             try:
                 _take_event(from_line(line), parts)
             except EventError:

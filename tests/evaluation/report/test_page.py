@@ -1,0 +1,163 @@
+from __future__ import annotations
+
+import re
+from datetime import datetime
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine.status import FAILURE, SUCCESS
+from bestman_bt.evaluation.report.activities import Activity
+from bestman_bt.evaluation.report.gantt import MAX_BARS, MAX_ROWS, WIDTH, gantt
+from bestman_bt.evaluation.report.page import report_page
+from bestman_bt.evaluation.report.run_reader import read_story
+from bestman_bt.evaluation.report.story import NodeKey, StoryNode
+from bestman_bt.evaluation.result import Outcome
+from tests.evaluation.report.run_folders import failure_with_picture, picture, write_run
+
+NOW = datetime(2026, 3, 4, 5, 6)
+
+
+class _Page(HTMLParser):
+    """What a browser would make of it: elements and text."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self._open: list[str] = []
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        self._open.append(tag)
+        self.text += " " if tag == "td" else ""
+
+    def handle_endtag(self, tag: str) -> None:
+        while self._open and self._open.pop() != tag:
+            pass
+
+    def handle_data(self, data: str) -> None:
+        if "style" not in self._open:
+            self.text += data
+
+
+def _page(*folders: Path) -> _Page:
+    return _Page(report_page([read_story(folder) for folder in folders], NOW))
+
+
+def test_a_page_needs_no_script_and_nothing_beside_it(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", success=False, events=failure_with_picture(tmp_path))
+    picture(folder / "pictures" / "1.jpg")
+    picture(folder / "end.png")
+
+    page = _page(folder)
+
+    names = {tag for tag, _ in page.tags}
+    assert not names & {"script", "link", "iframe", "object", "embed", "form"}
+    sources = [value for _, attributes in page.tags for key, value in attributes.items() if key in ("src", "href")]
+    assert len(sources) == 2
+    assert all(source is not None and source.startswith("data:image/jpeg;base64,") for source in sources)
+    assert not [key for _, attributes in page.tags for key in attributes if key.startswith("on")]
+
+
+def test_names_and_words_of_a_run_are_shown_and_never_obeyed(tmp_path: Path) -> None:
+    page = _page(write_run(tmp_path / "<img src=x onerror=alert(1)>", success=False))
+
+    assert "script" not in {tag for tag, _ in page.tags}
+    assert "img" not in {tag for tag, _ in page.tags}
+    assert "the cup slipped <script>alert(1)</script>" in page.text
+    assert "<img src=x onerror=alert(1)>" in page.text
+
+
+def test_the_page_of_a_run_tells_outcome_failure_audit_metrics_and_nodes(tmp_path: Path) -> None:
+    text = _page(write_run(tmp_path / "run", success=False)).text
+
+    for told in ("fetch_cup, seed 1", "failure", "slipped", "ground truth reads", "place error mm", "second try"):
+        assert told in text
+
+
+def test_an_interrupted_run_is_called_so(tmp_path: Path) -> None:
+    assert "Interrupted." in _page(write_run(tmp_path / "run", killed=True)).text
+
+
+def test_what_could_not_be_read_is_told_on_the_page(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    (folder / "transitions.btlog").write_bytes(b"not a log")
+
+    assert "transitions.btlog was not read" in _page(folder).text
+
+
+def test_the_page_of_many_runs_tells_rates_with_intervals_causes_and_slow_nodes(tmp_path: Path) -> None:
+    folders = [write_run(tmp_path / f"run{seed}", seed=seed, success=seed > 2) for seed in range(1, 11)]
+    folders += [write_run(tmp_path / "killed", killed=True)]
+    folders += [write_run(tmp_path / "cancelled", success=False, outcome=Outcome.CANCELLED)]
+
+    text = re.sub(r"\s+", " ", _page(*folders).text)
+
+    assert "8 of 10" in text
+    assert "49 to 94 %" in text  # Wilson, 95 %
+    assert "1 interrupted" in text
+    assert "1 cancelled" in text
+    assert "slipped 2" in text
+    assert text.index("approach/drive") < text.index("second try")
+
+
+def test_runs_of_other_settings_are_counted_apart(tmp_path: Path) -> None:
+    first, second = write_run(tmp_path / "a"), write_run(tmp_path / "b", seed=2)
+    config = second / "config.yaml"
+    config.write_text(config.read_text() + "scene_settings:\n  finger_friction: 0.001\n")
+
+    text = _page(first, second).text
+
+    assert "scene.finger_friction=0.001" in text
+    assert text.count("1 of 1") == 2
+
+
+def _node(number: int) -> StoryNode:
+    return StoryNode((0, number), None, f"n{number}", "Act", "action", f"n{number}", 0)
+
+
+def test_bars_stand_where_the_work_was() -> None:
+    done: list[Activity[NodeKey]] = [Activity((0, 1), 2.0, 4.0, SUCCESS), Activity((0, 1), 6.0, 7.0, FAILURE)]
+
+    chart = gantt([_node(1)], done, 10.0)
+
+    first, second = chart.rows[0].bars
+    assert (first.x, first.width, first.state) == (0.2 * WIDTH, 0.2 * WIDTH, "success")
+    assert (second.x, second.width, second.state) == (0.6 * WIDTH, 0.1 * WIDTH, "failure")
+    assert second.words == "6.00 to 7.00 s: failure"
+
+
+def test_bars_that_would_cover_one_another_become_one_that_shows_a_failure_among_them() -> None:
+    done: list[Activity[NodeKey]] = [Activity((0, 1), 0.001 * i, 0.001 * i, SUCCESS) for i in range(500)]
+    done.append(Activity((0, 1), 0.2505, 0.2505, FAILURE))
+    done.sort(key=lambda activity: activity.begin)
+
+    (bar,) = gantt([_node(1)], done, 100.0).rows[0].bars
+
+    assert bar.state == "failure"
+    assert bar.words.endswith("(501 times)")
+
+
+def test_a_chart_is_bounded_and_keeps_the_nodes_that_took_the_most_time() -> None:
+    nodes = [_node(number) for number in range(1, 1001)]
+    done: list[Activity[NodeKey]] = [
+        Activity((0, node.key[1]), t, t + 0.001 * node.key[1], SUCCESS) for node in nodes for t in range(0, 200, 2)
+    ]
+
+    chart = gantt(nodes, done, 200.0)
+
+    assert len(chart.rows) == MAX_ROWS
+    assert chart.left_out == 1000 - MAX_ROWS
+    assert sum(len(row.bars) for row in chart.rows) <= MAX_BARS
+    assert chart.rows[-1].node.name == "n1000"
+
+
+@pytest.mark.parametrize("duration", [0.0, 0.3, 59.0, 3600.0, 1e6])
+def test_the_time_axis_has_few_ticks_whatever_the_length(duration: float) -> None:
+    ticks = gantt([], [], duration).ticks
+
+    assert 1 <= len(ticks) <= 13
+    assert all(0 <= x <= WIDTH for x, _ in ticks)

@@ -1,0 +1,169 @@
+from __future__ import annotations
+
+import json
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine.status import FAILURE, SUCCESS
+from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, read_story, run_folders
+from bestman_bt.evaluation.result import Outcome
+from bestman_bt.monitor.events import DescribedNode, StatesEvent, TreeEvent
+from tests.evaluation.report.run_folders import HOSTILE, failure_with_picture, picture, write_run
+
+
+def test_a_finished_run_is_told_with_its_times_and_nodes(tmp_path: Path) -> None:
+    story = read_story(write_run(tmp_path / "run", seed=4))
+
+    assert (story.task, story.seed, story.robot, story.scene) == ("fetch_cup", 4, "diff_panda", "kitchen")
+    assert story.outcome == "success"
+    assert story.started == pytest.approx(1.7e9)
+    assert story.notes == ()
+    by_name = {node.name: node for node in story.nodes}
+    drive = next(a for a in story.activities if a.key == by_name["drive"].key)
+    assert (drive.begin, drive.end, drive.result) == (0.0, pytest.approx(1.0), SUCCESS)
+    assert by_name["drive"].depth == by_name["approach"].depth + 1
+    assert story.duration == pytest.approx(1.6, abs=0.11)
+
+
+def test_a_run_without_an_end_was_interrupted(tmp_path: Path) -> None:
+    story = read_story(write_run(tmp_path / "run", killed=True))
+
+    assert story.outcome == "interrupted"
+    assert not story.is_counted
+    assert story.result is None
+    assert story.duration == pytest.approx(0.0, abs=0.3)
+
+
+def test_a_run_whose_log_is_cut_off_anywhere_is_read_to_there(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", killed=True)
+    log = folder / "transitions.btlog"
+    log.write_bytes(log.read_bytes()[:-4])
+    events = folder / "events.jsonl"
+    events.write_bytes(events.read_bytes() + b'{"event":"log","ti')
+
+    story = read_story(folder)
+
+    assert story.notes == ()
+    assert story.activities
+
+
+def test_a_run_whose_executor_answers_is_still_running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write_run(tmp_path / "run", killed=True)
+    monkeypatch.chdir(folder)  # socket paths are short
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as server:
+        server.bind("served.sock")
+        server.listen()
+        os.symlink("served.sock", "control.sock")
+
+        assert read_story(Path()).outcome == "running"
+
+    assert read_story(Path()).outcome == "interrupted"
+
+
+def test_a_failure_comes_with_the_picture_of_that_moment(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", success=False, events=failure_with_picture(tmp_path))
+    picture(folder / "pictures" / "1.jpg")
+
+    (failure,) = read_story(folder).failures
+
+    assert (failure.time, failure.node, failure.code) == (1.4, "work/Grasp::7", "no_grasp")
+    assert failure.picture is not None
+    assert failure.picture.jpeg.startswith(b"\xff\xd8")
+
+
+def test_trees_that_a_leaf_has_ticked_stand_below_that_leaf(tmp_path: Path) -> None:
+    node = DescribedNode(1, None, "planned", "Sequence", "control", "planned", {}, "")
+    leaf = DescribedNode(2, 1, "pick up", "Pick", "action", "pick up", {}, "")
+    events = (
+        TreeEvent([node, leaf], "", "Plan", tree=1, under=7),
+        StatesEvent(0.5, 10, [(1, 1), (2, 1)], tree=1),
+        StatesEvent(0.9, 18, [(2, 3)], tree=1),
+    )
+
+    story = read_story(write_run(tmp_path / "run", events=events))
+
+    names = [node.name for node in story.nodes]
+    under = next(index for index, node in enumerate(story.nodes) if node.key == (0, 7))
+    assert names[under + 1 : under + 3] == ["planned", "pick up"]
+    assert (0.5, 0.9, FAILURE) in {(a.begin, a.end, a.result) for a in story.activities if a.key == (1, 2)}
+
+
+@pytest.mark.parametrize("name", ["../secret.png", "/etc/passwd", "pictures/../../secret.png", "link.png"])
+def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name: str) -> None:
+    picture(tmp_path / "secret.png")
+    folder = write_run(tmp_path / "run", events=failure_with_picture(tmp_path, name))
+    (folder / "pictures").mkdir()
+    (folder / "link.png").symlink_to(tmp_path / "secret.png")
+
+    story = read_story(folder)
+
+    assert story.failures[0].picture is None
+    assert any("picture left out" in note for note in story.notes)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "words"),
+    [
+        ("result.json", b"{", "result.json was not read"),
+        ("result.json", b"[" * 200_000, "result.json was not read"),
+        ("result.json", b"[1]", "it is no JSON object"),
+        ("result.json", json.dumps({"task": 3}).encode(), "result.json was not read: "),
+        ("config.yaml", b"\xff\xfe\x00", "config.yaml was not read"),
+        ("config.yaml", b"a: [", "config.yaml was not read"),
+        ("transitions.btlog", b"MZ" + bytes(100), "is no .btlog file"),
+        ("transitions.btlog", b"BTCPP4-FileLogger2\x01\xff\xff\xff\x7f", "cut off within its XML"),
+        ("events.jsonl", b"\x00\xff\n" * 3, "3 lines are no events"),
+        ("events.jsonl", b'{"event":"log","time":1e999,"level":"info","message":7}\n', "1 lines are no events"),
+    ],
+)
+def test_a_damaged_part_is_noted_and_the_others_are_told(tmp_path: Path, file: str, content: bytes, words: str) -> None:
+    folder = write_run(tmp_path / "run")
+    (folder / file).write_bytes(content)
+
+    story = read_story(folder)
+
+    assert any(words in note for note in story.notes), story.notes
+
+
+@pytest.mark.parametrize("file", list(MAX_BYTES))
+def test_a_part_that_is_too_large_is_not_read(tmp_path: Path, file: str) -> None:
+    folder = write_run(tmp_path / "run")
+    with (folder / file).open("wb") as part:
+        part.truncate(MAX_BYTES[file] + 1)
+
+    assert any(note.startswith(f"{file} was not read") and "at most" in note for note in read_story(folder).notes)
+
+
+def test_a_log_with_an_entity_bomb_is_refused(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    xml = b'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">]><root>&a;</root>'
+    head = b"BTCPP4-FileLogger2\x01" + len(xml).to_bytes(4, "little") + xml + bytes(8)
+    (folder / "transitions.btlog").write_bytes(head)
+
+    assert any("entity declarations are refused" in note for note in read_story(folder).notes)
+
+
+def test_a_folder_of_nothing_is_refused_in_words(tmp_path: Path) -> None:
+    with pytest.raises(ReportError, match="is no folder"):
+        run_folders(tmp_path / "not_there")
+    with pytest.raises(ReportError, match="is no run folder and holds none"):
+        run_folders(tmp_path)
+    (tmp_path / "result.json").write_text("not json")
+    with pytest.raises(ReportError, match="result.json was not read"):
+        read_story(tmp_path)
+
+
+def test_the_runs_below_a_folder_are_found_and_links_are_not_followed(tmp_path: Path) -> None:
+    first = write_run(tmp_path / "evaluation" / "runs" / "a")
+    second = write_run(tmp_path / "evaluation" / "runs" / "b", outcome=Outcome.CANCELLED)
+    (tmp_path / "evaluation" / "again").symlink_to(tmp_path)
+
+    assert run_folders(tmp_path) == [first, second]
+    assert run_folders(first) == [first]
+
+
+def test_hostile_names_are_kept_as_text(tmp_path: Path) -> None:
+    assert HOSTILE in {node.name for node in read_story(write_run(tmp_path / "run")).nodes}
