@@ -43,12 +43,14 @@ def withdraw(skill: Skill, leaf: Leaf, posture: str, felt: Obstacle | None = Non
 
 
 def _around(skills: SkillContext, leaf: Leaf, position: float, felt: Obstacle | None) -> CollisionWorld:
-    """What the arm keeps clear of on its way home: a leaf that was felt always, lest it is pushed."""
-    if felt is not None:
-        around = world_at_leaf(skills, leaf, position, "free", felt=grown(felt, FELT))
-        if not around.is_free(skills.arm_positions()):
-            around = world_at_leaf(skills, leaf, position, "free", felt=felt)
-        return around
+    """What the arm keeps clear of on its way home: a leaf that was felt, lest it is pushed.
+
+    Where the arm would be within that, the leaf is not there: the grip was lost before, and the hand went on alone.
+    """
+    for boards in (grown(felt, FELT), felt) if felt is not None else ():
+        around = world_at_leaf(skills, leaf, position, "free", felt=boards)
+        if around.is_free(skills.arm_positions()):
+            return around
     for margin, ignore in ((UNSURE[leaf.leaf.kind], ()), (0.0, ()), (0.0, (leaf.articulation,))):
         around = world_at_leaf(skills, leaf, position, "free", ignore=ignore, margin=margin)
         if around.is_free(skills.arm_positions()):

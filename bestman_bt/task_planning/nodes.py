@@ -18,8 +18,8 @@ from bestman_bt.task_planning.monitoring import PlanMonitor
 from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
 from bestman_bt.task_planning.verification import verify
 
-NOT_BELIEVED = "not_believed"
-"""What ``Holds`` tells where the answer is no: in a reactive tree that is a question, not a failure."""
+ANSWERS = frozenset({"not_believed", "other_code"})
+"""What ``Holds`` and ``AreErrorCodesPresent`` tell where the answer is no: they ask, and are no reason of a failure."""
 
 _GOAL = PortInformation(str, description="facts, joined by and: on(mug, table) and closed(drawer_chest/drawer_3)")
 
@@ -82,6 +82,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
             plan: TaskPlan = self.get_input("plan")
             self._monitor = PlanMonitor(plan, problem.goal)
             self._tree = self._checked(self._built(domain, problem, plan), problem)
+            self.owner.announce_inner(self._tree, self)
         except SkillFailure as failure:
             return self.explain(failure.code, str(failure))
         except PlanningError as error:
@@ -128,7 +129,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
     def _why(self) -> str:
         """What the last skill that failed said, and how the plan stands now."""
         _, problem = self.domain_and_problem()
-        failed = [failure for failure in self.skills.failures[self._told :] if failure.error_code != NOT_BELIEVED]
+        failed = [failure for failure in self.skills.failures[self._told :] if failure.error_code not in ANSWERS]
         said = [f"{failure.node}: {failure.why}" for failure in failed[-1:]]
         return "; ".join([*said, str(self._monitor.outlook(problem.state))])
 
