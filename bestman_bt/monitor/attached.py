@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.monitor.events import Event, EventError, ImageEvent, Topic, from_line
+from bestman_bt.monitor.events import Event, EventError, ImageEvent, RunEvent, Topic, from_line
+from bestman_bt.monitor.history import RunHistory
+from bestman_bt.monitor.recorded import read_into
 from bestman_bt.monitor.run import MonitoredRun, RunError
 
 LONGEST_LINE = 16 << 20
@@ -18,6 +20,8 @@ FOLLOWED: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "log")
 RETRY = 0.5
 """Seconds between attempts to reach an executor whose connection broke."""
 ANSWER_WAIT = 5.0
+LOOK_AGAIN = 1.0
+"""Seconds without an event after which it is looked whether anybody still wants them."""
 FROZEN = 3.0
 """Seconds to wait for an executor that accepts a connection."""
 Take = Callable[[Event], None]
@@ -101,7 +105,9 @@ class AttachedRun(MonitoredRun):
         """Read events until the end; where the connection breaks and the socket is still there, begin anew."""
         while True:
             try:
-                await self._read(FOLLOWED, self._take)
+                if not self.history.about:
+                    await self._catch_up()
+                await self._read(FOLLOWED, self._take, lambda: True)
             except (OSError, TimeoutError) as error:
                 self.fault = str(error)
             if self.history.end is not None or not self.socket.exists():
@@ -110,6 +116,25 @@ class AttachedRun(MonitoredRun):
         self.is_lost = self.history.end is None
         self.wake_watchers()
 
+    async def _catch_up(self) -> None:
+        """Read what the run has recorded before we came; without a folder, its past is not known."""
+        told: list[RunEvent] = []
+
+        def take(event: Event) -> None:
+            if isinstance(event, RunEvent):
+                told.append(event)
+
+        await self._read((), take, lambda: not told)
+        if not told or not told[0].folder:
+            return
+        history = RunHistory()
+        try:
+            await asyncio.to_thread(read_into, history, Path(told[0].folder))
+        except RunError as error:
+            self.fault = str(error)
+        else:
+            self.history = history
+
     async def _follow_pictures(self) -> None:
         def take(event: Event) -> None:
             if isinstance(event, ImageEvent):
@@ -117,19 +142,18 @@ class AttachedRun(MonitoredRun):
 
         while self.watchers and not self.is_over:
             with contextlib.suppress(OSError, TimeoutError):
-                await self._read(("images",), take, while_watched=True)
+                await self._read(("images",), take, lambda: bool(self.watchers))
             await asyncio.sleep(RETRY)
 
-    async def _read(
-        self, topics: tuple[Topic, ...], take: Callable[[Event], None], while_watched: bool = False
-    ) -> None:
+    async def _read(self, topics: tuple[Topic, ...], take: Take, goes_on: Callable[[], bool]) -> None:
+        """Subscribe, and take events until the executor ends the connection or we do not go on."""
         async with asyncio.timeout(FROZEN):
             reader, writer = await asyncio.open_unix_connection(str(self.socket), limit=LONGEST_LINE)
         try:
             writer.write(json.dumps({"do": "subscribe", "topics": list(topics)}).encode() + b"\n")
-            while not while_watched or self.watchers:
+            while goes_on():
                 try:
-                    async with asyncio.timeout(1.0 if while_watched else None):
+                    async with asyncio.timeout(LOOK_AGAIN):
                         line = await reader.readline()
                 except TimeoutError:
                     continue

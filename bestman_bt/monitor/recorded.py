@@ -16,15 +16,18 @@ from typing import Any, get_args
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import LoggedNode, logged_nodes, read_btlog
+from bestman_bt.engine.logs.segmented_file import read_segment, segments_to_read
 from bestman_bt.monitor.events import (
     MAIN_TREE,
     Category,
     DescribedNode,
     Event,
     EventError,
+    LogEvent,
     RunEvent,
     StatesEvent,
     TreeEvent,
+    from_line,
 )
 from bestman_bt.monitor.history import RunHistory
 from bestman_bt.monitor.run import MonitoredRun, RunError
@@ -32,8 +35,9 @@ from bestman_bt.monitor.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_
 
 RESULT_FILE = "result.json"
 PICTURES_FOLDER = "pictures"
-LARGEST_FILE = 256 << 20
+LARGEST_FILE = 32 << 20
 """Bytes of one log that are read; executors cut theirs long before."""
+LONGEST_FIRST_LINE = 64 << 10
 LARGEST_RESULT = 1 << 20
 LARGEST_PICTURE = 8 << 20
 _CATEGORIES: dict[str, Category] = {name: name for name in get_args(Category)}
@@ -62,6 +66,7 @@ class RecordedRun(MonitoredRun):
         self.is_loaded = False
         self.opened = 0.0
         self._result: dict[str, Any] = {}
+        self._fault = ""
         self._about: RunEvent | None = None
         self._loading = asyncio.Lock()
 
@@ -72,10 +77,11 @@ class RecordedRun(MonitoredRun):
 
     def look(self) -> None:
         """Read what lists tell: the result and the first event. What is damaged is told when the run is opened."""
+        self._result, self._fault = {}, ""
         try:
             self._result = read_result(self.folder)
-        except RunError:
-            self._result = {}
+        except RunError as error:
+            self._fault = str(error)
         first = _first_event(self.folder)
         if isinstance(first, RunEvent):
             self._about = replace(first, folder=str(self.folder))
@@ -108,6 +114,8 @@ class RecordedRun(MonitoredRun):
                 self.look()
                 history = self._empty()
                 await asyncio.to_thread(read_into, history, self.folder)
+                if self._fault:
+                    history.take(LogEvent(history.last, "warning", self._fault, logger="monitor"))
                 self.history, self.is_loaded = history, True
 
     async def request(self, message: dict[str, Any]) -> dict[str, Any]:
@@ -176,8 +184,9 @@ def _timed(events: Iterable[Event]) -> Iterator[tuple[float, Event]]:
 
 def _first_event(folder: Path) -> Event | None:
     try:
-        return next(read_events(folder), None)
-    except EventError:
+        line, newline, _ = read_segment(segments_to_read(folder / EVENTS_FILE)[0], LONGEST_FIRST_LINE).partition(b"\n")
+        return from_line(line) if newline else None
+    except (OSError, EventError):
         return None
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import socket
@@ -82,6 +83,12 @@ class FakeExecutor:
             threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
 
     def _serve(self, connection: socket.socket) -> None:
+        with contextlib.suppress(OSError):
+            self._read(connection)
+        if connection in self.subscribers:
+            self.subscribers.remove(connection)
+
+    def _read(self, connection: socket.socket) -> None:
         for line in connection.makefile("rb"):
             message = json.loads(line)
             self.asked.append(message)
@@ -95,17 +102,18 @@ class FakeExecutor:
         """Send events to everybody who has subscribed."""
         wait_until(lambda: bool(self.subscribers), "somebody subscribes")
         for event in events:
-            for connection in self.subscribers:
-                connection.sendall(json.dumps(event).encode() + b"\n")
+            for connection in list(self.subscribers):
+                with contextlib.suppress(OSError):  # it has just gone
+                    connection.sendall(json.dumps(event).encode() + b"\n")
 
     def close(self) -> None:
         """Be gone, as a process that ends is."""
         self.path.unlink(missing_ok=True)
         self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
-        for connection in self.subscribers:
-            connection.shutdown(socket.SHUT_RDWR)
-            connection.close()
+        for connection in list(self.subscribers):
+            with contextlib.suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
 
 
 def wait_until(holds: Callable[[], bool], what: str, seconds: float = 20.0) -> None:
@@ -125,7 +133,9 @@ class Page:
     def ask(self, what: str, **more: Any) -> None:
         self.connection.send(json.dumps({"do": what, **more}))
 
-    def next(self, kind: str, holds: Callable[[Message], bool] = lambda message: True, seconds: float = 20.0) -> Message:
+    def next(
+        self, kind: str, holds: Callable[[Message], bool] = lambda message: True, seconds: float = 20.0
+    ) -> Message:
         """The next message of a kind for which ``holds``; others are read and kept in ``seen``."""
         end = time.monotonic() + seconds
         while True:

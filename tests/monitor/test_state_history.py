@@ -40,7 +40,7 @@ def test_times_before_the_first_and_after_the_last_are_answered_with_those() -> 
 
 
 def test_looking_back_changes_nothing() -> None:
-    history, told = recorded(300, 5, HistoryLimits(chunk=50))
+    history, _told = recorded(300, 5, HistoryLimits(chunk=50))
     before = list(history.now.states), list(history.now.successes), list(history.now.seconds)
     for time in (3.0, 29.0, 0.0):
         history.at(time)

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 
 from bestman_bt.engine.errors import EngineError
-from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment
+from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segment, segments_to_read
 from bestman_bt.engine.status import IDLE, SKIPPED
 from bestman_bt.engine.tree import StateChanges, Tree
 from bestman_bt.engine.xml.writer import full_tree_xml
@@ -37,7 +37,7 @@ class LogError(EngineError):
     """A log file is not what it should be."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Transition:
     """One node's new status; ``time`` in seconds since the start of the log."""
 
@@ -92,25 +92,29 @@ class BtLogWriter:
         self._origin = self._tree.clock.now()
         xml = full_tree_xml(self._tree).encode()
         head = MAGIC + struct.pack("<Bi", PROTOCOL, len(xml)) + xml + struct.pack("<q", round(start * 1e6))
-        self._states.clear()
+        self._states = {}
         self._file = SegmentedFile(
-            self.path, segment=self._segment, keep=KEEP, head=lambda: head + self._records(self._states.items())
+            self.path, segment=self._segment, keep=KEEP, head=lambda: head + self._records(self._standing())
         )
         if self._listens:
             self._tree.subscribe(self._listen)
         return self
 
     def write(self, seconds: float, changes: Iterable[tuple[int, int]]) -> None:
-        """Add (uid, new state) of one moment, ``seconds`` after the start of the log."""
+        """Add (uid, new state) of one moment, ``seconds`` after the start; what was so already is left out."""
         if self._file is None:
             return
-        self._stamp = max(0, round(seconds * 1e6)).to_bytes(6, "little")
-        self._file.write(self._records(changes))
+        states, news = dict(self._states), []
         for uid, state in changes:
-            if state == IDLE:
-                self._states.pop(uid, None)
-            else:
-                self._states[uid] = state
+            if states.get(uid, IDLE) != state:
+                states[uid] = state
+                news.append((uid, state))
+        self._stamp = max(0, round(seconds * 1e6)).to_bytes(6, "little")
+        self._file.write(self._records(news))
+        self._states = states
+
+    def _standing(self) -> list[tuple[int, int]]:
+        return [(uid, state) for uid, state in self._states.items() if state != IDLE]
 
     def _records(self, changes: Iterable[tuple[int, int]]) -> bytes:
         stamp = self._stamp
@@ -147,7 +151,7 @@ def read_btlog(path: str | Path) -> BtLog:
         LogError: it is no such file.
     """
     path = Path(path)
-    segments = [*full_segments(path), path]
+    segments = segments_to_read(path)
     logs = [_decoded(segment, read_segment(segment, LONGEST_SEGMENT)) for segment in segments[:-1]]
     logs.append(_decoded(path, path.read_bytes()))
     if len(logs) == 1:

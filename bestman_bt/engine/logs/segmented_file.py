@@ -13,6 +13,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+NEWEST_READ = 3
+"""Full segments that readers take besides the first: a log of many hours, or a hostile one, fits no memory."""
+
 
 class SegmentedFile:
     """Writes; the file is replaced, and segments that an earlier log left there are removed.
@@ -73,6 +76,12 @@ def full_segments(path: Path) -> list[Path]:
         if found.suffix in (".gz", path.suffix):
             numbered[found.name[: len(path.stem) + 5]] = found
     return [numbered[name] for name in sorted(numbered)]
+
+
+def segments_to_read(path: Path) -> list[Path]:
+    """The file and its earlier segments, oldest first; of a very long log only the first and the newest ones."""
+    full = full_segments(path)
+    return [*full[:1], *full[1:][-NEWEST_READ:], path]
 
 
 def read_segment(path: Path, limit: int) -> bytes:
