@@ -19,7 +19,7 @@ LARGEST_STILL = 200_000
 def caption(run: FilmedRun, shot: Shot, index: int) -> str:
     """What is going on in a frame."""
     time = shot.times[index]
-    return f"{run.config.name}   {time:5.1f} s   {shot.speed:.0f} x   {run.doing(time)}"
+    return f"{run.config.name}   {time:5.1f} s   {shot.speed:.2g} x   {run.doing(time)}"
 
 
 def captioned(picture: NDArray[np.uint8], text: str) -> NDArray[np.uint8]:

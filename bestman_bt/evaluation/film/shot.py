@@ -17,7 +17,8 @@ from hal.pybullet import Viewpoint
 RATE = 12
 """Frames per second."""
 SECONDS = (8.0, 13.0)
-"""Shortest and longest film."""
+"""Shortest and longest film; a run that is shorter is shown as fast as it was."""
+SHORTEST = 0.5
 AZIMUTHS = np.arange(12) * math.pi / 6
 ELEVATIONS = (math.radians(25.0), math.radians(40.0))
 DISTANCE = 2.3
@@ -62,7 +63,7 @@ def viewpoint(target: NDArray[np.float64], azimuth: float, elevation: float) -> 
 def plan_shot(run: FilmedRun, stage: Stage) -> Shot:
     """Choose the frames, let the camera follow, choose the side."""
     duration = run.motion.duration
-    seconds = min(max(duration / 4.0, SECONDS[0]), SECONDS[1])
+    seconds = max(min(max(duration / 4.0, SECONDS[0]), SECONDS[1], duration), SHORTEST)
     times = tuple(float(time) for time in np.linspace(0.0, duration, round(seconds * RATE)))
     snapshots = tuple(run.motion.at(time) for time in times)
     hands = []
@@ -86,7 +87,7 @@ def plan_shot(run: FilmedRun, stage: Stage) -> Shot:
         return total
 
     azimuth, elevation = max(((float(a), e) for a in AZIMUTHS for e in ELEVATIONS), key=score)
-    return Shot(times, snapshots, targets, azimuth, elevation, max(duration / seconds, 1.0))
+    return Shot(times, snapshots, targets, azimuth, elevation, duration / seconds)
 
 
 def best_frame(run: FilmedRun, shot: Shot, stage: Stage) -> int:
@@ -98,7 +99,8 @@ def best_frame(run: FilmedRun, shot: Shot, stage: Stage) -> int:
         stage.set(shot.snapshots[index])
         return _clearness(stage.seen(shot.view(index), run.subjects), 1.5)
 
-    return max(candidates, key=score)
+    best: int = max(candidates, key=score)
+    return best
 
 
 def _clearness(shares: tuple[float, float], most: float) -> float:
