@@ -51,6 +51,7 @@ class StateChanges(Sequence["tuple[int, int]"]):
 
 
 Listener = Callable[[StateChanges], None]
+InnerListener = Callable[["Tree", Node], None]
 
 
 def _refused() -> int:
@@ -85,6 +86,7 @@ class Tree:
         self._root: Node | None = None
         self._wake = threading.Event()
         self._listeners: list[Listener] = []
+        self._inner_listeners: list[InnerListener] = []
         self._log: list[Any] | None = None
         self._visited: list[Node] | None = None
         self._visitors: list[VisitorBase] = []
@@ -351,6 +353,20 @@ class Tree:
         if not self._listeners and self._log is not None:
             self._log = None
             self.rebind()
+
+    def subscribe_to_inner(self, listener: InnerListener) -> None:
+        """Call ``listener`` with each tree that a leaf of this one is about to tick by itself, and the leaf."""
+        self._inner_listeners.append(listener)
+
+    def unsubscribe_from_inner(self, listener: InnerListener) -> None:
+        """End such a subscription."""
+        if listener in self._inner_listeners:
+            self._inner_listeners.remove(listener)
+
+    def announce_inner(self, inner: Tree, leaf: Node) -> None:
+        """For a leaf that has made a tree which it will tick: tell who listens, before its first tick."""
+        for listener in tuple(self._inner_listeners):
+            listener(inner, leaf)
 
     def publish(self) -> None:
         """Tell the listeners what has changed so far. Each tick and halt ends with it; one that is held up may, too."""

@@ -89,6 +89,7 @@ def run_episode(
     gui: bool = False,
     twin_judge: Path | None = None,
     prepare_robot: Callable[[Robot], None] | None = None,
+    viewer: str | None = None,
 ) -> RunResult:
     """Run a task once and judge it.
 
@@ -97,7 +98,8 @@ def run_episode(
     ``pictures``: also
     ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without one, nobody
     judges a robot that is not simulated here. ``prepare_robot``: called right after connecting, the last moment to make
-    a view of the truth whose reads are not counted. Raises as ``prepare_episode``, before anything is started.
+    a view of the truth whose reads are not counted. ``viewer``: the address of a Rerun viewer that sees a simulated run
+    while it happens. Raises as ``prepare_episode``, before anything is started.
     """
     setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     judge = find_judge(setup.config)
@@ -107,7 +109,7 @@ def run_episode(
     with ExitStack() as stack:
         session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
         tree = session.load()
-        after_tick = _after_tick(stack, session, tree, observers, folder, watch)
+        after_tick = _after_tick(stack, session, tree, observers, folder, watch, viewer)
         executor = session.executor(tree, after_tick)
         telemetry = stack.enter_context(session.telemetry(executor, folder))
         stack.enter_context(ControlChannel(executor, session.skills.stop.hold, telemetry).serving(folder))
@@ -124,7 +126,7 @@ def run_episode(
         record = observers.honesty_record()
         audited = audit(record, setup.config.task.allowed_contacts) if record is not None else None
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
-        telemetry.end(result.outcome, result.tree_status, result.failure.why if result.failure is not None else "")
+        telemetry.end(str(result.outcome), result.tree_status, result.failure.why if result.failure is not None else "")
         if folder is not None:
             write_world(folder / WORLD_NAME, setup, session.skills.world)
     if folder is not None:
@@ -146,20 +148,26 @@ def _recorder(stack: ExitStack, setup: Setup, folder: Path | None) -> Callable[[
 
 
 def _after_tick(
-    stack: ExitStack, session: Session, tree: Tree, observers: _Observers, folder: Path | None, watch: Watcher | None
+    stack: ExitStack,
+    session: Session,
+    tree: Tree,
+    observers: _Observers,
+    folder: Path | None,
+    watch: Watcher | None,
+    viewer: str | None,
 ) -> Callable[[], None]:
     calls: list[Callable[[], None]] = []
-    if folder is not None:
-        if observers.scene is not None:
-            motion = MotionLog(folder, observers.scene)
-            motion.open()
-            stack.callback(motion.close)
-            calls.append(motion.after_tick)
-        if session.setup.config.record and observers.scene is not None:
-            recording = Recording(folder / "recording.rrd", session, tree, observers.scene)
-            recording.open()
-            stack.callback(recording.close)
-            calls.append(recording.after_tick)
+    if folder is not None and observers.scene is not None:
+        motion = MotionLog(folder, observers.scene)
+        motion.open()
+        stack.callback(motion.close)
+        calls.append(motion.after_tick)
+    file = folder / "recording.rrd" if folder is not None and session.setup.config.record else None
+    if observers.scene is not None and (file is not None or viewer is not None):
+        recording = Recording(file, session, tree, observers.scene, viewer=viewer)
+        recording.open()
+        stack.callback(recording.close)
+        calls.append(recording.after_tick)
     if observers.driven is not None and session.setup.config.task.drive is not None:
         calls.append(observers.driven.after_tick)
     if observers.disturber is not None and observers.truth is not None:

@@ -14,14 +14,16 @@ from pathlib import Path
 
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
-from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment
+from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segment, segments_to_read
 from bestman_bt.monitor.events import (
     MAIN_TREE,
     Event,
     EventError,
+    ImageEvent,
     LogEvent,
     RobotEvent,
     RunEvent,
+    ScanEvent,
     StatesEvent,
     from_line,
     to_line,
@@ -33,8 +35,8 @@ SEGMENT = 4 << 20
 KEEP_EVENTS, KEEP_LOG = 64 << 20, 16 << 20
 """Compressed bytes of full segments that are kept."""
 LONGEST_SEGMENT = 4 * SEGMENT
-ROBOT_EVERY = 0.19
-"""Seconds between robot states that are kept; of those that come ten times a second every other."""
+KEPT_EVERY = {"robot": 0.19, "scan": 1.9}
+"""Seconds between those that are kept: of robot states that come each 0.1 s every other."""
 
 
 class RunLogWriter:
@@ -46,7 +48,7 @@ class RunLogWriter:
         self._events = SegmentedFile(folder / EVENTS_FILE, segment=SEGMENT, keep=KEEP_EVENTS)
         self._log = SegmentedFile(folder / LOG_FILE, segment=SEGMENT, keep=KEEP_LOG)
         self._said: dict[int, str] = {}
-        self._next_robot = 0.0
+        self._due: dict[str, float] = {}
         self.flush()
 
     def write(self, event: Event) -> None:
@@ -54,10 +56,12 @@ class RunLogWriter:
         if isinstance(event, LogEvent):
             self._log.write(self._log_line(event))
             return
-        if isinstance(event, RobotEvent):
-            if event.time < self._next_robot:
+        if isinstance(event, ImageEvent) and not event.file:
+            return
+        if isinstance(event, (RobotEvent, ScanEvent)):
+            if event.time < self._due.get(event.event, 0.0):
                 return
-            self._next_robot = event.time + ROBOT_EVERY
+            self._due[event.event] = event.time + KEPT_EVERY[event.event]
         if isinstance(event, StatesEvent) and event.tree == MAIN_TREE:
             self._states.write(event.time, event.changes)
             news = {uid: text for uid, text in event.messages.items() if self._said.get(uid) != text}
@@ -120,7 +124,7 @@ def _lines(path: Path) -> Iterator[tuple[int, bytes]]:
     """The whole lines of a file and its earlier segments, with their numbers over all."""
     number = 0
     try:
-        for segment in [*full_segments(path), path]:
+        for segment in segments_to_read(path):
             for line in read_segment(segment, LONGEST_SEGMENT).splitlines(keepends=True):
                 number += 1
                 if line.endswith(b"\n"):

@@ -95,13 +95,20 @@ class EventStream:
         with contextlib.suppress(queue.Empty):
             make = self._waiting.get(timeout=None if self._log is None else FLUSH_EVERY)
             while make is not None:
-                for event in make():
-                    self._hand_on(event)
+                self._make(make)
                 self._flush_when_due()
                 make = self._waiting.get_nowait()
             return False
         self._flush_when_due()
         return True
+
+    def _make(self, make: Making) -> None:
+        try:
+            for event in make():
+                self._hand_on(event)
+        except Exception as error:  # noqa: BLE001 - of values of users' types, or a picture's file: the rest is told
+            message = f"an event could not be made: {type(error).__name__}: {error}"
+            self._hand_on(LogEvent(self._standing.time, "error", message, logger=__name__))
 
     def _flush_when_due(self) -> None:
         if self._lost:

@@ -56,7 +56,7 @@ class RobotSource:
         if base.path is not self._path:
             self._path = base.path
             tell(partial(_path_events, time, self._path))
-        if "scan" in wanted and base.last_scan is not None and time >= self._next_scan - EARLY:
+        if base.last_scan is not None and time >= self._next_scan - EARLY:
             self._next_scan = time + SCAN_EVERY
             tell(partial(_scan_events, time, base.last_scan, base.base_from_lidar))
 
@@ -115,4 +115,4 @@ def _thinned(points: NDArray[np.float64]) -> Points:
 
 
 def _points(points: NDArray[np.float64]) -> Points:
-    return [(x, y) for x, y in np.round(points, 3).tolist()]
+    return [(x, y) for x, y in np.round(points, 2).tolist()]

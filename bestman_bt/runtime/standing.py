@@ -51,12 +51,15 @@ class Standing:
             case RunEvent():
                 self._run = event
             case TreeEvent():
+                ended = [number for number, tree in self._trees.items() if number and tree.told.under == event.under]
+                for number in ended:
+                    del self._trees[number]
                 self._trees[event.tree] = _TreeStanding(event, {node.uid: IDLE for node in event.nodes})
             case StatesEvent():
                 self.time, self._tick = event.time, event.tick
-                standing = self._trees[event.tree]
-                standing.states.update(event.changes)
-                standing.messages.update(event.messages)
+                if event.tree in self._trees:
+                    self._trees[event.tree].states.update(event.changes)
+                    self._trees[event.tree].messages.update(event.messages)
             case BlackboardEvent():
                 self.time, self._tick = event.time, event.tick
                 for scope, entries in event.entries.items():

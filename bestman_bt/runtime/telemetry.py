@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Protocol
 
 from behaviours.failure import Failure
-from bestman_bt.engine import Node, Tree
+from bestman_bt.engine import RUNNING, Node, Tree
 from bestman_bt.monitor.events import (
     EndEvent,
     Event,
@@ -35,6 +35,8 @@ from bestman_bt.runtime.tree_tap import TreeTap
 LOOK_EVERY = 0.2
 """Seconds of the clock between looks at what running leaves say of themselves."""
 
+TIME_DECIMALS = 6
+"""Of seconds, as many as a .btlog holds."""
 OUTCOMES = {Ending.CANCELLED: "cancelled", Ending.ERROR: "error"}
 """Of executions that a judge does not even look at, as in ``result.json``."""
 
@@ -104,7 +106,7 @@ class Telemetry:
 
     def now(self) -> float:
         """Seconds of the clock since the start, as events have them."""
-        return self._executor.clock.now() - self._start
+        return round(self._executor.clock.now() - self._start, TIME_DECIMALS)
 
     def tell(self, event: Event) -> None:
         """Tell an event that is made already; from any thread."""
@@ -151,8 +153,7 @@ class Telemetry:
             source.after_tick(time, tick, self._stream.wanted)
         if time - self._looked >= LOOK_EVERY:
             self._looked = time
-            for tap in self._taps.values():
-                tap.look()
+            self._look()
             if self._folder is None and not self._subscribers:
                 self._detach()
 
@@ -170,6 +171,7 @@ class Telemetry:
         self._attached = True
         self.tell(self.run)
         self._tap(self._tree)
+        self._tree.subscribe_to_inner(self._tap)
         for source in self._sources:
             source.begin(self._stream.tell)
         self._blackboard = BlackboardChanges(self._tree)
@@ -177,6 +179,7 @@ class Telemetry:
 
     def _detach(self) -> None:
         self._attached = False
+        self._tree.unsubscribe_from_inner(self._tap)
         for tap in self._taps.values():
             tap.detach()
         self._taps.clear()
@@ -189,8 +192,15 @@ class Telemetry:
         self._trees += 1
         tap.attach()
 
+    def _look(self) -> None:
+        for tree, tap in list(self._taps.items()):
+            tap.look()
+            if tree is not self._tree and tree.status != RUNNING:
+                tap.detach()
+                del self._taps[tree]
+
     def _moment(self, stamp: float) -> tuple[float, int]:
-        return stamp - self._start, self._executor.ticks
+        return round(stamp - self._start, TIME_DECIMALS), self._executor.ticks
 
     def _tell_blackboard(self, time: float, tick: int) -> None:
         written = self._blackboard.collect()

@@ -19,11 +19,15 @@ class Control(Node, Composite):
     MAX_CHILDREN: ClassVar[int | None] = None
 
     def bind_children(self, log: list[Any] | None) -> None:
-        """Pair each child with what it is called by."""
-        self.pairs = [(child.run, child) for child in self.nodes_below()]
+        """Pair each child with what it is called by; in place: the tick under way goes through the same list."""
+        pairs: list[tuple[Tick, Node]] = [(child.run, child) for child in self.nodes_below()]
+        if hasattr(self, "pairs"):
+            self.pairs[:] = pairs
+        else:
+            self.pairs = pairs
 
     def refuse(self, instead: Tick) -> None:
-        """In place: the tick under way goes through the same list."""
+        """In place, too."""
         super().refuse(instead)
         self.pairs[:] = [(instead, child) for _, child in self.pairs]
 

@@ -142,7 +142,11 @@ class _Reactive(Control):
         """Prepare the events of a tick in which everything goes on, while somebody listens."""
         super().bind_children(log)
         if log is not None:
-            self.traced_pairs = [(run, child, child.ev[self.GO], i) for i, (run, child) in enumerate(self.pairs)]
+            pairs = [(run, child, child.ev[self.GO], index) for index, (run, child) in enumerate(self.pairs)]
+            if hasattr(self, "traced_pairs"):
+                self.traced_pairs[:] = pairs
+            else:
+                self.traced_pairs = pairs
             self.idles = tuple(child.ev[0] for _, child in self.pairs)
 
     def refuse(self, instead: Tick) -> None:

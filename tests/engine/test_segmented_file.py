@@ -1,0 +1,103 @@
+"""Logs that are cut into segments: nothing is lost or told twice, wherever they end."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import IDLE, ManualClock, load_tree
+from bestman_bt.engine.logs.btlog import BtLogWriter, read_btlog
+from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment
+
+TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Repeat num_cycles="-1"><Sequence>
+  <AlwaysSuccess name="a"/><Sleep msec="100" name="b"/></Sequence></Repeat></BehaviorTree></root>"""
+
+
+def all_bytes(path: Path) -> bytes:
+    return b"".join(read_segment(segment, 1 << 20) for segment in [*full_segments(path), path])
+
+
+def test_full_segments_are_compressed_and_all_is_there_once(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    file = SegmentedFile(path, segment=1000, keep=1 << 20)
+    lines = [f"line {number}\n".encode() for number in range(500)]
+    for line in lines:
+        file.write(line)
+    file.close()
+    segments = full_segments(path)
+    assert len(segments) > 3
+    assert {segment.suffix for segment in segments} == {".gz"}
+    assert path.stat().st_size <= 1000
+    assert all_bytes(path) == b"".join(lines)
+
+
+def test_the_oldest_go_but_the_first_stays(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    file = SegmentedFile(path, segment=1000, keep=500)
+    for number in range(2000):
+        file.write(f"line {number}\n".encode())
+    file.close()
+    segments = full_segments(path)
+    assert segments[0].name == "log.0001.jsonl.gz"
+    assert sum(segment.stat().st_size for segment in segments[1:]) <= 500
+    assert all_bytes(path).endswith(b"line 1999\n")
+
+
+def test_a_log_that_is_begun_anew_leaves_nothing_of_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    for _ in range(2):
+        file = SegmentedFile(path, segment=100, keep=1 << 20)
+        for number in range(100):
+            file.write(f"{number}\n".encode())
+        file.close()
+    assert all_bytes(path).splitlines() == [str(number).encode() for number in range(100)]
+
+
+def test_of_a_segment_that_was_being_compressed_the_whole_one_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    path.write_bytes(b"new\n")
+    (tmp_path / "log.0001.jsonl").write_bytes(b"old\n")
+    (tmp_path / "log.0001.jsonl.gz.part").write_bytes(gzip.compress(b"old\n")[:10])
+    assert all_bytes(path) == b"old\nnew\n"
+    (tmp_path / "log.0001.jsonl.gz").write_bytes(gzip.compress(b"old\n"))
+    assert all_bytes(path) == b"old\nnew\n"
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-12], lambda data: data[:40] + b"\xff\xff" + data[42:]])
+def test_a_damaged_segment_ends_early(tmp_path: Path, damage: object) -> None:
+    path = tmp_path / "log.0001.jsonl.gz"
+    data = "".join(f"line {number * number}\n" for number in range(3000)).encode()
+    path.write_bytes(damage(gzip.compress(data)))  # type: ignore[operator]
+    found = read_segment(path, 1 << 20)
+    assert len(found) < len(data)
+
+
+def test_a_segment_that_unpacks_to_more_than_allowed_is_not_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "log.0001.jsonl.gz"
+    path.write_bytes(gzip.compress(bytes(50 << 20)))
+    assert len(read_segment(path, 1 << 20)) == 1 << 20
+
+
+def test_a_btlog_in_segments_reads_as_one_in_a_single_file(tmp_path: Path) -> None:
+    read = []
+    for name, segment in (("whole", 1 << 20), ("cut", 900)):
+        clock = ManualClock()
+        tree = load_tree(TREE, clock=clock)
+        with BtLogWriter(tree, tmp_path / f"{name}.btlog", start=1000.0, segment=segment):
+            for _ in range(100):
+                tree.tick_once()
+                clock.advance(0.05)
+        read.append(read_btlog(tmp_path / f"{name}.btlog"))
+    assert 2 <= len(full_segments(tmp_path / "cut.btlog")) <= 4
+    assert read[0].xml == read[1].xml
+    assert read[0].start == read[1].start == 1000.0
+    assert read[0].transitions == read[1].transitions
+    alone = read_btlog(_only(tmp_path / "cut.btlog", tmp_path / "alone"))
+    assert {transition.status for transition in alone.transitions[:3]} != {IDLE}  # how all stood at its beginning
+
+
+def _only(path: Path, folder: Path) -> Path:
+    folder.mkdir()
+    return path.rename(folder / path.name)

@@ -1,0 +1,69 @@
+"""Events are lines of JSON, and what is none is refused in words."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from bestman_bt.monitor.events import (
+    BlackboardEvent,
+    EventError,
+    LogEvent,
+    ScanEvent,
+    ShownEntry,
+    StatesEvent,
+    from_line,
+    to_line,
+    topic_of,
+)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        StatesEvent(0.05, 1, [(2, 1), (1, 3)], {2: "the <b>cup</b> slipped"}),
+        BlackboardEvent(1.0, 20, {"": {"speed": ShownEntry("float", "0.5", 0.5)}}),
+        LogEvent(2.0, "warning", "nothing\nis there", "pick/grasp", "no_grasp"),
+        ScanEvent(0.0, (1.0, 2.0, 0.5), [(0.25, 0.5)]),
+    ],
+)
+def test_an_event_comes_back_from_its_line(event: StatesEvent) -> None:
+    line = to_line(event)
+    assert line.count(b"\n") == 1
+    assert from_line(line) == event
+
+
+def test_a_line_says_its_kind_and_has_plain_json() -> None:
+    assert json.loads(to_line(StatesEvent(0.05, 1, [(2, 1)]))) == {
+        "event": "states",
+        "time": 0.05,
+        "tick": 1,
+        "changes": [[2, 1]],
+        "messages": {},
+        "tree": 0,
+    }
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        (b"", "Invalid JSON"),
+        (b"[]", "should be an object"),
+        (b"{}", "discriminator 'event'"),
+        (b'{"event": "jump"}', "'jump'"),
+        (b'{"event": "states", "time": 0, "tick": 1}', "states.changes: Field required"),
+        (b'{"event": "states", "time": 0, "tick": 1, "changes": [[1, "x"]]}', "states.changes.0.1"),
+        (b'{"event": "log", "time": 0, "level": "loud", "message": ""}', "log.level"),
+        (b"[" * 5000, "Invalid JSON"),
+    ],
+)
+def test_what_is_no_event_is_refused_and_says_where(line: bytes, words: str) -> None:
+    with pytest.raises(EventError, match="no event") as error:
+        from_line(line)
+    assert words in str(error.value)
+
+
+def test_what_everybody_is_told_has_no_topic() -> None:
+    assert topic_of(from_line('{"event": "resumed", "time": 1.5}')) is None
+    assert topic_of(from_line('{"event": "path", "time": 1.5, "planned": []}')) == "robot"

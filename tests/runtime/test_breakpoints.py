@@ -1,0 +1,230 @@
+"""Breakpoints hold the execution within a tick, at the node; a forced result replaces one tick."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
+from bestman_bt.monitor.control_client import ControlError, request
+from bestman_bt.monitor.events import RunEvent
+from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
+from bestman_bt.runtime.telemetry import Telemetry
+
+TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
+  <Repeat num_cycles="-1" name="again"><Fallback name="either">
+    <Sequence name="both"><Script name="count" code="n += 1"/><Work name="work"/></Sequence>
+    <AlwaysSuccess name="instead"/>
+  </Fallback></Repeat>
+</BehaviorTree></root>"""
+
+
+class Work(StatefulAction):
+    """Two ticks; tells what was done with it."""
+
+    def on_start(self) -> int:
+        self.context.append("start")
+        return RUNNING
+
+    def on_running(self) -> int:
+        self.context.append("done")
+        return SUCCESS
+
+    def on_halted(self) -> None:
+        self.context.append("halted")
+
+
+class Debugged:
+    """An execution in a thread, and the hand that controls it."""
+
+    def __init__(self, folder: Path) -> None:
+        registry = NodeRegistry()
+        registry.register(Work)
+        self.done: list[str] = []
+        clock = ManualClock()
+        self.tree = load_tree(TREE, registry, clock=clock, context=self.done)
+        self.tree.blackboard.set("n", 0)
+        self.executor = Executor(self.tree, clock, after_tick=lambda: time.sleep(0.001))
+        run = RunEvent("debugged", "Main", "", "", 0, "", os.getpid(), time.time(), 20.0, "simulated")
+        self.telemetry = Telemetry(self.executor, run)
+        self.channel = ControlChannel(self.executor, lambda: None, self.telemetry)
+        self.folder = folder
+        self.execution: Execution | None = None
+
+    def ask(self, what: str, **more: Any) -> dict[str, Any]:
+        return request(self.folder / "control.sock", {"do": what, **more})
+
+    def held_at(self, path: str) -> dict[str, Any]:
+        """Wait until it holds; the answer then."""
+        end = time.monotonic() + 10.0
+        while not (answer := self.ask("status"))["paused"]:
+            assert time.monotonic() < end, f"it does not hold at {path}"
+            time.sleep(0.005)
+        return answer
+
+    def __enter__(self) -> Debugged:
+        self.serving = self.channel.serving(self.folder)
+        self.telemetry.__enter__()
+        self.serving.__enter__()
+        self.thread = threading.Thread(target=self._run)
+        self.thread.start()
+        return self
+
+    def _run(self) -> None:
+        self.execution = self.executor.run()
+
+    def __exit__(self, *_: object) -> None:
+        self.executor.cancel()
+        self.thread.join(10.0)
+        self.serving.__exit__(None, None, None)
+        self.telemetry.__exit__(None, None, None)
+
+    def end(self) -> Execution:
+        self.thread.join(10.0)
+        assert self.execution is not None
+        return self.execution
+
+
+@pytest.fixture
+def debugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Debugged]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with Debugged(tmp_path) as debugged:
+        debugged.ask("pause")
+        yield debugged
+
+
+def test_it_holds_before_a_node_begins_and_the_clock_stands_still(debugged: Debugged) -> None:
+    told = debugged.ask("breakpoint", node="work", when="before")["breakpoints"]
+    assert told == [{"node": 5, "path": "work", "when": "before", "condition": None, "once": False}]
+    debugged.ask("resume")
+    first = debugged.held_at("work")
+    work, count = debugged.tree.node("work"), debugged.tree.node("count")
+    assert (work.state, count.state) == (IDLE, SUCCESS)
+    assert debugged.done[-1:] != ["start"]
+    time.sleep(0.1)
+    second = debugged.ask("status")
+    assert (second["ticks"], second["time"]) == (first["ticks"], first["time"])
+    debugged.ask("resume")
+    debugged.held_at("work")
+    assert debugged.done[-2:] == ["start", "done"]
+
+
+def test_it_holds_after_a_node_has_its_result_not_while_it_runs(debugged: Debugged) -> None:
+    debugged.ask("breakpoint", node=5, when="after")
+    debugged.ask("resume")
+    debugged.held_at("work")
+    assert debugged.done[-1] == "done"
+
+
+def test_a_step_from_there_ends_the_tick_and_waits_again(debugged: Debugged) -> None:
+    debugged.ask("breakpoint", node="count", when="after")
+    debugged.ask("resume")
+    ticks = debugged.held_at("count")["ticks"]
+    debugged.ask("step")
+    end = time.monotonic() + 5.0
+    while debugged.ask("status")["ticks"] == ticks:
+        assert time.monotonic() < end
+    answer = debugged.held_at("the next tick")
+    assert answer["ticks"] == ticks + 1
+    assert debugged.tree.node("work").state == RUNNING
+
+
+def test_a_condition_is_a_script_and_holds_once_when_it_becomes_true(debugged: Debugged) -> None:
+    debugged.ask("set", key="n", value=0)
+    debugged.ask("breakpoint", node="work", when="before", condition="n >= 5")
+    debugged.ask("resume")
+    debugged.held_at("work")
+    assert debugged.tree.blackboard.get("n") == 5
+    debugged.ask("resume")
+    time.sleep(0.2)
+    assert not debugged.ask("status")["paused"]
+    assert debugged.tree.blackboard.get("n") > 6
+
+
+def test_one_for_once_is_gone_when_it_was_hit(debugged: Debugged) -> None:
+    debugged.ask("breakpoint", node="work", when="before", once=True)
+    debugged.ask("resume")
+    assert debugged.held_at("work")["breakpoints"] == []
+    ticks = debugged.ask("resume")["ticks"]
+    time.sleep(0.2)
+    assert debugged.ask("status")["ticks"] > ticks + 3
+    assert debugged.tree.node("work").hooks is None
+
+
+def test_a_cleared_one_does_not_hold(debugged: Debugged) -> None:
+    debugged.ask("breakpoint", node="work", when="before")
+    debugged.ask("breakpoint", node="work", when="after")
+    assert len(debugged.ask("clear_breakpoint", node="work", when="before")["breakpoints"]) == 1
+    assert debugged.ask("clear_breakpoint")["breakpoints"] == []
+    ticks = debugged.ask("resume")["ticks"]
+    time.sleep(0.2)
+    assert debugged.ask("status")["ticks"] > ticks + 3
+
+
+def test_while_it_holds_entries_can_be_set_and_breakpoints_too(debugged: Debugged) -> None:
+    debugged.ask("breakpoint", node="count", when="after")
+    debugged.ask("resume")
+    debugged.held_at("count")
+    debugged.ask("set", key="n", value=1000)
+    debugged.ask("breakpoint", node="work", when="before")
+    debugged.ask("clear_breakpoint", node="count")
+    debugged.ask("resume")
+    debugged.held_at("work")
+    assert debugged.tree.blackboard.get("n") == 1000
+
+
+def test_a_held_execution_can_be_stopped_within_the_tick(debugged: Debugged) -> None:
+    debugged.ask("breakpoint", node="work", when="before")
+    debugged.ask("resume")
+    debugged.held_at("work")
+    done = list(debugged.done)
+    debugged.ask("stop")
+    execution = debugged.end()
+    assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped through the control channel")
+    assert [word for word in debugged.done[len(done) :] if word != "halted"] == []
+
+
+def test_a_forced_result_replaces_one_tick_of_a_node_and_halts_it_first(debugged: Debugged) -> None:
+    while debugged.tree.node("work").state != RUNNING:
+        debugged.ask("step")
+        time.sleep(0.02)
+    debugged.ask("force", node="work", result="FAILURE")
+    debugged.ask("breakpoint", node="instead", when="after", once=True)
+    debugged.ask("resume")
+    debugged.held_at("instead")
+    assert debugged.done[-1] == "halted"
+    debugged.ask("resume")
+    time.sleep(0.2)
+    assert debugged.done[-4:].count("done") == 2
+    assert debugged.tree.node("work").hooks is None
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"do": "breakpoint", "node": "nowhere", "when": "before"}, "no node 'nowhere'"),
+        ({"do": "breakpoint", "node": 99, "when": "before"}, "from 1 to 6, not 99"),
+        ({"do": "breakpoint", "node": 1, "when": "during"}, "before or after a node, not 'during'"),
+        ({"do": "breakpoint", "node": 1, "when": "before", "condition": "n >"}, "n >"),
+        ({"do": "force", "node": 1, "result": "RUNNING"}, "SUCCESS or FAILURE, not 'RUNNING'"),
+        ({"do": "set", "key": "n", "value": 1, "scope": "cellar"}, "no SubTree 'cellar'"),
+        ({"do": "subscribe", "topics": ["gossip"]}, "some of states, blackboard"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_words(debugged: Debugged, asked: dict[str, Any], words: str) -> None:
+    with pytest.raises(ControlError) as error:
+        request(debugged.folder / "control.sock", asked)
+    assert words in str(error.value)
+
+
+def test_a_condition_on_an_entry_that_is_not_there_does_not_hold(debugged: Debugged) -> None:
+    debugged.ask("breakpoint", node="work", when="before", condition="not_yet > 3")
+    ticks = debugged.ask("resume")["ticks"]
+    time.sleep(0.2)
+    assert debugged.ask("status")["ticks"] > ticks + 3
