@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from behaviours.context import SkillContext
+from bestman_bt.engine import SUCCESS, ManualClock, NodeRegistry, load_tree
+from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.scene import draw_world, load_scene, semantic_map
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.symbolic import Unsolvable
+from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner
+from bestman_bt.world_model import WorldModel
+from tests.behaviours.at_the_table import tree_of
+
+SCENE = load_scene("put_away", {})
+MAP = semantic_map(draw_world(SCENE, 0))
+TOP, DRAWER = "drawer_chest/top", "drawer_chest/drawer_3"
+
+
+@pytest.fixture(scope="module")
+def library() -> NodeRegistry:
+    """All shipped nodes."""
+    return node_registry()
+
+
+@pytest.fixture
+def skills() -> Any:
+    """A context as far as these leaves go."""
+    context: Any = SkillContext.__new__(SkillContext)
+    context.clock, context.failures = ManualClock(), []
+    context.world = WorldModel(map=MAP, models=dict(SCENE.models))
+    context.arm = SimpleNamespace(name="arm")
+    return context
+
+
+def ticked(skills: Any, library: NodeRegistry, leaf: str) -> Any:
+    """The tree of one leaf after a tick that succeeded."""
+    tree = load_tree(tree_of(leaf), library, context=skills, clock=skills.clock)
+    assert tree.tick_once() == SUCCESS
+    return tree
+
+
+def test_a_place_is_blocked_until_a_drawer_moves(skills: Any, library: NodeRegistry) -> None:
+    ticked(skills, library, f'<BelieveBlocked surface="{TOP}"/>')
+    assert skills.world.blocked == {TOP}
+    skills.world.believe_articulation(DRAWER, 0.005)
+    assert skills.world.blocked == {TOP}, "that was no more than a better measurement"
+    skills.world.believe_articulation(DRAWER, 0.3)
+    assert skills.world.blocked == set()
+
+
+def test_the_short_name_of_a_place_blocks_its_surface(skills: Any, library: NodeRegistry) -> None:
+    ticked(skills, library, '<BelieveBlocked surface="table"/>')
+    assert skills.world.blocked == {"table/top"}
+
+
+def test_what_is_forgotten_is_counted(skills: Any, library: NodeRegistry) -> None:
+    skills.world.blocked = {TOP, "table/top"}
+    assert ticked(skills, library, '<ForgetBlocked forgotten="{n}"/>').blackboard.get("n") == 2
+    assert ticked(skills, library, '<ForgetBlocked forgotten="{n}"/>').blackboard.get("n") == 0
+
+
+def test_plans_go_round_a_blocked_place_or_unblock_it(skills: Any, library: NodeRegistry) -> None:
+    skills.world.blocked = {"table/top"}
+    problem = Domain.of(library).problem(Beliefs(skills.world), "located(cup)")
+    plan = SymbolicPlanner().plan(problem)
+    assert "Search(cup, table/top)" not in [str(action) for action in plan.actions]
+    skills.world.told = {"cup": "table/top"}
+    problem = Domain.of(library).problem(Beliefs(skills.world), "located(cup)")
+    actions = [str(action) for action in SymbolicPlanner().plan(problem).actions]
+    assert actions[-1] == "Search(cup, table/top)"
+    assert actions[0].startswith("OpenContainer(")
+
+
+def test_where_nothing_can_move_a_blocked_place_is_the_reason(skills: Any, library: NodeRegistry) -> None:
+    scene = load_scene("swap_objects", {})
+    skills.world = WorldModel(semantic_map(draw_world(scene, 0)), dict(scene.models), told={"cup": "table/top"})
+    skills.world.blocked = {"table/top"}
+    problem = Domain.of(library).problem(Beliefs(skills.world), "located(cup)")
+    with pytest.raises(Unsolvable, match="blocked"):
+        SymbolicPlanner().plan(problem)
