@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Monitor, MonitorPort, Seed
+from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Live, Monitor, MonitorPort, Seed
 from bestman_bt.cli.run_command import execute, exit_code
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import load_run
@@ -24,6 +24,7 @@ def command(
     monitor: Monitor = False,
     monitor_port: MonitorPort = MONITOR_PORT,
     groot2_port: Groot2Port = None,
+    live: Live = False,
     as_json: Json = False,
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
@@ -31,6 +32,6 @@ def command(
         setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
         if monitor:
             show_in_monitor(monitor_port)
-        result = execute(setup, runs, pictures=True, groot2_port=groot2_port)
+        result = execute(setup, runs, pictures=True, groot2_port=groot2_port, live=live)
         tell(result.to_document())
     sys.exit(exit_code(result))

@@ -28,6 +28,7 @@ VERBS = {
     "monitor": "show running executors, and recorded runs, in the browser",
     "report": "write a page that tells of a run, or of many",
     "render": "make pictures and a film of a simulated run that has ended",
+    "replay": "open what runs recorded in the Rerun viewer",
     "stop": "stop the robots of all running executors",
     "version": "print the versions of this package and of what it stands on",
 }

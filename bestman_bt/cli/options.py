@@ -47,6 +47,7 @@ Groot2Port = Annotated[
     int | None,
     typer.Option(min=1, max=65534, help="Let Groot2 connect there and to the next port; its own default is 1667."),
 ]
+Live = Annotated[bool, typer.Option("--live", help="Show it live in the Rerun viewer.")]
 Monitor = Annotated[
     bool, typer.Option("--monitor", help="Show it live in the browser; the address is printed, the page stays on.")
 ]

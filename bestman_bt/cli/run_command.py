@@ -15,11 +15,13 @@ import typer
 
 from bestman_bt.cli.groot2_view import Groot2View
 from bestman_bt.cli.json_output import json_output
+from bestman_bt.cli.live_viewer import live_viewer
 from bestman_bt.cli.options import (
     MONITOR_PORT,
     Driver,
     Groot2Port,
     Json,
+    Live,
     Monitor,
     MonitorPort,
     Plugins,
@@ -77,11 +79,14 @@ def command(
     monitor: Monitor = False,
     monitor_port: MonitorPort = MONITOR_PORT,
     groot2_port: Groot2Port = None,
+    live: Live = False,
     as_json: Json = False,
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
     if gui and not os.environ.get("DISPLAY"):
         raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
+    if live and driver != "pybullet":
+        raise ConfigurationError([Problem("--live", None, "", "shows simulated runs; --monitor shows all of them")])
     with json_output(as_json) as tell:
         if recording is not None:
             config = _replayed(recording, tree, driver)
@@ -94,7 +99,7 @@ def command(
             print(warning, file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)
-        result = execute(setup, runs, pictures, gui, judge, groot2_port)
+        result = execute(setup, runs, pictures, gui, judge, groot2_port, live)
         tell(result.to_document())
     sys.exit(exit_code(result))
 
@@ -106,15 +111,17 @@ def execute(
     gui: bool = False,
     twin_judge: Path | None = None,
     groot2_port: int | None = None,
+    live: bool = False,
 ) -> RunResult:
     """Run with a live view, print the summary, and return the result."""
     with ExitStack() as stack:
         watchers = [stack.enter_context(RunView(setup.config.name)).watch]
         if groot2_port is not None:
             watchers.append(stack.enter_context(Groot2View(groot2_port)).watch)
+        viewer = stack.enter_context(live_viewer()) if live else None
         folder = make_run_folder(setup.config, runs)
         try:
-            result = run_episode(setup, folder, pictures, _all_of(watchers), gui, twin_judge)
+            result = run_episode(setup, folder, pictures, _all_of(watchers), gui, twin_judge, viewer=viewer)
         except ConnectionFailedError:
             shutil.rmtree(folder)  # nothing was started: there is nothing to keep
             raise

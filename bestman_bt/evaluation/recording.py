@@ -11,21 +11,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.engine import StateChanges, Tree
-from bestman_bt.messages import PlacedShape, Pose, Pose2D
+from bestman_bt.evaluation.recorded_beliefs import RecordedBeliefs
+from bestman_bt.messages import Cylinder, PlacedShape, Pose, Pose2D
 from bestman_bt.runtime import Session
-from bestman_bt.scene import Articulation, PlacedFurniture, World, wall_box
+from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
 from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.visualization import RecordedBody, RobotSnapshot, describe_changes, describe_tree
 from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
 from hal.pybullet import SceneRecorder
 
 WALL_COLOR = (0.85, 0.85, 0.82, 0.35)
+WALKER_COLOR = (0.45, 0.5, 0.75, 1.0)
 
 
 class Recording:
-    """Feeds a recorder from a session: a snapshot every ``every``-th tick, images when a skill takes one."""
+    """Feeds a recorder from a session: a snapshot every ``every``-th tick, images and clouds when a skill takes one.
 
-    def __init__(self, path: Path, session: Session, tree: Tree, scene: SceneRecorder, every: int = 2) -> None:
+    ``path``: the file, None for none; ``viewer``: the address of a viewer that sees it live.
+    """
+
+    def __init__(
+        self,
+        path: Path | None,
+        session: Session,
+        tree: Tree,
+        scene: SceneRecorder,
+        every: int = 2,
+        viewer: str | None = None,
+    ) -> None:
         setup = session.setup
         model = setup.robot_model
         self._session, self._tree, self._scene, self._every = session, tree, scene, every
@@ -42,7 +55,9 @@ class Recording:
             },
             plotted_joints=plotted,
             grippers={name: gripper.joint_names for name, gripper in model.grippers.items()},
+            viewer=viewer,
         )
+        self._beliefs = RecordedBeliefs(self._recorder, session, tree)
 
     def open(self) -> None:
         """Start recording."""
@@ -53,6 +68,7 @@ class Recording:
             if sensor is not None:
                 sensor.subscribe(partial(self._on_view, sensor.name))
         self._snapshot()
+        self._beliefs.begin()
         for name, point in goal_points(self._session.entries).items():
             self._recorder.goal(point, self._session.robot.clock.now(), name)
 
@@ -67,6 +83,7 @@ class Recording:
         self._ticks += 1
         if self._ticks % self._every == 0:
             self._snapshot()
+        self._beliefs.after_tick()
 
     def _snapshot(self) -> None:
         seen = self._scene.scene_snapshot()
@@ -77,7 +94,7 @@ class Recording:
                 map_from_base=seen.base_pose,
                 joint_positions=seen.joint_positions,
                 believed_map_from_base=self._session.skills.map_from_base,
-                body_poses={**seen.object_poses, **seen.leaf_poses},
+                body_poses={**seen.object_poses, **seen.leaf_poses, **seen.walker_poses},
             )
         )
 
@@ -86,6 +103,7 @@ class Recording:
 
     def _on_view(self, camera: str, view: RGBDView) -> None:
         self._recorder.image(camera, view.image)
+        self._recorder.cloud(f"{camera}_cloud", view.in_map.cloud(), view.stamp)
 
 
 def goal_points(entries: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
@@ -103,7 +121,7 @@ def goal_points(entries: Mapping[str, Any]) -> dict[str, NDArray[np.float64]]:
 
 
 def recorded_bodies(world: World) -> list[RecordedBody]:
-    """Walls, furniture and objects of a world as the recorder draws them."""
+    """Walls, furniture, objects and people of a world as the recorder draws them."""
     bodies = []
     for number, wall in enumerate(world.walls):
         box, pose = wall_box(wall)
@@ -115,7 +133,15 @@ def recorded_bodies(world: World) -> list[RecordedBody]:
     for thing in world.objects:
         shapes, colors = zip(*thing.model.appearance, strict=True)
         bodies.append(RecordedBody(thing.name, shapes, tuple((*color, 1.0) for color in colors), thing.pose))
+    bodies += [_person(walker) for walker in world.walkers]
     return bodies
+
+
+def _person(walker: Walker) -> RecordedBody:
+    """In a frame on the floor, as hal.pybullet.SceneSnapshot gives its pose."""
+    shape = PlacedShape(Cylinder(walker.radius, walker.height), Pose(np.array([0.0, 0.0, walker.height / 2])))
+    x, y = walker.route[0]
+    return RecordedBody(walker.name, (shape,), (WALKER_COLOR,), Pose(np.array([x, y, 0.0])))
 
 
 def _leaf(furniture: PlacedFurniture, articulation: Articulation) -> RecordedBody:

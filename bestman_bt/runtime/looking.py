@@ -124,11 +124,21 @@ def _apart(wall: Wall, one: Pose2D, other: Pose2D) -> bool:
 def scene_marks(skills: SkillContext) -> SceneMarks:
     """Everything that the robot believes of its surroundings, with the best grasp of each thing, in the map frame."""
     world = skills.world
-    objects = []
-    for name, belief in world.objects.items():
+    return SceneMarks(
+        objects=object_marks(skills),
+        handles=tuple(HandleMark(name, belief.handle) for name, belief in world.handles.items()),
+        grasps=tuple(_best_grasps(skills)),
+        surfaces=tuple(_surfaces(skills)),
+    )
+
+
+def object_marks(skills: SkillContext) -> tuple[ObjectMark, ...]:
+    """The objects that the robot believes in, with the points that were measured of them, in the map frame."""
+    marks = []
+    for name, belief in skills.world.objects.items():
         seen = [observation.cluster.points for observation in skills.observations.get(name, ())]
         points = np.concatenate(seen) if seen else np.empty((0, 3))
-        objects.append(
+        marks.append(
             ObjectMark(
                 name,
                 belief.model,
@@ -140,12 +150,7 @@ def scene_marks(skills: SkillContext) -> SceneMarks:
                 belief.recognised,
             )
         )
-    return SceneMarks(
-        objects=tuple(objects),
-        handles=tuple(HandleMark(name, belief.handle) for name, belief in world.handles.items()),
-        grasps=tuple(_best_grasps(skills)),
-        surfaces=tuple(_surfaces(skills)),
-    )
+    return tuple(marks)
 
 
 def _best_grasps(skills: SkillContext) -> Iterable[GraspMark]:

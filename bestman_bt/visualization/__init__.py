@@ -1,7 +1,7 @@
 """Views of a run: Rerun recordings and the live tree on a terminal."""
 
 from bestman_bt.visualization.engine_tree import describe_changes, describe_tree
-from bestman_bt.visualization.errors import RecordingError, ScreenshotError, VisualizationError
+from bestman_bt.visualization.errors import RecordingError, ScreenshotError, ViewerError, VisualizationError
 from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
 from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
 
@@ -13,6 +13,7 @@ __all__ = [
     "RobotSnapshot",
     "ScreenshotError",
     "TreeDescription",
+    "ViewerError",
     "VisualizationError",
     "describe_changes",
     "describe_tree",

@@ -11,5 +11,9 @@ class RecordingError(VisualizationError):
     """A recording cannot be written, or was given something that it cannot show."""
 
 
+class ViewerError(VisualizationError):
+    """The viewer cannot be started."""
+
+
 class ScreenshotError(VisualizationError):
     """No picture of a recording could be taken."""

@@ -1,17 +1,25 @@
 """Rerun recordings of runs; rerun itself is imported when a recording is opened."""
 
 from bestman_bt.visualization.rerun.blueprint import Eye, eye_on
-from bestman_bt.visualization.rerun.recorder import RecordedCamera, RerunRecorder
+from bestman_bt.visualization.rerun.checked_file import check_recording
+from bestman_bt.visualization.rerun.open_recording import RecordedCamera
+from bestman_bt.visualization.rerun.recorder import RerunRecorder
 from bestman_bt.visualization.rerun.screenshot import Screenshot, ScreenshotParameters, take_screenshots
 from bestman_bt.visualization.rerun.sensed import SensorRecording
+from bestman_bt.visualization.rerun.viewer import Display, Viewer, ViewerParameters, has_window_system
 
 __all__ = [
+    "Display",
     "Eye",
     "RecordedCamera",
     "RerunRecorder",
     "Screenshot",
     "ScreenshotParameters",
     "SensorRecording",
+    "Viewer",
+    "ViewerParameters",
+    "check_recording",
     "eye_on",
+    "has_window_system",
     "take_screenshots",
 ]

@@ -48,7 +48,7 @@ def build_blueprint(tree: TreeDescription, eye: Eye, cameras: Sequence[str], plo
     left = rrb.Vertical(scene, rrb.Horizontal(*below_scene), row_shares=[3, 2]) if below_scene else scene
     right = rrb.Vertical(
         _graph_view(tree),
-        rrb.Horizontal(_lanes_view(tree), _log_view(), column_shares=[1, 1]),
+        rrb.Horizontal(_lanes_view(tree), rrb.Tabs(*_log_views(), active_tab=0), column_shares=[1, 1]),
         row_shares=[3, 2],
     )
     return rrb.Blueprint(
@@ -126,17 +126,21 @@ def _lanes_view(tree: TreeDescription) -> rrb.StateTimelineView:
     )
 
 
-def _log_view() -> rrb.TextLogView:
+def _log_views() -> list[rrb.TextLogView]:
     import rerun.blueprint as rrb
 
-    return rrb.TextLogView(
-        origin=entities.LOG,
-        name="log",
-        columns=rrb.TextLogColumns(
-            timeline_columns=[rrb.encodings.TimelineColumn(entities.SIM_TIME, visible=True)],
-            text_log_columns=[
-                rrb.encodings.TextLogColumn(rrb.encodings.TextLogColumnKind.LogLevel),
-                rrb.encodings.TextLogColumn(rrb.encodings.TextLogColumnKind.Body),
-            ],
-        ),
-    )
+    columns = [
+        rrb.encodings.TextLogColumn(rrb.encodings.TextLogColumnKind.LogLevel),
+        rrb.encodings.TextLogColumn(rrb.encodings.TextLogColumnKind.Body),
+    ]
+    return [
+        rrb.TextLogView(
+            origin=origin,
+            name=origin,
+            columns=rrb.TextLogColumns(
+                timeline_columns=[rrb.encodings.TimelineColumn(entities.SIM_TIME, visible=True)],
+                text_log_columns=columns[skipped:],
+            ),
+        )
+        for origin, skipped in ((entities.LOG, 0), (entities.BLACKBOARD, 1))
+    ]

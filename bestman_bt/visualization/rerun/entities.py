@@ -20,6 +20,9 @@ FLOOR: Final = f"{WORLD}/floor"
 SCENE: Final = f"{WORLD}/scene"
 MARKERS: Final = f"{WORLD}/markers"
 PATHS: Final = f"{WORLD}/paths"
+MAP: Final = f"{WORLD}/map"
+BELIEFS: Final = f"{WORLD}/beliefs"
+GRASPS: Final = f"{WORLD}/grasps"
 SENSED: Final = f"{WORLD}/sensed"
 CAMERA: Final = f"{WORLD}/camera"
 TREE_GRAPH: Final = "tree"
@@ -27,6 +30,7 @@ NODES: Final = "node"
 JOINTS: Final = "joints"
 GRIPPERS: Final = "grippers"
 LOG: Final = "log"
+BLACKBOARD: Final = "blackboard"
 
 
 def part(name: str) -> str:

@@ -11,18 +11,9 @@ import numpy as np
 
 from bestman_bt.messages import PointCloud, Pose, RGBDImage
 from bestman_bt.visualization.errors import RecordingError
-from bestman_bt.visualization.marks import (
-    GRASP_COLOR,
-    HANDLE_COLOR,
-    OPENING_COLOR,
-    SURFACE_COLOR,
-    SceneMarks,
-    box_edges,
-    grasp_lines,
-    object_color,
-)
+from bestman_bt.visualization.marks import HANDLE_COLOR, OPENING_COLOR, SURFACE_COLOR, SceneMarks
 from bestman_bt.visualization.rerun import entities
-from bestman_bt.visualization.rerun.markers import write_pose
+from bestman_bt.visualization.rerun.beliefs import write_grasps, write_object
 from bestman_bt.visualization.rerun.sensed import SensorRecording, write_cloud, write_image
 
 if TYPE_CHECKING:
@@ -114,17 +105,9 @@ def _write_marks(recording: rr.RecordingStream, marks: SceneMarks) -> None:
 
     for index, found in enumerate(marks.objects):
         name = f"{entities.SCENE}/objects/{entities.part(found.name)}"
-        lower, upper = found.model.bounds()
-        edges = box_edges(found.pose, lower, upper).astype(np.float32)
-        color = object_color(index)
-        label = f"{found.name} {found.confidence:.2f}" if found.recognised else found.name
-        recording.log(f"{name}/box", rr.LineStrips3D(edges, colors=color, radii=0.0015, labels=[label]))
-        recording.log(f"{name}/points", rr.Points3D(found.points.astype(np.float32), colors=color, radii=0.002))
-        write_pose(recording, found.name, found.pose, 0.6 * float(found.model.size.max()), label)
+        write_object(recording, name, index, found)
     for number, grasp in enumerate(marks.grasps):
-        lines = grasp_lines(grasp).astype(np.float32)
-        entity = f"{entities.SCENE}/grasps/{entities.part(grasp.target)}_{number}"
-        recording.log(entity, rr.LineStrips3D(lines, colors=GRASP_COLOR, radii=0.002))
+        write_grasps(recording, f"{entities.SCENE}/grasps/{entities.part(grasp.target)}_{number}", [grasp])
     for mark in marks.handles:
         handle = mark.handle
         half = handle.length / 2 * handle.axis

@@ -2,72 +2,39 @@
 
 from __future__ import annotations
 
+import uuid
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
-from bestman_bt.messages import CameraIntrinsics, LaserScan, Path2D, PointCloud, Pose, RGBDImage
+from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, RGBDImage
 from bestman_bt.visualization.errors import RecordingError
+from bestman_bt.visualization.marks import GraspMark, ObjectMark
 from bestman_bt.visualization.node_labels import node_label
-from bestman_bt.visualization.node_states import NodeStates
-from bestman_bt.visualization.rerun import entities, markers, sensed
-from bestman_bt.visualization.rerun.blueprint import Eye, build_blueprint, eye_on
-from bestman_bt.visualization.rerun.bodies import body_frame, bounds, write_body, write_floor
-from bestman_bt.visualization.rerun.frame_transforms import FrameTransforms
-from bestman_bt.visualization.rerun.robot import RecordedRobot
+from bestman_bt.visualization.rerun import beliefs, entities, markers, sensed
+from bestman_bt.visualization.rerun.blueprint import Eye
+from bestman_bt.visualization.rerun.bodies import body_frame
+from bestman_bt.visualization.rerun.open_recording import Announced, OpenRecording, RecordedCamera
 from bestman_bt.visualization.rerun.sensed import SensorRecording
-from bestman_bt.visualization.rerun.series import TimeSeries
-from bestman_bt.visualization.rerun.state_lanes import StateLanes
-from bestman_bt.visualization.rerun.tree_graph import TreeGraph
 from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
 from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
-
-if TYPE_CHECKING:
-    import rerun as rr
-    import rerun.blueprint as rrb
 
 LOG_LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
 LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", FAILURE: "WARN"}
 
 
-@dataclass(frozen=True)
-class RecordedCamera:
-    """A camera of the robot: its pinhole model and the link of its optical frame."""
-
-    intrinsics: CameraIntrinsics
-    optical_frame: str
-
-
-@dataclass
-class _Parts:
-    """What exists while the file is open."""
-
-    recording: rr.RecordingStream
-    robot: RecordedRobot
-    transforms: FrameTransforms
-    graph: TreeGraph
-    lanes: StateLanes
-    joints: TimeSeries
-    widths: TimeSeries
-    states: NodeStates
-    driven: markers.DrivenPath
-    tick: int = 0
-    has_belief: bool = False
-
-
 class RerunRecorder:
-    """Writes a run to ``path`` (``.rrd``) while it happens; a context manager.
+    """Writes a run to ``path`` (``.rrd``; None: to no file) while it happens; a context manager.
 
     ``urdf``: the robot's URDF text, meshes by absolute path; ``base_frame``: the link whose pose snapshots give.
     ``nodes``: the tree, parents before children. ``plotted_joints``: drawn over time, radians or metres.
     ``grippers``: gripper name → finger joints, whose sum is the opening width. ``eye``: viewpoint, None for one
-    that shows all bodies.
+    that shows all bodies. ``viewer``: the address of a viewer that sees everything at once, too.
 
     Nothing is opened before ``open``. Data reaches the disk within half a second, so that an interrupted run
     leaves a recording that opens. Stamps are seconds of the robot's clock and never go back.
@@ -75,7 +42,7 @@ class RerunRecorder:
 
     def __init__(
         self,
-        path: Path | str,
+        path: Path | str | None,
         *,
         urdf: str,
         base_frame: str,
@@ -87,55 +54,60 @@ class RerunRecorder:
         eye: Eye | None = None,
         sensors: SensorRecording | None = None,
         application_id: str = "bestman_bt",
+        viewer: str | None = None,
     ) -> None:
-        self.file = Path(path)
-        self._urdf = urdf
-        self._base_frame = base_frame
-        self._tree = TreeDescription(nodes)
-        self._bodies = {body.name: body for body in bodies}
-        self._cameras = dict(cameras or {})
-        self._plotted_joints = tuple(plotted_joints)
-        self._grippers = {name: tuple(joints) for name, joints in (grippers or {}).items()}
-        self._eye = eye
-        self._sensors = sensors or SensorRecording()
+        self.file = None if path is None else Path(path)
+        self._announced = Announced(
+            urdf=urdf,
+            base_frame=base_frame,
+            tree=TreeDescription(nodes),
+            bodies={body.name: body for body in bodies},
+            cameras=dict(cameras or {}),
+            plotted_joints=tuple(plotted_joints),
+            grippers={name: tuple(joints) for name, joints in (grippers or {}).items()},
+            eye=eye,
+            sensors=sensors or SensorRecording(),
+        )
         self._application_id = application_id
-        self._parts: _Parts | None = None
+        self._viewer = viewer
+        self._open: OpenRecording | None = None
 
     def open(self) -> None:
         """Create the file and write all that does not change; RecordingError if that is not possible."""
-        if self._parts is not None:
+        if self._open is not None:
             raise RecordingError(f"the recording {self.file} is open already")
         import rerun as rr
 
-        recording = rr.RecordingStream(self._application_id, recording_id=self.file.stem)
+        sinks: list[Any] = []
+        if self.file is not None:
+            sinks.append(rr.FileSink(self.file))
+        if self._viewer is not None:
+            sinks.append(rr.GrpcSink(self._viewer))
+        stream = rr.RecordingStream(self._application_id, recording_id=self._name())
         try:
-            recording.save(self.file, default_blueprint=self._blueprint())
+            stream.set_sinks(*sinks, default_blueprint=self._announced.blueprint())
         except (RuntimeError, OSError) as error:
             raise RecordingError(f"the recording {self.file} cannot be written: {error}") from error
-        parts = _Parts(
-            recording,
-            RecordedRobot(self._urdf, self._base_frame),
-            FrameTransforms(recording),
-            TreeGraph(recording, self._tree),
-            StateLanes(recording, self._tree),
-            TimeSeries(recording, entities.JOINTS, self._plotted_joints),
-            TimeSeries(recording, entities.GRIPPERS, tuple(f"{name} width" for name in self._grippers)),
-            NodeStates(self._tree),
-            markers.DrivenPath(),
-        )
-        self._parts = parts
+        self._open = OpenRecording(stream, self._announced)
         try:
-            self._write_constants(parts)
+            self._open.write_constants()
         except RecordingError:
             self.close()
             raise
 
     def close(self) -> None:
         """Write what is pending and close the file; nothing if it is closed."""
-        if self._parts is not None:
-            self._parts.recording.flush()
-            self._parts.recording.disconnect()
-            self._parts = None
+        if self._open is not None:
+            self._open.stream.flush()
+            self._open.stream.disconnect()
+            self._open = None
+
+    def _name(self) -> str:
+        """What tells this recording from others in one viewer: its folder and name."""
+        if self.file is None:
+            return f"live-{uuid.uuid4()}"
+        file = self.file.resolve()
+        return f"{file.parent.name}-{file.stem}"
 
     def __enter__(self) -> RerunRecorder:
         self.open()
@@ -151,22 +123,22 @@ class RerunRecorder:
         parts = self._at(snapshot.stamp, snapshot.tick)
         parts.robot.place(parts.transforms, snapshot.map_from_base, snapshot.joint_positions)
         for name, pose in snapshot.body_poses.items():
-            if name not in self._bodies:
-                raise RecordingError(
-                    f"snapshot: body {name!r} was not announced; there are {', '.join(self._bodies) or 'none'}"
-                )
+            if name not in self._announced.bodies:
+                there = ", ".join(self._announced.bodies) or "none"
+                raise RecordingError(f"snapshot: body {name!r} was not announced; there are {there}")
             parts.transforms.add_pose(entities.MAP_FRAME, body_frame(name), pose)
         if snapshot.believed_map_from_base is not None:
             if not parts.has_belief:
-                markers.write_belief(parts.recording)
+                markers.write_belief(parts.stream)
                 parts.has_belief = True
             parts.transforms.add_pose(entities.MAP_FRAME, markers.BELIEF_FRAME, snapshot.believed_map_from_base)
         parts.transforms.write(snapshot.stamp, snapshot.tick)
         joints = snapshot.joint_positions
-        parts.joints.write([joints.get(name, np.nan) for name in self._plotted_joints])
-        parts.widths.write([sum(joints.get(name, np.nan) for name in names) for names in self._grippers.values()])
+        parts.joints.write([joints.get(name, np.nan) for name in self._announced.plotted_joints])
+        grippers = self._announced.grippers.values()
+        parts.widths.write([sum(joints.get(name, np.nan) for name in names) for names in grippers])
         if parts.driven.extend(snapshot.map_from_base.position[:2]):
-            markers.write_path(parts.recording, "driven", parts.driven.points, markers.DRIVEN_COLOR)
+            markers.write_path(parts.stream, "driven", parts.driven.points, markers.DRIVEN_COLOR)
 
     def transitions(self, batch: Sequence[NodeTransition], tick: int | None = None) -> None:
         """Record the state changes of one tick, in their order; ``tick``: None for the one of the last snapshot."""
@@ -178,92 +150,73 @@ class RerunRecorder:
         parts.lanes.write(batch)
         for transition in batch:
             if transition.message:
-                node = self._tree.node(transition.uid)
+                node = self._announced.tree.node(transition.uid)
                 level = LEVEL_OF_STATE.get(transition.state, "DEBUG")
-                self._log(parts, level, f"{node_label(node)}: {transition.message}")
+                parts.write_line(level, f"{node_label(node)}: {transition.message}")
 
     def image(self, camera: str, image: RGBDImage) -> None:
         """Record a camera image at its stamp; RecordingError for a camera that was not announced."""
-        if camera not in self._cameras:
+        if camera not in self._announced.cameras:
             raise RecordingError(
-                f"image: camera {camera!r} was not announced; there are {', '.join(self._cameras) or 'none'}"
+                f"image: camera {camera!r} was not announced; there are {', '.join(self._announced.cameras) or 'none'}"
             )
-        sensed.write_image(self._at(image.stamp).recording, camera, image, self._sensors)
+        sensed.write_image(self._at(image.stamp).stream, camera, image, self._announced.sensors)
 
     def cloud(self, name: str, cloud: PointCloud, stamp: float) -> None:
         """Record a cloud in the map frame."""
-        sensed.write_cloud(self._at(stamp).recording, name, cloud, self._sensors)
+        sensed.write_cloud(self._at(stamp).stream, name, cloud, self._announced.sensors)
 
     def scan(self, name: str, scan: LaserScan, map_from_lidar: Pose) -> None:
         """Record the hits of a scan at its stamp."""
-        sensed.write_scan(self._at(scan.stamp).recording, name, scan, map_from_lidar)
+        sensed.write_scan(self._at(scan.stamp).stream, name, scan, map_from_lidar)
 
-    def path(self, name: str, path: Path2D, stamp: float) -> None:
-        """Record a path in the map frame; the next one of this name replaces it."""
-        markers.write_path(self._at(stamp).recording, name, path.points, markers.PLANNED_COLOR)
+    def path(self, name: str, path: Path2D | None, stamp: float) -> None:
+        """Record a path in the map frame; the next one of this name replaces it, None removes it."""
+        points = np.empty((0, 2)) if path is None else path.points
+        markers.write_path(self._at(stamp).stream, name, points, markers.PLANNED_COLOR)
+
+    def map(self, walls: NDArray[np.float64], outlines: Mapping[str, NDArray[np.float64]]) -> None:
+        """Record the map that the robot was given: (N, 4) ends of walls, and (M, 2) corners of furniture by name."""
+        beliefs.write_map(self._at(0.0).stream, walls, outlines)
+
+    def objects(self, found: Sequence[ObjectMark], stamp: float) -> None:
+        """Record where objects are believed to be; those that are not named any more are removed."""
+        parts = self._at(stamp)
+        for name in parts.objects.keys() - {mark.name for mark in found}:
+            beliefs.clear_object(parts.stream, parts.objects.pop(name), name)
+        for mark in found:
+            entity = parts.objects.setdefault(mark.name, f"{entities.BELIEFS}/{entities.part(mark.name)}")
+            beliefs.write_object(parts.stream, entity, list(parts.objects).index(mark.name), mark)
+
+    def grasps(self, candidates: Sequence[GraspMark], stamp: float) -> None:
+        """Record grasps that are weighed, best first; they replace those before."""
+        beliefs.write_grasps(self._at(stamp).stream, entities.GRASPS, candidates)
+
+    def blackboard(self, change: str, stamp: float) -> None:
+        """Record a change of the blackboard, in words."""
+        self._at(stamp).write_line("DEBUG", change, entities.BLACKBOARD)
 
     def pose(self, name: str, map_from_pose: Pose, stamp: float, axis_length: float = 0.08) -> None:
         """Record a named triad, for example a detected object or a grasp; ``axis_length`` in metres."""
-        markers.write_pose(self._at(stamp).recording, name, map_from_pose, axis_length, name)
+        markers.write_pose(self._at(stamp).stream, name, map_from_pose, axis_length, name)
 
     def clear(self, name: str, stamp: float) -> None:
         """Remove the triad ``name`` from the scene, from ``stamp`` on."""
-        markers.clear(self._at(stamp).recording, name)
+        markers.clear(self._at(stamp).stream, name)
 
     def goal(self, point: ArrayLike, stamp: float, label: str = "goal") -> None:
         """Record a pin on a point of the map, (3,) metres; the next one of this label replaces it."""
-        markers.write_goal(self._at(stamp).recording, label, np.asarray(point, dtype=float), label)
+        markers.write_goal(self._at(stamp).stream, label, np.asarray(point, dtype=float), label)
 
     def text(self, level: str, message: str, stamp: float) -> None:
         """Record a line of the log; ``level``: DEBUG, INFO, WARN or ERROR."""
         if level not in LOG_LEVELS:
             raise RecordingError(f"text: level should be one of {', '.join(LOG_LEVELS)} but is {level!r}")
-        self._log(self._at(stamp), level, message)
+        self._at(stamp).write_line(level, message)
 
-    def _at(self, stamp: float, tick: int | None = None) -> _Parts:
+    def _at(self, stamp: float, tick: int | None = None) -> OpenRecording:
         """Set the time of what is written next."""
-        if self._parts is None:
+        if self._open is None:
             raise RecordingError(f"the recording {self.file} is not open")
-        if tick is not None:
-            self._parts.tick = tick
-        self._parts.recording.set_time(entities.SIM_TIME, duration=stamp)
-        self._parts.recording.set_time(entities.TICK, sequence=self._parts.tick)
-        return self._parts
-
-    def _write_constants(self, parts: _Parts) -> None:
-        import rerun as rr
-
-        parts.recording.log(
-            entities.WORLD,
-            rr.ViewCoordinates.RIGHT_HAND_Z_UP,
-            rr.Transform3D(translation=(0.0, 0.0, 0.0), parent_frame=entities.MAP_FRAME),
-            static=True,
-        )
-        parts.robot.write_model(parts.recording)
-        for name, camera in self._cameras.items():
-            sensed.write_camera(
-                parts.recording, name, camera.optical_frame, camera.intrinsics, self._sensors.frustum_length
-            )
-        write_floor(parts.recording, bounds(self._bodies.values()))
-        for body in self._bodies.values():
-            write_body(parts.recording, body)
-        parts.graph.write_shape()
-        parts.lanes.write_styles()
-        parts.joints.write_styles()
-        parts.widths.write_styles()
-        self._at(0.0)
-        parts.graph.write_colors(parts.states)
-        for body in self._bodies.values():
-            parts.transforms.add_pose(entities.MAP_FRAME, body_frame(body.name), body.pose)
-        parts.transforms.write(0.0, 0)
-
-    def _blueprint(self) -> rrb.Blueprint:
-        plots = [entities.JOINTS] * bool(self._plotted_joints) + [entities.GRIPPERS] * bool(self._grippers)
-        eye = self._eye or eye_on(bounds(self._bodies.values()))
-        return build_blueprint(self._tree, eye, list(self._cameras), plots)
-
-    @staticmethod
-    def _log(parts: _Parts, level: str, message: str) -> None:
-        import rerun as rr
-
-        parts.recording.log(entities.LOG, rr.TextLog(message, level=level))
+        self._open.set_time(stamp, tick)
+        return self._open

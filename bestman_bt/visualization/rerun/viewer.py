@@ -1,0 +1,142 @@
+"""The Rerun viewer in a process of its own, for this machine only: its own default serves the whole network."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import IO
+
+from bestman_bt.visualization.errors import ViewerError
+
+LOOPBACK = "127.0.0.1"
+STOP_WAIT = 5.0
+
+
+class Display(StrEnum):
+    """Where a viewer draws."""
+
+    WINDOW = "window"
+    BROWSER = "browser"  # serves a page
+    NONE = "none"  # pictures are asked for
+
+
+@dataclass(frozen=True)
+class ViewerParameters:
+    """``port``: of the recordings, ``page_port``: of the page for the browser; None for free ones.
+
+    ``size``: pixels, without a display. ``memory_limit``: beyond it the oldest data are dropped. ``start_timeout``:
+    seconds.
+    """
+
+    display: Display
+    port: int | None = None
+    page_port: int | None = None
+    size: tuple[int, int] = (1920, 1080)
+    memory_limit: str = "2GB"
+    start_timeout: float = 30.0
+
+
+class Viewer:
+    """A viewer that runs; ``stop`` ends it. ViewerError where it does not start, with what it said.
+
+    ``recordings``: files that it opens. ``output``: where it says what it has to say.
+    """
+
+    def __init__(self, parameters: ViewerParameters, recordings: Sequence[Path], output: IO[str]) -> None:
+        with ExitStack() as held:  # both ports at once, so that they differ
+            self.port = parameters.port or _free_port(held)
+            self.page_port = parameters.page_port or _free_port(held)
+        self._display = parameters.display
+        self._output = output
+        command = [
+            *(sys.executable, "-m", "rerun_cli", "--bind", LOOPBACK, "--port", str(self.port)),
+            *("--memory-limit", parameters.memory_limit, "--server-memory-limit", parameters.memory_limit),
+            "--hide-welcome-screen",
+        ]
+        if parameters.display is Display.BROWSER:
+            command += ["--serve-web", "--web-viewer-port", str(self.page_port)]
+        elif parameters.display is Display.NONE:
+            width, height = parameters.size
+            command += ["--headless", "--window-size", f"{width}x{height}"]
+        self._process = subprocess.Popen(
+            [*command, *(str(recording.resolve()) for recording in recordings)],
+            stdout=subprocess.DEVNULL,
+            stderr=output,
+            start_new_session=True,
+        )
+        try:
+            self._wait_until_up(parameters.start_timeout)
+        except ViewerError:
+            self.stop()
+            raise
+
+    @property
+    def address(self) -> str:
+        """Where recordings can be streamed to."""
+        return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
+
+    @property
+    def page(self) -> str:
+        """What to open in a browser."""
+        return f"http://{LOOPBACK}:{self.page_port}/?url=rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{self.port}%2Fproxy"
+
+    def wait(self) -> int:
+        """Wait until somebody closes it; its exit code."""
+        return self._process.wait()
+
+    def stop(self) -> None:
+        """End the viewer with the launcher that started it: both are in a session of their own."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGTERM)
+        try:
+            self._process.wait(timeout=STOP_WAIT)
+        except subprocess.TimeoutExpired:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+    def said(self) -> str:
+        """What the viewer printed when it failed: from its panic on, else the end."""
+        self._output.seek(0)
+        text = self._output.read()
+        panic = text.find("panicked at")
+        return text[panic : panic + 300].strip() if panic >= 0 else text[-300:].strip()
+
+    def _wait_until_up(self, timeout: float) -> None:
+        ports = [self.port] + [self.page_port] * (self._display is Display.BROWSER)
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            if self._process.poll() is not None:
+                raise ViewerError(f"the viewer stopped with code {self._process.returncode}: {self.said()}")
+            if all(_answers(port) for port in ports):
+                return
+            time.sleep(0.1)
+        raise ViewerError(f"the viewer did not start within {timeout:g} s")
+
+
+def has_window_system() -> bool:
+    """Whether a window can be opened here."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _free_port(held: ExitStack) -> int:
+    probe = held.enter_context(socket.socket())
+    probe.bind((LOOPBACK, 0))
+    port: int = probe.getsockname()[1]
+    return port
+
+
+def _answers(port: int) -> bool:
+    try:
+        socket.create_connection((LOOPBACK, port), timeout=0.5).close()
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,98 @@
+"""Viewers are started for this machine only, see a run while it happens, and say why they do not start."""
+
+from __future__ import annotations
+
+import ctypes.util
+import io
+import socket
+import tempfile
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bestman_bt.engine import RUNNING
+from bestman_bt.messages import Pose
+from bestman_bt.visualization import NodeTransition, RecordingError, RobotSnapshot, ViewerError
+from bestman_bt.visualization.node_states import LOOKS
+from bestman_bt.visualization.rerun import Display, RerunRecorder, Viewer, ViewerParameters, check_recording
+
+needs_vulkan = pytest.mark.skipif(
+    ctypes.util.find_library("vulkan") is None,
+    reason="the headless viewer needs libvulkan1 and a driver (Debian: libvulkan1 mesa-vulkan-drivers)",
+)
+
+
+@contextmanager
+def viewer(parameters: ViewerParameters, *recordings: Path) -> Iterator[Viewer]:
+    with tempfile.TemporaryFile("w+") as output:
+        started = Viewer(parameters, recordings, output)
+        try:
+            yield started
+        finally:
+            started.stop()
+
+
+def test_a_page_is_served_to_this_machine_only() -> None:
+    with viewer(ViewerParameters(Display.BROWSER)) as serving:
+        with urllib.request.urlopen(serving.page, timeout=5.0) as answer:
+            assert b"rerun" in answer.read().lower()
+        for port in (serving.port, serving.page_port):
+            with pytest.raises(ConnectionRefusedError):
+                socket.create_connection(("127.0.0.2", port), 2.0)
+
+
+@needs_vulkan
+def test_a_run_is_seen_while_it_is_recorded(tmp_path, robot_urdf, fetch_nodes) -> None:
+    from rerun.experimental import ViewerClient
+
+    with viewer(ViewerParameters(Display.NONE, size=(1280, 800))) as showing:
+        file = tmp_path / "run.rrd"
+        recorder = RerunRecorder(
+            file, urdf=robot_urdf, base_frame="floor_point", nodes=fetch_nodes, viewer=showing.address
+        )
+        client = ViewerClient.connect(showing.address)
+        with recorder:
+            recorder.snapshot(RobotSnapshot(0.1, 1, Pose(), {"arm_shoulder": 0.1, "arm_slide": 0.1}))
+            recorder.transitions([NodeTransition(uid, RUNNING, 0.2) for uid in range(10)], tick=2)
+            deadline, seen = time.monotonic() + 30.0, 0
+            while seen <= 100 and time.monotonic() < deadline:
+                time.sleep(0.5)
+                picture = np.array(Image.open(io.BytesIO(client.take_screenshot())).convert("RGB")).astype(int)
+                seen = int(np.sum(np.abs(picture - LOOKS[RUNNING].color).max(axis=-1) < 12))
+            assert seen > 100
+    check_recording(file)
+
+
+def test_a_port_that_is_taken_is_told() -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken = other.getsockname()[1]
+        parameters = ViewerParameters(Display.BROWSER, page_port=taken, start_timeout=5.0)
+        with pytest.raises(ViewerError, match="the viewer (stopped|did not start)"), viewer(parameters):
+            pass
+
+
+@pytest.mark.parametrize("content", [b"", b"RRF2", b"<script>alert(1)</script>" * 50, b"RRF2" + bytes(range(256)) * 40])
+def test_what_is_no_recording_is_told(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "recording.rrd"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="Rerun recording"):
+        check_recording(path)
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_a_recording_that_was_cut_off_is_one(record, tmp_path: Path) -> None:
+    with record() as recorder:
+        for k in range(200):
+            recorder.snapshot(RobotSnapshot(0.1 * k, k, Pose(), {"arm_shoulder": 0.01 * k, "arm_slide": 0.1}))
+    whole = (tmp_path / "run.rrd").read_bytes()
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(whole[: len(whole) - len(whole) // 5])
+    check_recording(cut)
