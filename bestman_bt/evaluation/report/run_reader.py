@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import socket
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +16,6 @@ from pydantic import TypeAdapter, ValidationError
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import logged_nodes, read_btlog
-from bestman_bt.engine.logs.segmented_file import full_segments, read_segment
 from bestman_bt.evaluation.report.activities import activities
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
 from bestman_bt.evaluation.report.story import (
@@ -28,22 +28,13 @@ from bestman_bt.evaluation.report.story import (
     StoryPicture,
 )
 from bestman_bt.evaluation.result import RunResult
-from bestman_bt.monitor.events import (
-    EndEvent,
-    Event,
-    EventError,
-    ImageEvent,
-    LogEvent,
-    RunEvent,
-    StatesEvent,
-    from_line,
-)
-from bestman_bt.monitor.events import TreeEvent as InnerTree
+from bestman_bt.monitor.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent, TreeEvent
+from bestman_bt.monitor.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
 
-RESULT, CONFIG, BTLOG, EVENTS = "result.json", "config.yaml", "transitions.btlog", "events.jsonl"
-PARTS = (RESULT, CONFIG, BTLOG, EVENTS)
-MAX_BYTES = {RESULT: 4_000_000, CONFIG: 1_000_000, BTLOG: 32_000_000, EVENTS: 64_000_000}
-MAX_SEGMENTS = 40
+RESULT, CONFIG = "result.json", "config.yaml"
+PARTS = (RESULT, CONFIG, STATES_FILE, EVENTS_FILE, LOG_FILE)
+MAX_BYTES = {RESULT: 4_000_000, CONFIG: 1_000_000, STATES_FILE: 32_000_000}
+"""Of what is read at once; events and log are read in bounded segments."""
 MAX_FAILURES = 200
 MAX_PICTURES = 50
 NAMED_PICTURES = ("start", "grasp", "end")
@@ -99,19 +90,20 @@ def read_story(folder: Path) -> RunStory:
     Raises ReportError where nothing can be read at all.
     """
     parts = _Parts()
-    readers = {RESULT: _read_result, CONFIG: _read_config, BTLOG: _read_btlog, EVENTS: _read_events}
+    readers = (_read_result, _read_config, _read_states, _read_events, _read_log)
     read = 0
-    for name, reader in readers.items():
+    for name, reader in zip(PARTS, readers, strict=True):
         path = folder / name
         if not path.is_file():
             continue
         try:
-            if path.stat().st_size > MAX_BYTES[name]:
-                raise ReportError(f"{name} has {path.stat().st_size} bytes; at most {MAX_BYTES[name]} are read")
+            size = path.stat().st_size
+            if size > MAX_BYTES.get(name, size):
+                raise ReportError(f"it has {size} bytes; at most {MAX_BYTES[name]} are read")
             reader(path, parts)
             read += 1
         except (EngineError, OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
-            parts.notes.append(f"{name} was not read: {_short(error)}")
+            parts.notes.append(f"{name} was not read to its end: {_short(error)}")
     if not read:
         raise ReportError(f"{folder}: {'; '.join(parts.notes) or 'nothing of a run is in it'}")
     return _story(folder, parts)
@@ -192,9 +184,9 @@ def _read_config(path: Path, parts: _Parts) -> None:
     parts.about = about
 
 
-def _read_btlog(path: Path, parts: _Parts) -> None:
+def _read_states(path: Path, parts: _Parts) -> None:
     log = read_btlog(path)
-    for node in logged_nodes(log.xml, BTLOG):
+    for node in logged_nodes(log.xml, STATES_FILE):
         _add_node(parts, (0, node.uid), None if node.parent is None else (0, node.parent), node)
     parts.started = log.start
     parts.changes += [(t.time, (0, t.uid), t.status) for t in log]
@@ -202,23 +194,24 @@ def _read_btlog(path: Path, parts: _Parts) -> None:
 
 
 def _read_events(path: Path, parts: _Parts) -> None:
-    """Line by line, from the first segment of a long log on; where a run was killed the last line may be torn."""
-    damaged = 0
-    for segment in (*full_segments(path)[:MAX_SEGMENTS], path):
-        for line in read_segment(segment, MAX_BYTES[EVENTS]).splitlines(keepends=True):
-            try:
-                _take_event(from_line(line), parts)
-            except EventError:
-                damaged += line.endswith(b"\n")
-    if damaged:
-        parts.notes.append(f"{EVENTS}: {damaged} lines are no events")
+    for event in read_events(path.parent):
+        _take_event(event, parts)
+
+
+def _read_log(path: Path, parts: _Parts) -> None:
+    for line in read_log(path.parent):
+        _take_event(line, parts)
 
 
 def _take_event(event: Event, parts: _Parts) -> None:
+    time = getattr(event, "time", 0.0)
+    if not math.isfinite(time):
+        raise ReportError(f"an event is of the time {time}")
+    parts.last = max(parts.last, time)
     match event:
         case RunEvent():
             parts.started = event.started
-        case InnerTree() if event.tree:
+        case TreeEvent() if event.tree:
             under = None if event.under is None else (0, event.under)
             for node in event.nodes:
                 parent = under if node.parent is None else (event.tree, node.parent)
@@ -231,7 +224,6 @@ def _take_event(event: Event, parts: _Parts) -> None:
             parts.images.append(event)
         case EndEvent():
             parts.end = event
-    parts.last = max(parts.last, getattr(event, "time", 0.0))
 
 
 def _add_node(parts: _Parts, key: NodeKey, parent: NodeKey | None, node: Any) -> None:
@@ -258,16 +250,17 @@ def _failures(folder: Path, parts: _Parts) -> Iterator[StoryFailure]:
     if not parts.logged and parts.result is not None and parts.result.failure is not None:
         failure = parts.result.failure
         yield StoryFailure(parts.result.sim_time_s, failure.node, failure.error_code, failure.why)
-    if len(parts.logged) > MAX_FAILURES:
-        parts.notes.append(f"of {len(parts.logged)} failures the last {MAX_FAILURES} are shown")
+    counts = Counter(parts.logged)  # a leaf that is tried again at once may fail alike within one tick
+    if len(counts) > MAX_FAILURES:
+        parts.notes.append(f"of {len(counts)} failures the last {MAX_FAILURES} are shown")
     taken = 0
-    for event in parts.logged[-MAX_FAILURES:]:
+    for event in list(counts)[-MAX_FAILURES:]:
         picture = None
         seen = [i for i in parts.images if i.node == event.node and abs(i.time - event.time) <= SAME_MOMENT]
         if seen and taken < MAX_PICTURES:
             taken += 1
             picture = _picture(folder, seen[-1].file, f"{seen[-1].camera} at {seen[-1].time:.2f} s", parts)
-        yield StoryFailure(event.time, event.node, event.code, event.message, picture)
+        yield StoryFailure(event.time, event.node, event.code, event.message, counts[event], picture)
 
 
 def _pictures(folder: Path, parts: _Parts) -> Iterator[StoryPicture]:

@@ -46,12 +46,13 @@ class StoryPicture:
 
 @dataclass(frozen=True)
 class StoryFailure:
-    """A leaf failed: when (seconds since the start), which, why, and what the robot saw then."""
+    """A leaf failed: when (seconds since the start), which, why, how often at that moment, and what the robot saw."""
 
     time: float
     node: str
     code: str
     why: str
+    count: int = 1
     picture: StoryPicture | None = None
 
 

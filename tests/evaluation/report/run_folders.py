@@ -9,9 +9,10 @@ from PIL import Image
 
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.clock import Clock
-from bestman_bt.engine.logs import BtLogWriter
+from bestman_bt.engine.status import RUNNING
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
-from bestman_bt.monitor.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, to_line
+from bestman_bt.monitor.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent
+from bestman_bt.monitor.run_log import RunLogWriter
 
 HOSTILE = "<script>alert(1)</script>"
 TREE = """
@@ -67,13 +68,16 @@ def write_run(
     (folder / "config.yaml").write_text(f"name: {task}\ntask:\n  robot: diff_panda\n  scene: kitchen\nseed: {seed}\n")
     clock = SteppedClock()
     tree = load_tree(TREE, clock=clock)
-    with BtLogWriter(tree, folder / "transitions.btlog", start=1.7e9):
-        for _ in range(5 if killed else 60):
-            if tree.tick_exactly_once() != 1:
-                break
-            clock.sleep(0.05)
     run = RunEvent(task, "tree", "kitchen", "diff_panda", seed, str(folder), 1, 1.7e9, 20.0, "simulated")
-    told: list[Event] = [run, *events]
+    log = RunLogWriter(folder, tree, run)
+    log.write(run)
+    tree.subscribe(lambda changes: log.write(StatesEvent(changes.stamp, 0, list(changes))))
+    for _ in range(5 if killed else 60):
+        if tree.tick_exactly_once() != RUNNING:
+            break
+        clock.sleep(0.05)
+    for event in events:
+        log.write(event)
     if not killed:
         failure = None if success else FailureReport(f"{HOSTILE}/Grasp::7", "slipped", f"{why} {HOSTILE}")
         result = RunResult(
@@ -90,12 +94,12 @@ def write_run(
             wall_time_s=2.0,
         )
         result.write(folder / "result.json")
-        told.append(EndEvent(clock.time, str(result.outcome), result.tree_status))
-    (folder / "events.jsonl").write_bytes(b"".join(map(to_line, told)))
+        log.write(EndEvent(clock.time, str(result.outcome), result.tree_status))
+    log.close()
     return folder
 
 
-def failure_with_picture(folder: Path, file: str = "pictures/1.jpg") -> tuple[Event, ...]:
+def failure_with_picture(file: str = "pictures/1.jpg") -> tuple[Event, ...]:
     """The events of a failure that a picture was taken of."""
     return (
         LogEvent(1.4, "warning", f"out of reach {HOSTILE}", "work/Grasp::7", "no_grasp"),

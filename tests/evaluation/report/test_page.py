@@ -48,7 +48,7 @@ def _page(*folders: Path) -> _Page:
 
 
 def test_a_page_needs_no_script_and_nothing_beside_it(tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run", success=False, events=failure_with_picture(tmp_path))
+    folder = write_run(tmp_path / "run", success=False, events=failure_with_picture())
     picture(folder / "pictures" / "1.jpg")
     picture(folder / "end.png")
 

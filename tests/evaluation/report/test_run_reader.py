@@ -64,7 +64,7 @@ def test_a_run_whose_executor_answers_is_still_running(tmp_path: Path, monkeypat
 
 
 def test_a_failure_comes_with_the_picture_of_that_moment(tmp_path: Path) -> None:
-    folder = write_run(tmp_path / "run", success=False, events=failure_with_picture(tmp_path))
+    folder = write_run(tmp_path / "run", success=False, events=failure_with_picture())
     picture(folder / "pictures" / "1.jpg")
 
     (failure,) = read_story(folder).failures
@@ -94,7 +94,7 @@ def test_trees_that_a_leaf_has_ticked_stand_below_that_leaf(tmp_path: Path) -> N
 @pytest.mark.parametrize("name", ["../secret.png", "/etc/passwd", "pictures/../../secret.png", "link.png"])
 def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name: str) -> None:
     picture(tmp_path / "secret.png")
-    folder = write_run(tmp_path / "run", events=failure_with_picture(tmp_path, name))
+    folder = write_run(tmp_path / "run", events=failure_with_picture(name))
     (folder / "pictures").mkdir()
     (folder / "link.png").symlink_to(tmp_path / "secret.png")
 
@@ -107,16 +107,16 @@ def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name
 @pytest.mark.parametrize(
     ("file", "content", "words"),
     [
-        ("result.json", b"{", "result.json was not read"),
-        ("result.json", b"[" * 200_000, "result.json was not read"),
+        ("result.json", b"{", "result.json was not read to its end"),
+        ("result.json", b"[" * 200_000, "result.json was not read to its end"),
         ("result.json", b"[1]", "it is no JSON object"),
-        ("result.json", json.dumps({"task": 3}).encode(), "result.json was not read: "),
+        ("result.json", json.dumps({"task": 3}).encode(), "result.json was not read to its end: task"),
         ("config.yaml", b"\xff\xfe\x00", "config.yaml was not read"),
         ("config.yaml", b"a: [", "config.yaml was not read"),
         ("transitions.btlog", b"MZ" + bytes(100), "is no .btlog file"),
         ("transitions.btlog", b"BTCPP4-FileLogger2\x01\xff\xff\xff\x7f", "cut off within its XML"),
-        ("events.jsonl", b"\x00\xff\n" * 3, "3 lines are no events"),
-        ("events.jsonl", b'{"event":"log","time":1e999,"level":"info","message":7}\n', "1 lines are no events"),
+        ("events.jsonl", b"\x00\xff\n" * 3, "events.jsonl was not read to its end"),
+        ("log.jsonl", b'{"event":"x","time":1e999,"level":"info"}\n', "an event is of the time inf"),
     ],
 )
 def test_a_damaged_part_is_noted_and_the_others_are_told(tmp_path: Path, file: str, content: bytes, words: str) -> None:
@@ -152,7 +152,7 @@ def test_a_folder_of_nothing_is_refused_in_words(tmp_path: Path) -> None:
     with pytest.raises(ReportError, match="is no run folder and holds none"):
         run_folders(tmp_path)
     (tmp_path / "result.json").write_text("not json")
-    with pytest.raises(ReportError, match="result.json was not read"):
+    with pytest.raises(ReportError, match="result.json was not read to its end"):
         read_story(tmp_path)
 
 
