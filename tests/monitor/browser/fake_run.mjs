@@ -56,7 +56,7 @@ export class FakeRun {
     this.time = this.ticks / this.rate;
     const { result, changed } = this.tree.tick();
     for (const uid of changed) this.#span(uid);
-    for (const uid of changed) this.changes.set(uid, [uid, this.tree.states[uid], this.tree.results[uid]]);
+    for (const uid of changed) this.changes.set(uid, [uid, this.tree.states[uid], 0, this.tree.results[uid]]);
     for (const record of this.tree.records) if (this.tree.states[record.uid] === RUNNING) this.tree.statistics[record.uid][3] += 1 / this.rate;
     this.#remember();
     const stop = this.breakpoints.find((point) => changed.includes(point.node) && this.tree.states[point.node] === RUNNING);
@@ -118,7 +118,7 @@ export class FakeRun {
     const live = time === null;
     const at = live ? this.history.at(-1) : (this.history.findLast((moment) => moment.time <= time + 1e-9) ?? this.history[0]);
     return {
-      type: "state", id: this.id, live: live && this.state !== "ended", first: this.history[0].time, last: this.time, states: { 0: [...at.states] }, results: { 0: [...at.results] },
+      type: "state", id: this.id, live: live && this.state !== "ended", first: this.history[0].time, last: this.time, states: { 0: [...at.states.slice(1)] }, results: { 0: [...at.results.slice(1)] },
       time: live ? this.time : Math.max(at.time, Math.min(time, this.time)), tick: at.tick, messages: at.messages, statistics: Object.fromEntries(this.tree.records.map(({ uid }) => [uid, this.tree.statistics[uid]])),
       blackboard: at.blackboard, robot: at.robot, scan: at.scan, path: at.path, driven: this.driven.filter((point) => point[2] <= at.time).map(([x, y]) => [x, y]),
       running: [], paused: live ? this.paused : null, breakpoints: this.breakpoints,

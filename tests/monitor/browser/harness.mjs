@@ -8,7 +8,7 @@ import { steps } from "./scripted_trees.mjs";
 
 const { chromium } = PACKAGES("playwright-core");
 const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
-const PATIENCE = 5000;
+const PATIENCE = 15_000; // ms; reached only on a busy machine, or where the page is wrong
 
 let browser;
 let opened = [];
@@ -24,7 +24,7 @@ afterEach(async () => {
   const errors = opened.flatMap(({ errors: found }) => found);
   for (const { context, server } of opened) {
     await context.close();
-    await server.stop();
+    await server?.stop();
   }
   opened = [];
   assert.deepEqual(errors, [], "the page wrote errors to its console");
@@ -36,19 +36,29 @@ export function errand(id = "errand", options = {}) {
 }
 
 /** Serves the runs and opens the page; `allowed` are console errors that the test provokes. */
-export async function open(runs, { width = 1440, height = 900, theme = "light", readOnly = false, allowed = null, port = 0, motion = "reduce" } = {}) {
+export async function open(runs, { port = 0, readOnly = false, ...options } = {}) {
   const server = await new FakeServer(runs, { readOnly }).start(port);
+  const record = await visit(server.url, server, options);
+  return { page: record.page, server, record };
+}
+
+/** Opens the page of any server. */
+export async function look(url, options = {}) {
+  return (await visit(url, null, options)).page;
+}
+
+async function visit(url, server, { width = 1440, height = 900, theme = "light", allowed = null, motion = "reduce" }) {
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: theme, reducedMotion: motion });
   context.setDefaultTimeout(PATIENCE);
   const page = await context.newPage();
-  const record = { context, server, errors: [] };
+  const record = { page, context, server, errors: [] };
   page.on("console", (message) => {
     if (message.type() === "error" && !(allowed?.test(message.text()) ?? false)) record.errors.push(message.text());
   });
   page.on("pageerror", (error) => record.errors.push(String(error)));
   opened.push(record);
-  await page.goto(server.url);
-  return { page, server, record };
+  await page.goto(url);
+  return record;
 }
 
 /** Waits until `read` gives `expected`; the message of a failure tells what it gave at last. */

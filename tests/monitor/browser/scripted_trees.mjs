@@ -55,12 +55,12 @@ export function fetchCup() {
   ])), { object: "{object}", source: "{source}", target: "{target}", goal: "{goal}" });
 }
 
-/** About `count` nodes that all take part: subtrees of sequences of short leaves, over and over. */
+/** At least `count` nodes that all take part: subtrees of sequences of short leaves, over and over. */
 export function big(count) {
   const areas = Math.max(2, Math.round(Math.sqrt(count) / 4));
-  const each = Math.floor((count - 2) / areas);
+  const each = Math.ceil((count - 2) / areas);
   const area = (a) => {
-    const steps = Math.floor((each - 2) / 5);
+    const steps = Math.ceil((each - 2) / 5);
     return subtree("Area", `area_${a}`, sequence(`work_${a}`, Array.from({ length: steps }, (_, s) =>
       fallback(`step_${a}_${s}`, [
         condition("Done", { name: `done_${a}_${s}`, results: [FAILURE, FAILURE, SUCCESS] }),

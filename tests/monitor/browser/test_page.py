@@ -6,6 +6,7 @@ import hashlib
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -34,8 +35,8 @@ def test_the_page_does_what_the_story_tells(story: Path) -> None:
     assert NODE is not None
     assert CHROMIUM is not None
     ran = subprocess.run(
-        [NODE, "--test", "--test-reporter=spec", "--test-timeout=60000", str(story)],
-        env={**os.environ, "CHROMIUM": CHROMIUM},
+        [NODE, "--test", "--test-reporter=spec", "--test-timeout=120000", str(story)],
+        env={**os.environ, "CHROMIUM": CHROMIUM, "PYTHON": sys.executable},
         capture_output=True,
         text=True,
         timeout=280,

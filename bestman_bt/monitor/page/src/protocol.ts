@@ -90,8 +90,8 @@ export interface Breakpoint {
 /** Starts, successes, failures, seconds running. */
 export type Statistics = [number, number, number, number];
 
-/** The result is what the node last returned since it last started; 0 for nothing. */
-export type Change = [uid: number, state: number, result: number];
+/** The result is what the node last returned since it last started; 0 for nothing. Inner trees are part of tree 0. */
+export type Change = [uid: number, state: number, tree: 0, result: number];
 
 export interface TreeMessage {
   type: "tree";
@@ -121,7 +121,7 @@ export interface StateMessage extends Snapshot {
   live: boolean;
   first?: number;
   last?: number;
-  /** Indexed by uid; element 0 is unused. */
+  /** Indexed by uid - 1. */
   states: { "0": number[] };
   results?: { "0": number[] };
   driven?: [number, number][];

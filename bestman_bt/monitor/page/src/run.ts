@@ -22,7 +22,7 @@ export interface Picture {
 
 export class Run {
   readonly tree = signal<Tree | null>(null);
-  /** Counts the pictures to draw; canvases follow it. */
+  /** Counts what came; canvases follow it and draw at the next frame. */
   readonly frame = signal(0);
   /** Beats at most about eight times a second; panels of text follow it. */
   readonly beat = signal(0);
@@ -55,7 +55,6 @@ export class Run {
   readonly joints = new JointHistory();
 
   private beatDue = 0;
-  private frameDue = 0;
 
   constructor(readonly id: string) {}
 
@@ -81,7 +80,7 @@ export class Run {
     const jumped = message.time < this.time || !message.live || !this.live.value;
     this.live.value = message.live;
     const results = message.results?.["0"] ?? [];
-    message.states["0"].forEach((state, uid) => this.setState(uid, state, results[uid] ?? 0));
+    message.states["0"].forEach((state, i) => this.setState(i + 1, state, results[i] ?? 0));
     if (jumped) this.changedAt.fill(-Infinity);
     this.trail.clear();
     for (const [x, y] of message.driven ?? []) this.trail.add(x, y);
@@ -102,7 +101,7 @@ export class Run {
     if (message.paused !== undefined) this.paused.value = message.paused;
     if (message.breakpoints !== undefined) this.breakpoints.value = message.breakpoints;
     if (!this.live.value) return;
-    for (const [uid, state, result] of message.changes ?? []) this.setState(uid, state, result);
+    for (const [uid, state, , result] of message.changes ?? []) this.setState(uid, state, result);
     for (const [scope, entries] of Object.entries(message.blackboard ?? {})) {
       const known = (this.blackboard[scope] ??= {});
       for (const [key, entry] of Object.entries(entries)) {
@@ -199,10 +198,7 @@ export class Run {
   }
 
   private changed(): void {
-    this.frameDue ||= requestAnimationFrame(() => {
-      this.frameDue = 0;
-      this.frame.value++;
-    });
+    this.frame.value++;
     this.beatDue ||= window.setTimeout(() => {
       this.beatDue = 0;
       this.beat.value++;

@@ -17,7 +17,7 @@ export class Camera {
   zoom = 1;
   width = 1;
   height = 1;
-  constructor(private readonly least = 0.03, private readonly most = 2.5) {}
+  constructor(private readonly least = 0.008, private readonly most = 2.5) {}
 
   private glide: { from: [number, number, number]; to: [number, number, number]; start: number } | null = null;
 

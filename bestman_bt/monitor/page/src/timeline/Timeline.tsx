@@ -1,6 +1,6 @@
 // The run from its start to now: drag to look at any moment of it, also while it goes on.
 
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { seconds } from "../describe";
 import { Icon } from "../Icon";
@@ -24,7 +24,10 @@ export function Timeline({ run, follow }: { run: Run; follow: Run | null }) {
   const tall = tallTimeline.value;
   const tree = run.tree.value;
   const { spans, marks } = run.timeline.value;
-  const lanes = tree === null ? [] : tall ? laneByNode(spans, tree) : packed(spans, tree);
+  const lanes = useMemo(
+    () => (tree === null ? [] : tall ? laneByNode(spans, tree) : packed(spans, tree)),
+    [tree, spans, tall],
+  );
   const height = tall ? Math.max(120, AXIS + 20 + lanes.length * TALL_LANE) : SLIM_HEIGHT;
   const gutter = tall && innerWidth > 720 ? GUTTER : 12;
 
@@ -50,7 +53,7 @@ export function Timeline({ run, follow }: { run: Run; follow: Run | null }) {
   latest.current = draw;
   useEffect(draw);
   useSignalEffect(() => {
-    void [run.frame.value, palette.value, run.selected.value];
+    void [run.beat.value, palette.value, run.selected.value];
     latest.current();
   });
   useEffect(() => {
@@ -64,7 +67,7 @@ export function Timeline({ run, follow }: { run: Run; follow: Run | null }) {
     const bounded = Math.max(run.first, Math.min(run.last, time));
     run.time = bounded;
     run.live.value = false;
-    run.frame.value++;
+    draw();
     window.clearTimeout(sent.current.timer);
     const send = (): void => {
       sent.current.at = performance.now();

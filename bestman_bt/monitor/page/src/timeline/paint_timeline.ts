@@ -80,9 +80,13 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
       context.textAlign = "left";
       context.fillText(row.name, 10, y + lane / 2, gutter - 20);
     }
+    let drawnTo = -1;
     for (const { span, index } of row.spans) {
       const x = at(span.from);
       const wide = Math.max(2, at(span.to) - x - 0.5);
+      // Of many spans within one pixel, one is drawn.
+      if (x + wide <= drawnTo + 0.5) continue;
+      drawnTo = x + wide;
       context.fillStyle = span.state === IDLE ? colours.faint : colours.states[span.state]!;
       context.globalAlpha = span.state === RUNNING ? 0.92 : tall ? 0.32 : 0.6;
       context.beginPath();

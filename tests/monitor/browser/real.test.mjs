@@ -1,0 +1,118 @@
+// The page before the real server and a real executor: what the buttons do reaches the tree.
+
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { mkdtemp, rm } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { createInterface } from "node:readline";
+import { afterEach, beforeEach, test } from "node:test";
+import { fileURLToPath } from "node:url";
+import { chooseNode, eventually, look, shownStates } from "./harness.mjs";
+
+const PYTHON = process.env.PYTHON ?? "python3";
+const EXECUTOR = fileURLToPath(new URL("real_executor.py", import.meta.url));
+const START = 90_000; // ms; Python starts slowly on a busy machine
+let runtime;
+let children = [];
+
+/** Starts a Python program; `said` collects its lines. */
+function start(...words) {
+  const child = spawn(PYTHON, words, { env: { ...process.env, XDG_RUNTIME_DIR: runtime }, stdio: ["ignore", "pipe", "pipe"] });
+  const said = [];
+  let complaints = "";
+  child.stderr.on("data", (text) => (complaints += text));
+  createInterface({ input: child.stdout }).on("line", (line) => said.push(line));
+  const ended = new Promise((resolve) => child.on("exit", resolve));
+  children.push(child);
+  return { child, said, ended, complaints: () => complaints };
+}
+
+async function said(program, pattern) {
+  for (const deadline = Date.now() + START; Date.now() < deadline; ) {
+    const line = program.said.find((candidate) => pattern.test(candidate));
+    if (line !== undefined) return line;
+    assert.equal(program.child.exitCode, null, program.complaints());
+    await new Promise((resolve) => setTimeout(resolve, 50));
+  }
+  assert.fail(`it never said ${pattern}: ${program.complaints()}`);
+}
+
+async function monitored() {
+  const monitor = start("-m", "bestman_bt.cli.main", "monitor", "--port", "0", "--no-browser");
+  const executor = start(EXECUTOR);
+  const url = /http\S+/.exec(await said(monitor, /http:/))[0];
+  const page = await look(url);
+  await page.getByRole("heading", { name: "errand", level: 1 }).waitFor({ timeout: START });
+  await page.getByTestId("tick").waitFor();
+  return { page, executor };
+}
+
+const ticks = (page) => page.getByTestId("tick").innerText().then((text) => Number(text.replace("tick ", "")));
+
+beforeEach(async () => (runtime = await mkdtemp(join(tmpdir(), "monitor-"))));
+afterEach(async () => {
+  children.filter((child) => child.exitCode === null).forEach((child) => child.kill("SIGKILL"));
+  children = [];
+  await rm(runtime, { recursive: true });
+});
+
+test("states, pause, step, set, breakpoint, force and halt, on a real executor", async () => {
+  const { page, executor } = await monitored();
+  await page.keyboard.press("o");
+  await eventually(async () => {
+    const { errand, holds_key: holds, again } = await shownStates(page);
+    return { errand, holds, again };
+  }, { errand: 1, holds: 3, again: 1 });
+
+  await page.getByRole("button", { name: "Pause" }).click();
+  await page.locator(".standing", { hasText: "Paused" }).waitFor();
+  await page.waitForTimeout(300);
+  const before = await ticks(page);
+  await page.waitForTimeout(300);
+  assert.equal(await ticks(page), before, "it stands still");
+  await page.keyboard.press("n");
+  await eventually(() => ticks(page), before + 1);
+
+  await page.keyboard.press("2");
+  const row = page.locator("tr[data-key=object]");
+  await row.getByRole("button").click();
+  await row.getByRole("textbox").fill("teapot");
+  await row.getByRole("textbox").press("Enter");
+  await eventually(() => row.locator(".value").innerText(), "teapot");
+
+  await page.keyboard.press("1");
+  await chooseNode(page, "rest");
+  await page.getByRole("button", { name: "Break before" }).click();
+  await eventually(() => page.getByRole("button", { name: "Break before" }).getAttribute("aria-pressed"), "true");
+  await page.getByRole("button", { name: "Resume" }).click();
+  await page.locator(".standing", { hasText: "Stopped before rest, at a breakpoint." }).waitFor();
+  assert.notEqual((await shownStates(page)).rest, 1, "it has not begun");
+  await page.getByRole("button", { name: "Break before" }).click();
+  await eventually(() => page.getByRole("button", { name: "Break before" }).getAttribute("aria-pressed"), "false");
+  await page.getByRole("button", { name: "Resume" }).click();
+  await page.getByRole("button", { name: "Pause" }).waitFor();
+
+  await chooseNode(page, "walk");
+  await page.getByRole("button", { name: "Fail once" }).click();
+  await page.locator(".run-facts [data-run-state=ended]").waitFor();
+  await executor.ended;
+  const end = JSON.parse(executor.said.at(-1));
+  assert.equal(end.object, "teapot");
+});
+
+test("the emergency stop reaches the robot and ends a real execution", async () => {
+  const { page, executor } = await monitored();
+  await page.getByRole("button", { name: "Emergency stop" }).click();
+  await said(executor, /stopped/);
+  await executor.ended;
+  assert.equal(JSON.parse(executor.said.at(-1)).ending, "CANCELLED");
+});
+
+test("halting ends a real execution as cancelled", async () => {
+  const { page, executor } = await monitored();
+  await page.getByRole("button", { name: "Halt the run" }).click();
+  await page.getByRole("dialog").getByRole("button", { name: "Halt the run" }).click();
+  await executor.ended;
+  assert.equal(JSON.parse(executor.said.at(-1)).ending, "CANCELLED");
+});
