@@ -63,6 +63,11 @@ class EventStream:
         self._waiting.put(make)
         return True
 
+    @property
+    def waiting(self) -> int:
+        """How much of what was told has not been handed on yet."""
+        return self._waiting.qsize()
+
     def add(self, outbox: Outbox, topics: frozenset[Topic]) -> None:
         """Tell somebody how all stands, and then every event of these topics; replaces an earlier subscription."""
         self.tell(lambda: self._add(_Subscription(outbox, topics)))

@@ -104,6 +104,11 @@ class Telemetry:
         self._executor.watchers.remove(self)
         self._stream.close()
 
+    @property
+    def waiting(self) -> int:
+        """How much is not yet written and sent; beyond ``MAX_WAITING`` it is dropped."""
+        return self._stream.waiting
+
     def now(self) -> float:
         """Seconds of the clock since the start, as events have them."""
         return round(self._executor.clock.now() - self._start, TIME_DECIMALS)

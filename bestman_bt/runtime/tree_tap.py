@@ -70,14 +70,11 @@ class TreeTap:
         self._states(self._tree.clock.now(), codes, messages)
 
     def _listen(self, changes: StateChanges) -> None:
-        nodes, codes, speaking = self._tree.nodes, changes.codes, self._speaking
-        messages = {}
-        for code in codes:
-            if code in speaking:
-                uid = code >> 3
-                message = nodes[uid - 1].feedback_message
-                if message:
-                    messages[uid] = self._said[uid] = message
+        nodes, codes, messages = self._tree.nodes, changes.codes, {}
+        for code in self._speaking.intersection(codes):
+            message = nodes[(code >> 3) - 1].feedback_message
+            if message:
+                messages[code >> 3] = self._said[code >> 3] = message
         self._states(changes.stamp, codes, messages)
         if not self._failures.isdisjoint(codes):
             self._failed(self._tree, [code >> 3 for code in codes if code in self._failures])
