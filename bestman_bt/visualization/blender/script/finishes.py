@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-FLOOR_WOOD = ((0.50, 0.33, 0.20), (0.40, 0.25, 0.145))
+FLOOR_WOOD = ((0.36, 0.225, 0.13), (0.28, 0.165, 0.092))
 """Linear colours of the floor's planks."""
 
 

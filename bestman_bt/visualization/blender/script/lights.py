@@ -17,7 +17,7 @@ def light_the_room(finishes: Any, places: list[list[float]]) -> None:
     middle = Vector((*(sum(axis) / len(places) for axis in zip(*places, strict=True)), 0.0)) if places else Vector()
     lay_floor(finishes.floor())
     sky()
-    lamp("key", middle + Vector((-2.2, -2.6, 4.2)), middle, 480.0, 2.6, (1.0, 0.95, 0.88))
+    lamp("key", middle + Vector((-2.2, -2.6, 4.2)), middle, 330.0, 2.4, (1.0, 0.95, 0.88))
     lamp("rim", middle + Vector((3.0, 2.8, 3.4)), middle, 220.0, 1.8, (0.85, 0.92, 1.0))
 
 
@@ -35,7 +35,7 @@ def sky() -> None:
         world.use_nodes = True
     background = world.node_tree.nodes["Background"]
     background.inputs["Color"].default_value = (*SKY, 1.0)
-    background.inputs["Strength"].default_value = 0.5
+    background.inputs["Strength"].default_value = 0.42
 
 
 def lamp(name: str, place: Vector, target: Vector, watts: float, size: float, color: tuple[float, ...]) -> None:

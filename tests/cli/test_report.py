@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.cli.command_line import Answer, Program, wait_for
+from tests.evaluation.report.run_folders import write_run
+
+Command = Callable[..., Answer]
+
+
+def test_a_report_of_a_run_is_written_where_it_is_asked_for(bestman_bt: Command, folder: Path) -> None:
+    write_run(folder / "runs" / "one")
+
+    answer = bestman_bt("report", "runs/one", "-o", "one.html")
+
+    assert (answer.code, answer.out.strip()) == (0, "one.html")
+    assert "fetch_cup, seed 1: success" in (folder / "one.html").read_text()
+
+
+def test_runs_below_a_folder_come_into_one_report(bestman_bt: Command, folder: Path) -> None:
+    for seed in (1, 2, 3):
+        write_run(folder / "runs" / str(seed), seed=seed, success=seed != 2)
+
+    assert bestman_bt("report", "runs", "runs/1").code == 0
+
+    assert "2 of 3" in (folder / "report.html").read_text()
+
+
+def test_what_is_damaged_is_told_on_standard_error_too(bestman_bt: Command, folder: Path) -> None:
+    (write_run(folder / "run") / "transitions.btlog").write_bytes(b"\x7fELF")
+
+    answer = bestman_bt("report", "run")
+
+    assert answer.code == 0
+    assert "transitions.btlog was not read to its end" in answer.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere"], "nowhere is no folder"),
+        (["."], "is no run folder and holds none"),
+        ([".", "-o", "report.pdf"], "reports are HTML files"),
+        ([".", "-o", "not/there.html"], "there is no folder"),
+    ],
+)
+def test_wrong_input_is_told_and_nothing_is_written(
+    bestman_bt: Command, folder: Path, arguments: list[str], words: str
+) -> None:
+    answer = bestman_bt("report", *arguments)
+
+    assert answer.code == 2
+    assert words in " ".join(answer.err.replace("│", " ").split())
+    assert not list(folder.iterdir())
+
+
+def test_a_run_that_was_killed_is_reported_as_interrupted_up_to_its_last_moments(
+    bestman_bt: Command, folder: Path
+) -> None:
+    program = Program("run", "fetch_cup", "--seed", 1, folder=folder)
+    log = wait_for(folder, "runs/*/transitions.btlog")
+    head = log.stat().st_size
+    end = time.monotonic() + 120.0
+    while log.stat().st_size <= head + 9 * 20 and time.monotonic() < end:
+        time.sleep(0.05)
+    program.process.kill()
+    program.process.communicate()
+
+    assert bestman_bt("report", "runs").code == 0
+
+    page = (folder / "report.html").read_text()
+    assert "Interrupted." in page
+    assert "NavigateTo" in page
