@@ -49,6 +49,8 @@ class NodeList:
             if self._ranges[event.tree][1] != len(event.nodes):
                 raise EventError(f"the tree {event.tree} has other nodes than before")
             return []
+        if not event.nodes:
+            raise EventError(f"the tree {event.tree} has no nodes")
         offset = len(self.document)
         if offset + len(event.nodes) > MAX_NODES:
             raise EventError(f"more than {MAX_NODES} nodes")

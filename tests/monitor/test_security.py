@@ -1,0 +1,134 @@
+"""Who may speak to the monitor: host names, origins, tokens, sizes; and what its answers forbid browsers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from bestman_bt.monitor.security import AccessRules, is_loopback, new_token
+from bestman_bt.monitor.server import LARGEST_REQUEST, STATIC
+from tests.monitor.conftest import Monitor
+
+StartMonitor = Callable[..., Monitor]
+TOKEN = "a-token-of-some-length"
+
+
+@pytest.fixture
+def open_monitor(start_monitor: StartMonitor) -> Monitor:
+    """On loopback, without a token."""
+    return start_monitor()
+
+
+@pytest.fixture
+def guarded(start_monitor: StartMonitor) -> Monitor:
+    """With a token."""
+    return start_monitor(token=TOKEN)
+
+
+def refused(monitor: Monitor, **headers: str) -> int:
+    """The HTTP status of a WebSocket handshake that is refused."""
+    with pytest.raises(InvalidStatus) as info, monitor.page(**headers):
+        pass
+    return info.value.response.status_code
+
+
+def test_loopback_is_told_apart_from_addresses_that_others_reach() -> None:
+    assert [is_loopback(host) for host in ("127.0.0.1", "127.0.0.9", "::1", "localhost")] == [True] * 4
+    assert [is_loopback(host) for host in ("0.0.0.0", "::", "192.168.1.4", "robot", "127.0.0.1.evil.org", "")] == [
+        False
+    ] * 6
+    assert AccessRules.of("0.0.0.0", 1, TOKEN).hosts == frozenset()
+
+
+def test_tokens_are_long_and_never_the_same() -> None:
+    assert len({new_token() for _ in range(100)}) == 100
+    assert min(len(new_token()) for _ in range(100)) >= 32
+
+
+@pytest.mark.parametrize("origin", ["http://evil.org", "null", "", "http://127.0.0.1:1", "https://127.0.0.1.evil.org"])
+def test_a_page_of_somebody_else_cannot_open_the_socket(open_monitor: Monitor, origin: str) -> None:
+    assert refused(open_monitor, Origin=origin) == 403
+
+
+@pytest.mark.parametrize("host", ["evil.org", "evil.org:{port}", "127.0.0.1.evil.org", ""])
+def test_a_foreign_name_that_points_to_this_machine_is_refused(open_monitor: Monitor, host: str) -> None:
+    named = host.format(port=open_monitor.port)
+    with open_monitor.http() as http:
+        assert http.get("/health", headers={"Host": named}).status_code in (400, 403)
+        assert http.get("/health", headers={"Host": f"localhost:{open_monitor.port}"}).status_code == 200
+
+
+def test_answers_forbid_foreign_scripts_and_frames(open_monitor: Monitor) -> None:
+    with open_monitor.http() as http:
+        for path in ("/health", "/", "/runs/x/images/1.jpg", "/nothing"):
+            headers = http.get(path).headers
+            policy = dict(part.strip().split(" ", 1) for part in headers["content-security-policy"].split(";"))
+            assert policy["default-src"] == policy["frame-ancestors"] == "'none'"
+            assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
+            assert (headers["x-content-type-options"], headers["x-frame-options"]) == ("nosniff", "DENY")
+            assert "server" not in headers
+
+
+@pytest.mark.parametrize(
+    "path", ["/../server.py", "/%2e%2e/server.py", "/..%2fserver.py", "/assets/..%2f..%2fserver.py", "//etc/passwd"]
+)
+def test_files_outside_of_the_page_are_not_served(open_monitor: Monitor, path: str) -> None:
+    assert (STATIC.parent / "server.py").is_file()
+    with open_monitor.http() as http:
+        request = http.build_request("GET", "/")
+        request.url = request.url.copy_with(raw_path=path.encode())
+        answer = http.send(request)
+    assert answer.status_code == 404
+    assert "uvicorn" not in answer.text
+
+
+def test_without_the_token_nothing_is_served(guarded: Monitor) -> None:
+    with guarded.http() as http:
+        assert [http.get(path).status_code for path in ("/", "/runs/a/images/1.jpg", "/assets/x.js")] == [401] * 3
+        assert http.get("/", params={"token": "wrong"}).status_code == 401
+        assert http.get("/", params={"token": TOKEN[:-1]}).status_code == 401
+        assert http.get("/assets/x.js", params={"token": TOKEN}).status_code == 401
+        assert http.get("/health").json()["service"] == "bestman-bt monitor"
+    assert refused(guarded) == 403
+    assert refused(guarded, Authorization="Bearer wrong") == 403
+    assert refused(guarded, Cookie=f"bestman_bt_monitor_{guarded.port}={TOKEN}") == 403
+
+
+def test_the_token_is_changed_for_a_cookie_that_scripts_cannot_read(guarded: Monitor) -> None:
+    with guarded.http() as http:
+        answer = http.get("/", params={"token": TOKEN})
+        assert (answer.status_code, answer.headers["location"]) == (303, "/")
+        told = answer.headers["set-cookie"]
+        assert TOKEN not in told
+        assert "HttpOnly" in told
+        assert "SameSite=strict" in told
+        assert http.get("/").status_code != 401
+    with guarded.page(Cookie=told.split(";")[0]) as page:
+        assert page.next("hello")["runs"] == []
+    assert refused(guarded, Cookie=told.split(";")[0], Origin="http://evil.org") == 403
+
+
+def test_programs_may_show_the_token_in_a_header(guarded: Monitor) -> None:
+    with guarded.page(Authorization=f"Bearer {TOKEN}") as page:
+        assert page.next("hello")["runs"] == []
+
+
+def test_a_message_that_is_too_long_ends_the_connection(open_monitor: Monitor) -> None:
+    with open_monitor.page() as page:
+        page.next("hello")
+        page.connection.send(json.dumps({"do": "open", "id": "x" * LARGEST_REQUEST}))
+        with pytest.raises(ConnectionClosed):
+            page.next("answer")
+    with open_monitor.page() as page:
+        page.next("hello")
+
+
+def test_binary_messages_end_the_connection(open_monitor: Monitor) -> None:
+    with open_monitor.page() as page:
+        page.next("hello")
+        page.connection.send(b"\0\1")
+        with pytest.raises(ConnectionClosed):
+            page.next("answer")
