@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import gzip
+import lzma
 from pathlib import Path
 
 import pytest
@@ -28,7 +28,7 @@ def test_full_segments_are_compressed_and_all_is_there_once(tmp_path: Path) -> N
     file.close()
     segments = full_segments(path)
     assert len(segments) > 3
-    assert {segment.suffix for segment in segments} == {".gz"}
+    assert {segment.suffix for segment in segments} == {".xz"}
     assert path.stat().st_size <= 1000
     assert all_bytes(path) == b"".join(lines)
 
@@ -40,7 +40,7 @@ def test_the_oldest_go_but_the_first_stays(tmp_path: Path) -> None:
         file.write(f"line {number}\n".encode())
     file.close()
     segments = full_segments(path)
-    assert segments[0].name == "log.0001.jsonl.gz"
+    assert segments[0].name == "log.0001.jsonl.xz"
     assert sum(segment.stat().st_size for segment in segments[1:]) <= 500
     assert all_bytes(path).endswith(b"line 1999\n")
 
@@ -59,24 +59,24 @@ def test_of_a_segment_that_was_being_compressed_the_whole_one_is_read(tmp_path: 
     path = tmp_path / "log.jsonl"
     path.write_bytes(b"new\n")
     (tmp_path / "log.0001.jsonl").write_bytes(b"old\n")
-    (tmp_path / "log.0001.jsonl.gz.part").write_bytes(gzip.compress(b"old\n")[:10])
+    (tmp_path / "log.0001.jsonl.xz.part").write_bytes(lzma.compress(b"old\n")[:10])
     assert all_bytes(path) == b"old\nnew\n"
-    (tmp_path / "log.0001.jsonl.gz").write_bytes(gzip.compress(b"old\n"))
+    (tmp_path / "log.0001.jsonl.xz").write_bytes(lzma.compress(b"old\n"))
     assert all_bytes(path) == b"old\nnew\n"
 
 
-@pytest.mark.parametrize("damage", [lambda data: data[:-12], lambda data: data[:40] + b"\xff\xff" + data[42:]])
+@pytest.mark.parametrize("damage", [lambda data: data[:-200], lambda data: data[:40] + b"\xff\xff" + data[42:]])
 def test_a_damaged_segment_ends_early(tmp_path: Path, damage: object) -> None:
-    path = tmp_path / "log.0001.jsonl.gz"
+    path = tmp_path / "log.0001.jsonl.xz"
     data = "".join(f"line {number * number}\n" for number in range(3000)).encode()
-    path.write_bytes(damage(gzip.compress(data)))  # type: ignore[operator]
+    path.write_bytes(damage(lzma.compress(data)))  # type: ignore[operator]
     found = read_segment(path, 1 << 20)
     assert len(found) < len(data)
 
 
 def test_a_segment_that_unpacks_to_more_than_allowed_is_not_unpacked(tmp_path: Path) -> None:
-    path = tmp_path / "log.0001.jsonl.gz"
-    path.write_bytes(gzip.compress(bytes(50 << 20)))
+    path = tmp_path / "log.0001.jsonl.xz"
+    path.write_bytes(lzma.compress(bytes(50 << 20)))
     assert len(read_segment(path, 1 << 20)) == 1 << 20
 
 
