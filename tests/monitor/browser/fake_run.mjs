@@ -223,7 +223,7 @@ const FURNITURE = [
   { name: "shelf", polygon: [[-3.6, -2.2], [-2.6, -2.2], [-2.6, -0.8], [-3.6, -0.8]] },
   { name: "sofa", polygon: [[-1.2, 2.0], [0.9, 2.0], [0.9, 2.8], [-1.2, 2.8]] },
 ];
-const MAP = { resolution: 0.05, origin: [-4.2, -3.2], width: 168, height: 128, png: mapPng(168, 128), furniture: FURNITURE, walls: [] };
+const MAP = { resolution: 0.05, origin: [-4.2, -3.2], width: 168, height: 128, png: mapPng(168, 128), furniture: FURNITURE, walls: [[0.4, -3, 0.4, -1.6]] };
 
 function scanFrom([x, y]) {
   const points = [];

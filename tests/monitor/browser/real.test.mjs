@@ -61,9 +61,9 @@ test("states, pause, step, set, breakpoint, force and halt, on a real executor",
   const { page, executor } = await monitored();
   await page.keyboard.press("o");
   await eventually(async () => {
-    const { errand, holds_key: holds, again } = await shownStates(page);
-    return { errand, holds, again };
-  }, { errand: 1, holds: 3, again: 1 });
+    const { errand, have_key: haveKey, again } = await shownStates(page);
+    return { errand, haveKey, again };
+  }, { errand: 1, haveKey: 2, again: 1 });
 
   await page.getByRole("button", { name: "Pause" }).click();
   await page.locator(".standing", { hasText: "Paused" }).waitFor();

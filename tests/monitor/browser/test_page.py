@@ -15,7 +15,9 @@ HERE = Path(__file__).parent
 PAGE = HERE.parents[2] / "bestman_bt" / "monitor" / "page"
 STATIC = PAGE.parent / "static"
 NODE = shutil.which("node")
-CHROMIUM = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
+CHROMIUM = next(
+    (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
+)
 STORIES = sorted(HERE.glob("*.test.mjs"), key=lambda path: path.name)
 
 

@@ -85,7 +85,7 @@ function Line({ run }: { run: RunSummary }) {
         <span class="run-details">
           {[run.robot, run.scene, run.seed === null || run.seed === undefined ? null : `seed ${run.seed}`].filter(Boolean).join(" · ")}
         </span>
-        <span class="numbers run-when">{seconds(run.time ?? 0)}{run.started ? `, ${ago(run.started)}` : ""}</span>
+        <span class="numbers run-when">{[run.time ? seconds(run.time) : null, run.started ? ago(run.started) : null].filter(Boolean).join(", ")}</span>
       </button>
       {ids.length > 0 && !open && (
         <button type="button" class="button" aria-label={`Compare with ${run.task ?? run.id}, seed ${run.seed ?? "unknown"}`} onClick={() => choose([ids[0]!, run.id])}>

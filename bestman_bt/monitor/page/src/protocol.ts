@@ -40,12 +40,14 @@ export interface Polygon {
 
 export interface MapRecord {
   resolution: number;
-  origin: [number, number] | [number, number, number];
+  origin: [number, number];
   width: number;
   height: number;
+  /** Base64 of a grid, dark where it is occupied, its first row at the greatest y; empty where there is none. */
   png?: string;
   furniture?: Polygon[];
-  walls?: ([number, number][] | Polygon)[];
+  /** Segments x1, y1, x2, y2. */
+  walls?: [number, number, number, number][];
 }
 
 export interface RobotRecord {

@@ -29,6 +29,7 @@ export function BlackboardPanel({ run }: { run: Run }) {
           <details key={scope} open class="scope">
             <summary><Icon name="down" /> <span>{scope === "" ? "root" : scope}</span> <span class="badge">{rows.length}</span></summary>
             <table class="entries">
+              <colgroup><col class="column-key" /><col /><col class="column-when" /></colgroup>
               <thead class="unseen"><tr><th scope="col">Key</th><th scope="col">Value</th><th scope="col">Changed at</th></tr></thead>
               <tbody>{rows.map(([key, entry]) => <Row key={key} run={run} scope={scope} name={key} entry={entry} />)}</tbody>
             </table>

@@ -43,9 +43,11 @@ class MapView {
 
   async load(map: MapRecord | null): Promise<void> {
     this.pixels = null;
-    if (map?.png !== undefined) {
+    if (map?.png) {
       const bytes = Uint8Array.from(atob(map.png), (letter) => letter.charCodeAt(0));
-      const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
+      const bitmap = await createImageBitmap(new Blob([bytes], { type: "image/png" })).catch(() => null);
+      // A damaged grid leaves walls and furniture.
+      if (bitmap === null) return this.redraw();
       const scratch = new OffscreenCanvas(bitmap.width, bitmap.height).getContext("2d", { willReadFrequently: true })!;
       scratch.drawImage(bitmap, 0, 0);
       this.pixels = scratch.getImageData(0, 0, bitmap.width, bitmap.height);
@@ -153,7 +155,10 @@ class MapView {
     if (map === null) return;
     const grid = this.gridPicture(colours);
     const [x, y] = map.origin;
-    if (grid !== null) {
+    if (grid === null) {
+      context.fillStyle = colours.free;
+      context.fillRect(x, y, map.width * map.resolution, map.height * map.resolution);
+    } else {
       context.save();
       context.translate(x, y + map.height * map.resolution);
       context.scale(map.resolution, -map.resolution);
@@ -166,13 +171,15 @@ class MapView {
       polygon.forEach(([px, py], i) => (i === 0 ? context.moveTo(px, py) : context.lineTo(px, py)));
       context.closePath();
     };
-    for (const wall of map.walls ?? []) {
-      outline(Array.isArray(wall) ? wall : wall.polygon);
-      context.fillStyle = context.strokeStyle = colours.wall;
-      context.lineWidth = 1.500 * pixel;
-      context.fill();
-      context.stroke();
+    context.beginPath();
+    for (const [x1, y1, x2, y2] of map.walls ?? []) {
+      context.moveTo(x1, y1);
+      context.lineTo(x2, y2);
     }
+    context.strokeStyle = colours.wall;
+    context.lineWidth = 3 * pixel;
+    context.lineCap = "square";
+    context.stroke();
     for (const { name, polygon } of map.furniture ?? []) {
       outline(polygon);
       context.fillStyle = colours.raised;
