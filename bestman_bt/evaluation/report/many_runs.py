@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.evaluation.report.activities import work_of_nodes
-from bestman_bt.evaluation.report.story import NodeKey, RunStory, StoryNode
+from bestman_bt.evaluation.report.story import RunStory
 from bestman_bt.evaluation.summary import summarize
 
 MAX_SLOW_NODES = 20
@@ -94,7 +94,8 @@ def slow_nodes(stories: Sequence[RunStory]) -> list[SlowNode]:
         counts: Counter[tuple[str, str]] = Counter()
         failures: Counter[tuple[str, str]] = Counter()
         for story in mine:
-            leaves: dict[NodeKey, StoryNode] = {node.key: node for node in story.nodes if node.is_leaf}
+            above = {node.parent for node in story.nodes}  # a leaf that ticks a tree stands above that tree's nodes
+            leaves = {node.key: node for node in story.nodes if node.is_leaf and node.key not in above}
             in_run: dict[tuple[str, str], float] = defaultdict(float)
             for key, work in work_of_nodes(story.activities).items():
                 if key in leaves:
