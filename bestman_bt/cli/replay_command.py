@@ -11,9 +11,14 @@ import typer
 
 from bestman_bt.configuration import ConfigurationError, Problem
 from bestman_bt.visualization import RecordingError, ViewerError
-from bestman_bt.visualization.rerun import Display, Viewer, ViewerParameters, check_recording, has_window_system
-
-RECORDING_NAME = "recording.rrd"
+from bestman_bt.visualization.rerun import (
+    RECORDING_NAME,
+    Display,
+    Viewer,
+    ViewerParameters,
+    check_recording,
+    has_window_system,
+)
 
 
 def command(

@@ -6,6 +6,7 @@ import dataclasses
 import os
 import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,7 +16,7 @@ import typer
 
 from bestman_bt.cli.groot2_view import Groot2View
 from bestman_bt.cli.json_output import json_output
-from bestman_bt.cli.live_viewer import live_viewer
+from bestman_bt.cli.live_viewer import shown_live
 from bestman_bt.cli.options import (
     MONITOR_PORT,
     Driver,
@@ -49,6 +50,7 @@ from bestman_bt.evaluation.episode import Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.runtime import Session, Setup
+from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.hardware import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
 
@@ -118,10 +120,15 @@ def execute(
         watchers = [stack.enter_context(RunView(setup.config.name)).watch]
         if groot2_port is not None:
             watchers.append(stack.enter_context(Groot2View(groot2_port)).watch)
-        viewer = stack.enter_context(live_viewer()) if live else None
         folder = make_run_folder(setup.config, runs)
+        recording = None
+        if live:
+            kept = setup.config.record
+            place = folder if kept else Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=folder.name)))
+            recording = place / RECORDING_NAME
+            stack.enter_context(shown_live(recording))
         try:
-            result = run_episode(setup, folder, pictures, _all_of(watchers), gui, twin_judge, viewer=viewer)
+            result = run_episode(setup, folder, pictures, _all_of(watchers), gui, twin_judge, recording=recording)
         except ConnectionFailedError:
             shutil.rmtree(folder)  # nothing was started: there is nothing to keep
             raise

@@ -21,6 +21,7 @@ from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
+from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
 from hal.pybullet import Disturber, GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
 from hal.replay import TAPE_NAME, RecordedRobot
@@ -89,7 +90,7 @@ def run_episode(
     gui: bool = False,
     twin_judge: Path | None = None,
     prepare_robot: Callable[[Robot], None] | None = None,
-    viewer: str | None = None,
+    recording: Path | None = None,
 ) -> RunResult:
     """Run a task once and judge it.
 
@@ -98,8 +99,8 @@ def run_episode(
     ``pictures``: also
     ``start.png``, ``grasp.png`` and ``end.png``. ``twin_judge``: the socket of the twins' judge; without one, nobody
     judges a robot that is not simulated here. ``prepare_robot``: called right after connecting, the last moment to make
-    a view of the truth whose reads are not counted. ``viewer``: the address of a Rerun viewer that sees a simulated run
-    while it happens. Raises as ``prepare_episode``, before anything is started.
+    a view of the truth whose reads are not counted. ``recording``: where a simulated run is recorded, whatever the
+    configuration asks for. Raises as ``prepare_episode``, before anything is started.
     """
     setup = prepare_episode(config) if isinstance(config, RunConfig) else config
     judge = find_judge(setup.config)
@@ -109,7 +110,7 @@ def run_episode(
     with ExitStack() as stack:
         session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
         tree = session.load()
-        after_tick = _after_tick(stack, session, tree, observers, folder, watch, viewer)
+        after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording)
         executor = session.executor(tree, after_tick)
         telemetry = stack.enter_context(session.telemetry(executor, folder))
         stack.enter_context(ControlChannel(executor, session.skills.stop.hold, telemetry).serving(folder))
@@ -154,7 +155,7 @@ def _after_tick(
     observers: _Observers,
     folder: Path | None,
     watch: Watcher | None,
-    viewer: str | None,
+    recording: Path | None,
 ) -> Callable[[], None]:
     calls: list[Callable[[], None]] = []
     if folder is not None and observers.scene is not None:
@@ -162,12 +163,13 @@ def _after_tick(
         motion.open()
         stack.callback(motion.close)
         calls.append(motion.after_tick)
-    file = folder / "recording.rrd" if folder is not None and session.setup.config.record else None
-    if observers.scene is not None and (file is not None or viewer is not None):
-        recording = Recording(file, session, tree, observers.scene, viewer=viewer)
-        recording.open()
-        stack.callback(recording.close)
-        calls.append(recording.after_tick)
+    if recording is None and folder is not None and session.setup.config.record:
+        recording = folder / RECORDING_NAME
+    if observers.scene is not None and recording is not None:
+        recorded = Recording(recording, session, tree, observers.scene)
+        recorded.open()
+        stack.callback(recorded.close)
+        calls.append(recorded.after_tick)
     if observers.driven is not None and session.setup.config.task.drive is not None:
         calls.append(observers.driven.after_tick)
     if observers.disturber is not None and observers.truth is not None:

@@ -25,20 +25,9 @@ WALKER_COLOR = (0.45, 0.5, 0.75, 1.0)
 
 
 class Recording:
-    """Feeds a recorder from a session: a snapshot every ``every``-th tick, images and clouds when a skill takes one.
+    """Feeds a recorder from a session: a snapshot every ``every``-th tick, images and clouds when a skill takes one."""
 
-    ``path``: the file, None for none; ``viewer``: the address of a viewer that sees it live.
-    """
-
-    def __init__(
-        self,
-        path: Path | None,
-        session: Session,
-        tree: Tree,
-        scene: SceneRecorder,
-        every: int = 2,
-        viewer: str | None = None,
-    ) -> None:
+    def __init__(self, path: Path, session: Session, tree: Tree, scene: SceneRecorder, every: int = 2) -> None:
         setup = session.setup
         model = setup.robot_model
         self._session, self._tree, self._scene, self._every = session, tree, scene, every
@@ -55,7 +44,6 @@ class Recording:
             },
             plotted_joints=plotted,
             grippers={name: gripper.joint_names for name, gripper in model.grippers.items()},
-            viewer=viewer,
         )
         self._beliefs = RecordedBeliefs(self._recorder, session, tree)
 

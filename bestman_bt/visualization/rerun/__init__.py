@@ -2,15 +2,18 @@
 
 from bestman_bt.visualization.rerun.blueprint import Eye, eye_on
 from bestman_bt.visualization.rerun.checked_file import check_recording
+from bestman_bt.visualization.rerun.live_feed import LiveFeed
 from bestman_bt.visualization.rerun.open_recording import RecordedCamera
-from bestman_bt.visualization.rerun.recorder import RerunRecorder
+from bestman_bt.visualization.rerun.recorder import RECORDING_NAME, RerunRecorder
 from bestman_bt.visualization.rerun.screenshot import Screenshot, ScreenshotParameters, take_screenshots
 from bestman_bt.visualization.rerun.sensed import SensorRecording
 from bestman_bt.visualization.rerun.viewer import Display, Viewer, ViewerParameters, has_window_system
 
 __all__ = [
+    "RECORDING_NAME",
     "Display",
     "Eye",
+    "LiveFeed",
     "RecordedCamera",
     "RerunRecorder",
     "Screenshot",

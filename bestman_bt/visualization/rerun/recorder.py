@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,17 +22,19 @@ from bestman_bt.visualization.rerun.sensed import SensorRecording
 from bestman_bt.visualization.snapshot import RecordedBody, RobotSnapshot
 from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
 
+RECORDING_NAME = "recording.rrd"
+"""Of a run, in its folder."""
 LOG_LEVELS = ("DEBUG", "INFO", "WARN", "ERROR")
 LEVEL_OF_STATE = {RUNNING: "INFO", SUCCESS: "INFO", FAILURE: "WARN"}
 
 
 class RerunRecorder:
-    """Writes a run to ``path`` (``.rrd``; None: to no file) while it happens; a context manager.
+    """Writes a run to ``path`` (``.rrd``) while it happens; a context manager.
 
     ``urdf``: the robot's URDF text, meshes by absolute path; ``base_frame``: the link whose pose snapshots give.
     ``nodes``: the tree, parents before children. ``plotted_joints``: drawn over time, radians or metres.
     ``grippers``: gripper name → finger joints, whose sum is the opening width. ``eye``: viewpoint, None for one
-    that shows all bodies. ``viewer``: the address of a viewer that sees everything at once, too.
+    that shows all bodies.
 
     Nothing is opened before ``open``. Data reaches the disk within half a second, so that an interrupted run
     leaves a recording that opens. Stamps are seconds of the robot's clock and never go back.
@@ -42,7 +42,7 @@ class RerunRecorder:
 
     def __init__(
         self,
-        path: Path | str | None,
+        path: Path | str,
         *,
         urdf: str,
         base_frame: str,
@@ -54,9 +54,8 @@ class RerunRecorder:
         eye: Eye | None = None,
         sensors: SensorRecording | None = None,
         application_id: str = "bestman_bt",
-        viewer: str | None = None,
     ) -> None:
-        self.file = None if path is None else Path(path)
+        self.file = Path(path)
         self._announced = Announced(
             urdf=urdf,
             base_frame=base_frame,
@@ -69,7 +68,6 @@ class RerunRecorder:
             sensors=sensors or SensorRecording(),
         )
         self._application_id = application_id
-        self._viewer = viewer
         self._open: OpenRecording | None = None
 
     def open(self) -> None:
@@ -78,14 +76,11 @@ class RerunRecorder:
             raise RecordingError(f"the recording {self.file} is open already")
         import rerun as rr
 
-        sinks: list[Any] = []
-        if self.file is not None:
-            sinks.append(rr.FileSink(self.file))
-        if self._viewer is not None:
-            sinks.append(rr.GrpcSink(self._viewer))
-        stream = rr.RecordingStream(self._application_id, recording_id=self._name())
+        file = self.file.resolve()
+        # The id tells it from other recordings in one viewer.
+        stream = rr.RecordingStream(self._application_id, recording_id=f"{file.parent.name}-{file.stem}")
         try:
-            stream.set_sinks(*sinks, default_blueprint=self._announced.blueprint())
+            stream.save(self.file, default_blueprint=self._announced.blueprint())
         except (RuntimeError, OSError) as error:
             raise RecordingError(f"the recording {self.file} cannot be written: {error}") from error
         self._open = OpenRecording(stream, self._announced)
@@ -101,13 +96,6 @@ class RerunRecorder:
             self._open.stream.flush()
             self._open.stream.disconnect()
             self._open = None
-
-    def _name(self) -> str:
-        """What tells this recording from others in one viewer: its folder and name."""
-        if self.file is None:
-            return f"live-{uuid.uuid4()}"
-        file = self.file.resolve()
-        return f"{file.parent.name}-{file.stem}"
 
     def __enter__(self) -> RerunRecorder:
         self.open()

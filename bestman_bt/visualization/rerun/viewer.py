@@ -27,19 +27,23 @@ class Display(StrEnum):
     WINDOW = "window"
     BROWSER = "browser"  # serves a page
     NONE = "none"  # pictures are asked for
+    RELAY = "relay"  # no viewer: hands on to viewers what it is fed
 
 
 @dataclass(frozen=True)
 class ViewerParameters:
     """``port``: of the recordings, ``page_port``: of the page for the browser; None for free ones.
 
-    ``size``: pixels, without a display. ``memory_limit``: beyond it the oldest data are dropped. ``start_timeout``:
-    seconds.
+    ``fed``: what comes by ``pipe`` is shown; of a page or a relay, which begins to serve when something has come.
+    ``source``: the address of one of these, of which all is shown. ``size``: pixels, without a display.
+    ``memory_limit``: beyond it the oldest data are dropped. ``start_timeout``: seconds.
     """
 
     display: Display
     port: int | None = None
     page_port: int | None = None
+    fed: bool = False
+    source: str | None = None
     size: tuple[int, int] = (1920, 1080)
     memory_limit: str = "2GB"
     start_timeout: float = 30.0
@@ -67,22 +71,35 @@ class Viewer:
         elif parameters.display is Display.NONE:
             width, height = parameters.size
             command += ["--headless", "--window-size", f"{width}x{height}"]
+        elif parameters.display is Display.RELAY:
+            command.append("--serve-grpc")
+        if parameters.source is not None:
+            command += ["--connect", parameters.source]
         self._process = subprocess.Popen(
-            [*command, *(str(recording.resolve()) for recording in recordings)],
+            [*command, *(str(recording.resolve()) for recording in recordings), *["-"] * parameters.fed],
+            stdin=subprocess.PIPE if parameters.fed else subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=output,
             start_new_session=True,
         )
-        try:
-            self._wait_until_up(parameters.start_timeout)
-        except ViewerError:
-            self.stop()
-            raise
+        if not parameters.fed:
+            try:
+                self.wait_until_up(parameters.start_timeout)
+            except ViewerError:
+                self.stop()
+                raise
 
     @property
     def address(self) -> str:
-        """Where recordings can be streamed to."""
+        """By which others reach it."""
         return f"rerun+http://{LOOPBACK}:{self.port}/proxy"
+
+    @property
+    def pipe(self) -> IO[bytes]:
+        """Takes a recording; of a viewer that was asked to be ``fed``."""
+        if self._process.stdin is None:
+            raise ViewerError("the viewer was not asked to be fed")
+        return self._process.stdin
 
     @property
     def page(self) -> str:
@@ -110,7 +127,8 @@ class Viewer:
         panic = text.find("panicked at")
         return text[panic : panic + 300].strip() if panic >= 0 else text[-300:].strip()
 
-    def _wait_until_up(self, timeout: float) -> None:
+    def wait_until_up(self, timeout: float) -> None:
+        """Wait until it serves, at most ``timeout`` seconds; ViewerError where it does not."""
         ports = [self.port] + [self.page_port] * (self._display is Display.BROWSER)
         deadline = time.monotonic() + timeout
         while time.monotonic() < deadline:
