@@ -1,0 +1,109 @@
+"""``bestman-bt monitor``, and ``--monitor`` of the verbs that run something."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import urlopen
+
+import pytest
+
+from bestman_bt.cli.started_monitor import show_in_monitor
+from bestman_bt.configuration import ConfigurationError
+from tests.cli.command_line import Program
+
+
+@pytest.fixture(autouse=True)
+def own_sockets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The monitors of these tests see nobody's robots."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+
+
+@pytest.fixture
+def free_port() -> int:
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        port: int = found.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+def ended(free_port: int) -> Iterator[None]:
+    """Ends the monitor that a test has started on the free port."""
+    yield
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (process / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"monitor" in words and str(free_port).encode() in words:
+            os.kill(int(process.name), signal.SIGTERM)
+
+
+def refusal(folder: Path, *arguments: object) -> str:
+    answer = Program("monitor", *arguments, "--no-browser", folder=folder).answer()
+    assert (answer.code, answer.out) == (2, "")
+    return answer.err
+
+
+def address_of(program: Program) -> str:
+    assert program.process.stdout is not None
+    line = program.process.stdout.readline()
+    assert line.startswith("monitor: http://")
+    return line.split()[1]
+
+
+def test_what_cannot_be_shown_is_told_before_anything_starts(tmp_path: Path, free_port: int) -> None:
+    assert "is no run folder, and holds none" in refusal(tmp_path, tmp_path / "nothing")
+    assert "at least 16 characters" in refusal(tmp_path, "--token", "short")
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", free_port))
+        other.listen()
+        assert f"--port {free_port}: cannot listen there" in refusal(tmp_path, "--port", free_port)
+
+
+def test_another_host_than_loopback_prints_a_token_that_opens_the_page(tmp_path: Path) -> None:
+    program = Program("monitor", "--host", "0.0.0.0", "--port", 0, "--no-browser", folder=tmp_path)
+    try:
+        address = address_of(program)
+        found = re.fullmatch(r"http://0\.0\.0\.0:(\d+)/\?token=([\w-]{32})", address)
+        assert found is not None
+        with pytest.raises(HTTPError, match="401"):
+            urlopen(f"http://127.0.0.1:{found[1]}/")
+        with urlopen(f"http://127.0.0.1:{found[1]}/health") as answer:
+            assert json.load(answer)["user"] == os.getuid()
+    finally:
+        program.interrupt()
+    answer_ = program.answer()
+    assert (answer_.code, answer_.err) == (130, "")
+
+
+def test_a_monitor_ends_by_itself_where_nobody_needs_it(tmp_path: Path) -> None:
+    program = Program("monitor", "--port", 0, "--no-browser", "--end-when-idle", 1, folder=tmp_path)
+    assert address_of(program)
+    assert program.answer(60.0).code == 0
+
+
+@pytest.mark.usefixtures("ended")
+def test_a_monitor_is_started_once_and_found_again(free_port: int, capsys: pytest.CaptureFixture[str]) -> None:
+    show_in_monitor(free_port)
+    begin = time.monotonic()
+    show_in_monitor(free_port)
+    assert time.monotonic() - begin < 2.0
+    assert capsys.readouterr().err == f"monitor: http://127.0.0.1:{free_port}/\n" * 2
+
+
+def test_a_port_that_another_program_has_is_told(free_port: int) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", free_port))
+        other.listen()
+        with pytest.raises(ConfigurationError, match="--monitor: the monitor does not start: .*cannot listen there"):
+            show_in_monitor(free_port)
