@@ -56,6 +56,7 @@ class PaintJob:
             "samples": self.samples,
             "seed": self.seed,
             "bodies": [_body(painted) for painted in self.bodies if painted.body.name not in self.hidden],
+            "hidden": [_body(painted) for painted in self.bodies if painted.body.name in self.hidden],
             "robot": self.robot.document(),
             "frames": [self._frame(frame) for frame in self.frames],
         }

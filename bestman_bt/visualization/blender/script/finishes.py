@@ -51,6 +51,10 @@ class Finishes:
         """Oak planks."""
         return self._once(("floor",), planks)
 
+    def ground(self) -> Any:
+        """What lies outside: light and without a feature."""
+        return self._once(("ground",), lambda: paint("ground", [0.82, 0.83, 0.84, 1.0], 0.9, 0.0))
+
     def _once(self, key: tuple[Any, ...], make: Any) -> Any:
         if key not in self._made:
             self._made[key] = make()

@@ -6,25 +6,36 @@ import math
 from typing import Any
 
 import bpy
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 FLOOR_SIZE = 30.0
+GROUND = -0.02
+"""Height of the ground outside, metres."""
 SKY = (0.78, 0.86, 1.0)
 
 
-def light_the_room(finishes: Any, places: list[list[float]]) -> None:
-    """``places``: where furniture stands, metres."""
+def light_the_room(finishes: Any, bodies: list[dict[str, Any]]) -> None:
+    """``bodies``: of the scene; those that stand about decide what the lamps look at."""
+    places = [body["pose"][:2] for body in bodies if body["finish"] == "furniture"]
     middle = Vector((*(sum(axis) / len(places) for axis in zip(*places, strict=True)), 0.0)) if places else Vector()
-    lay_floor(finishes.floor())
+    lay_floors(finishes, [body["pose"][:2] for body in bodies if body["finish"] == "wall"])
     sky()
     lamp("key", middle + Vector((-2.2, -2.6, 4.2)), middle, 330.0, 2.4, (1.0, 0.95, 0.88))
     lamp("rim", middle + Vector((3.0, 2.8, 3.4)), middle, 220.0, 1.8, (0.85, 0.92, 1.0))
 
 
-def lay_floor(material: Any) -> None:
-    """A floor whose top is z = 0."""
-    bpy.ops.mesh.primitive_plane_add(size=FLOOR_SIZE)
-    bpy.context.object.data.materials.append(material)
+def lay_floors(finishes: Any, walls: list[list[float]]) -> None:
+    """Planks whose top is z = 0 between the middles of the walls, and a light ground around them."""
+    low, high = [-0.5 * FLOOR_SIZE] * 2, [0.5 * FLOOR_SIZE] * 2
+    if walls:
+        low, high = ([choose(axis) for axis in zip(*walls, strict=True)] for choose in (min, max))
+    middle = [0.5 * (a + b) for a, b in zip(low, high, strict=True)]
+    bpy.ops.mesh.primitive_plane_add(size=1.0, location=(*middle, 0.0))
+    planks = bpy.context.object
+    planks.data.transform(Matrix.Diagonal((*(b - a for a, b in zip(low, high, strict=True)), 1.0, 1.0)))
+    planks.data.materials.append(finishes.floor())
+    bpy.ops.mesh.primitive_plane_add(size=4.0 * FLOOR_SIZE, location=(*middle, GROUND))
+    bpy.context.object.data.materials.append(finishes.ground())
 
 
 def sky() -> None:

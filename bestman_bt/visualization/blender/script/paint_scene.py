@@ -31,7 +31,7 @@ def main(path: str) -> None:
     finishes = Finishes()
     bodies = {body["name"]: build_body(body, finishes) for body in job["bodies"]}
     links = {link["name"]: build_link(link, finishes) for link in job["robot"]}
-    light_the_room(finishes, [body["pose"][:2] for body in job["bodies"] if body["finish"] == "furniture"])
+    light_the_room(finishes, job["bodies"] + job["hidden"])
     camera = make_camera(job)
     prepare_cycles(job)
     for frame in job["frames"]:
