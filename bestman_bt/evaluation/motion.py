@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from bestman_bt.messages import Pose
 from bestman_bt.visualization import RobotSnapshot
 from bestman_bt.visualization.motion_file import MOTION_NAME, MotionWriter
-from hal.pybullet import SceneRecorder
+from hal.pybullet import SceneRecorder, SceneSnapshot
 
 
 class MotionLog:
@@ -33,7 +34,16 @@ class MotionLog:
             self._write()
 
     def _write(self) -> None:
-        seen = self._scene.scene_snapshot()
-        bodies = {**seen.object_poses, **seen.leaf_poses, **seen.walker_poses}
-        snapshot = RobotSnapshot(seen.stamp, self._ticks, seen.base_pose, seen.joint_positions, body_poses=bodies)
-        self._writer.write(snapshot)
+        self._writer.write(robot_snapshot(self._scene.scene_snapshot(), self._ticks))
+
+
+def robot_snapshot(seen: SceneSnapshot, tick: int, believed: Pose | None = None) -> RobotSnapshot:
+    """What the simulator has seen, as the recorders take it; ``believed``: map_from_base, as the robot believes."""
+    return RobotSnapshot(
+        stamp=seen.stamp,
+        tick=tick,
+        map_from_base=seen.base_pose,
+        joint_positions=seen.joint_positions,
+        believed_map_from_base=believed,
+        body_poses={**seen.object_poses, **seen.leaf_poses, **seen.walker_poses},
+    )

@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.engine import StateChanges, Tree
+from bestman_bt.evaluation.motion import robot_snapshot
 from bestman_bt.evaluation.recorded_beliefs import RecordedBeliefs
 from bestman_bt.messages import Cylinder, PlacedShape, Pose, Pose2D
 from bestman_bt.runtime import Session
 from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
 from bestman_bt.sensing.rgbd import RGBDView
-from bestman_bt.visualization import RecordedBody, RobotSnapshot, describe_changes, describe_tree
+from bestman_bt.visualization import RecordedBody, describe_changes, describe_tree
 from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
 from hal.pybullet import SceneRecorder
 
@@ -75,16 +76,7 @@ class Recording:
 
     def _snapshot(self) -> None:
         seen = self._scene.scene_snapshot()
-        self._recorder.snapshot(
-            RobotSnapshot(
-                stamp=seen.stamp,
-                tick=self._ticks,
-                map_from_base=seen.base_pose,
-                joint_positions=seen.joint_positions,
-                believed_map_from_base=self._session.skills.map_from_base,
-                body_poses={**seen.object_poses, **seen.leaf_poses, **seen.walker_poses},
-            )
-        )
+        self._recorder.snapshot(robot_snapshot(seen, self._ticks, self._session.skills.map_from_base))
 
     def _on_changes(self, changes: StateChanges) -> None:
         self._recorder.transitions(describe_changes(self._tree, changes))
