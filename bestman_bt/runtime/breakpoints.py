@@ -72,6 +72,8 @@ class Breakpoints:
     def add(self, node: int | str, when: str, condition: str | None = None, once: bool = False) -> None:
         """Set one in place of another there; raises BreakpointError, or ScriptError for the condition."""
         found, moment = self._node(node), self._when(when)
+        if not isinstance(condition, str | None):
+            raise BreakpointError(f"a condition is a script, not {condition!r}")
         made = Breakpoint(found, moment, condition or None, once)
         if made.condition is not None:
             made.holds = found.owner.compiler.compile_condition(made.condition, found.board)
@@ -91,7 +93,7 @@ class Breakpoints:
 
     def force(self, node: int | str, result: str) -> None:
         """Let the node's next tick give this result instead; one that runs is halted first."""
-        if result not in RESULTS:
+        if not isinstance(result, str) or result not in RESULTS:
             raise BreakpointError(f"a result is {' or '.join(RESULTS)}, not {result!r}")
         found = self._node(node)
         self._forced[found] = RESULTS[result]

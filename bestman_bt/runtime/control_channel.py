@@ -20,6 +20,7 @@ import json
 import os
 import socketserver
 import threading
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
@@ -35,6 +36,8 @@ from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.telemetry import Telemetry
 
 MAX_REQUEST = 65536
+REQUEST_PAUSE = 0.005
+"""Seconds between requests of one connection: who floods it with them leaves the executor its time."""
 TASK_WAIT = 2.0
 """Seconds that what is done between ticks waits for the tick that goes on."""
 
@@ -82,7 +85,13 @@ class ControlChannel:
         """Carry out one request; what ``subscribe`` asks for begins with ``subscribe``."""
         try:
             self._do(message)
-        except (RefusedError, BreakpointError, EngineError) as error:
+        except (
+            RefusedError,
+            BreakpointError,
+            EngineError,
+            ValueError,
+            TypeError,
+        ) as error:  # the last two: of converters
             return {"ok": False, "error": str(error)}
         executor = self._executor
         return {
@@ -142,7 +151,12 @@ class ControlChannel:
         board = self._executor.tree.blackboards.get(scope) if isinstance(scope, str) else None
         if board is None:
             raise RefusedError(f"there is no SubTree {scope!r}")
-        self._between_ticks(lambda: board.set(key, value))
+
+        def write() -> None:
+            board.set(key, value)
+            self._telemetry.entries_set()
+
+        self._between_ticks(write)
 
     def _between_ticks(self, task: Callable[[], None]) -> None:
         """Have something done in the executor's thread, and wait for it; raises what it raises."""
@@ -174,20 +188,25 @@ class _Handler(socketserver.StreamRequestHandler):
     server: _Server
 
     def handle(self) -> None:
-        channel, outbox = self.server.channel, Outbox(self.connection)
+        outbox = Outbox(self.connection)
         with contextlib.suppress(OSError):
             for line in iter(lambda: self.rfile.readline(MAX_REQUEST), b""):
-                try:
-                    message = json.loads(line)
-                except (ValueError, RecursionError):
-                    outbox.send(_answer_line({"ok": False, "error": "a request is one JSON object a line"}))
-                    continue
-                answer = channel.answer(message)
-                outbox.send(_answer_line(answer))
-                if answer["ok"] and message["do"] == "subscribe":
-                    channel.subscribe(message, outbox)
-        channel.forget(outbox)
+                self._carry_out(line, outbox)
+                time.sleep(REQUEST_PAUSE)
+        self.server.channel.forget(outbox)
         outbox.close()
+
+    def _carry_out(self, line: bytes, outbox: Outbox) -> None:
+        channel = self.server.channel
+        try:
+            message = json.loads(line)
+        except (ValueError, RecursionError):
+            outbox.send(_answer_line({"ok": False, "error": "a request is one JSON object a line"}))
+            return
+        answer = channel.answer(message)
+        outbox.send(_answer_line(answer))
+        if answer["ok"] and message["do"] == "subscribe":
+            channel.subscribe(message, outbox)
 
 
 def _answer_line(answer: dict[str, Any]) -> bytes:

@@ -20,6 +20,8 @@ from hal.api import RobotError
 
 MAX_WAKE_UPS = 1000
 """Ticks in a row at one and the same time."""
+MAX_TASKS = 16
+"""What is done between two ticks at most for those who ask for it; the rest waits for the next."""
 PAUSE_POLL = 0.05
 """Seconds after which a paused executor looks again whether it was cancelled or given something to do."""
 
@@ -216,7 +218,7 @@ class Executor:
             watcher.held(hold)
 
     def _do_tasks(self) -> None:
-        while self._tasks:
+        for _ in range(min(len(self._tasks), MAX_TASKS)):
             task, future = self._tasks.popleft()
             try:
                 task()

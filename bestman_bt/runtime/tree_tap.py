@@ -19,8 +19,8 @@ _STATE_BITS = 7
 class TreeTap:
     """Tells the states of a tree and what its leaves say of themselves.
 
-    ``tell``: takes what makes events, False where it was lost; ``moment``: time (of the robot's clock) and tick as
-    events have them; ``failed``: told the uids of actions that failed.
+    ``tell``: takes what makes events, False where it was lost; ``moment``: from a time of the clock to time and
+    ticks so far, as events have them; ``failed``: told the uids of actions that failed.
     """
 
     def __init__(
@@ -61,13 +61,13 @@ class TreeTap:
             if node._s == RUNNING and node.feedback_message != said.get(node.uid, ""):
                 news[node.uid] = said[node.uid] = node.feedback_message
         if news:
-            self._states(self._tree.clock.now(), (), news)
+            self._states(*self._moment(self._tree.clock.now()), (), news)
 
     def _tell_all(self) -> None:
         nodes = self._tree.nodes
         codes = [node.uid * 8 + node.state for node in nodes]
         messages = {node.uid: node.feedback_message for node in nodes if node.feedback_message}
-        self._states(self._tree.clock.now(), codes, messages)
+        self._states(*self._moment(self._tree.clock.now()), codes, messages)
 
     def _listen(self, changes: StateChanges) -> None:
         nodes, codes, messages = self._tree.nodes, changes.codes, {}
@@ -75,12 +75,13 @@ class TreeTap:
             message = nodes[(code >> 3) - 1].feedback_message
             if message:
                 messages[code >> 3] = self._said[code >> 3] = message
-        self._states(changes.stamp, codes, messages)
+        time, ticks = self._moment(changes.stamp)
+        self._states(time, ticks + 1, codes, messages)  # of the tick under way
         if not self._failures.isdisjoint(codes):
             self._failed(self._tree, [code >> 3 for code in codes if code in self._failures])
 
-    def _states(self, stamp: float, codes: Iterable[int], messages: dict[int, str]) -> None:
-        self._lost |= not self._tell(partial(self._event, *self._moment(stamp), codes, messages))
+    def _states(self, time: float, tick: int, codes: Iterable[int], messages: dict[int, str]) -> None:
+        self._lost |= not self._tell(partial(self._event, time, tick, codes, messages))
 
     def _described(self) -> Event:
         return describe_tree(self._tree, self._number, None if self._under is None else self._under.uid)

@@ -295,3 +295,15 @@ def test_an_executor_that_is_too_busy_to_answer_keeps_its_socket() -> None:
         busy.listen(1)
         assert running_executors() == [path]
         assert path.exists()
+
+
+def test_who_floods_the_channel_with_requests_leaves_the_executor_its_time(served: Served) -> None:
+    with connect(served.socket) as connection:
+        connection.setblocking(False)
+        flood = b'{"do": "set", "key": "speed", "value": 3}\n' * 2000
+        sent = connection.send(flood)
+        assert sent > 10_000
+        first = served.executor.ticks
+        time.sleep(0.5)
+        assert served.executor.ticks - first > 20
+        assert served.ask("status")["ok"]
