@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import threading
 import time
 from collections import deque
 
@@ -18,11 +17,11 @@ _MOST_MICROSECONDS = 2**48 - 1
 
 
 class ObservedStates:
-    """Takes the state changes of ``tree`` in its thread, answers in others."""
+    """Takes the state changes of ``tree`` in its thread, where it only keeps them; answers in another one."""
 
     def __init__(self, tree: Tree) -> None:
         self._clock = tree.clock
-        self._lock = threading.Lock()
+        self._kept: deque[StateChanges] = deque()
         scopes = {board: position for position, board in enumerate(tree.blackboards.values())}
         nodes = sorted(tree.nodes, key=lambda node: (scopes[node.board], node.uid))
         self._states = {node.uid: node.state for node in nodes}
@@ -32,7 +31,12 @@ class ObservedStates:
 
     def on_changes(self, changes: StateChanges) -> None:
         """Take the changes of a tick."""
-        with self._lock:
+        self._kept.append(changes)
+
+    def take_in(self) -> None:
+        """Look through what was kept; to be called now and then, else it piles up."""
+        while self._kept:
+            changes = self._kept.popleft()
             stamp = b""
             if self._recording_since is not None:
                 passed = round((changes.stamp - self._recording_since) * 1e6)
@@ -45,24 +49,24 @@ class ObservedStates:
 
     def status_bytes(self) -> bytes:
         """Three bytes a node, SubTree by SubTree, in the order of their making: u16 uid, u8 state."""
-        with self._lock:
-            return b"".join(_STATE.pack(uid, state) for uid, state in self._shown.items())
+        self.take_in()
+        return b"".join(_STATE.pack(uid, state) for uid, state in self._shown.items())
 
     def start_recording(self) -> bytes:
         """Record from now on, on the tree's clock; returns the time of day in microseconds since the epoch, as text."""
-        with self._lock:
-            self._transitions.clear()
-            self._recording_since = self._clock.now()
+        self.take_in()
+        self._transitions.clear()
+        self._recording_since = self._clock.now()
         return str(time.time_ns() // 1000).encode()
 
     def stop_recording(self) -> None:
         """Record no longer; what was recorded stays until it is fetched."""
-        with self._lock:
-            self._recording_since = None
+        self.take_in()
+        self._recording_since = None
 
     def take_transitions(self) -> bytes:
         """What was recorded since the last call: u48 microseconds since the start, u16 uid, u8 state each."""
-        with self._lock:
-            taken = b"".join(self._transitions)
-            self._transitions.clear()
+        self.take_in()
+        taken = b"".join(self._transitions)
+        self._transitions.clear()
         return taken

@@ -117,6 +117,7 @@ class Groot2Publisher:
         last_request, there = time.monotonic(), True
         while not self._closing.is_set():
             asked = self._requests.poll(round(self.parameters.poll * 1000)) != 0
+            self._states.take_in()
             if asked:
                 last_request = time.monotonic()
             if there != (time.monotonic() - last_request < self.parameters.heartbeat):
