@@ -162,6 +162,11 @@ class Telemetry:
             if self._folder is None and not self._subscribers:
                 self._detach()
 
+    def entries_set(self) -> None:
+        """Entries were written from outside, between ticks: told at once, also while the execution is paused."""
+        if self._attached:
+            self._tell_blackboard(self.now(), self._executor.ticks)
+
     def held(self, hold: Hold | None) -> None:
         """As a watcher of the executor."""
         if hold is None:

@@ -9,7 +9,7 @@ import type { Run } from "./run";
 import { Timeline } from "./timeline/Timeline";
 import { TreePane } from "./TreePane";
 import { STATE_NAMES } from "./states";
-import { pickerOpen, phoneTree } from "./view_options";
+import { following, pickerOpen, phoneTree } from "./view_options";
 import { phone } from "./width";
 
 export function App() {
@@ -62,6 +62,7 @@ function Parting({ a, b }: { a: Run; b: Run }) {
   const go = (): void => {
     const parted = found?.parted;
     if (!parted) return;
+    following.value = false;
     seek(a, parted.time_a);
     seek(b, parted.time_b);
     a.show(a.tree.value?.find(parted.path) ?? -1);

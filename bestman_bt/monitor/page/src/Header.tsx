@@ -51,7 +51,7 @@ function Facts({ run }: { run: Run }) {
       {info.scene && <span class="fact">{info.scene}</span>}
       {info.seed !== null && info.seed !== undefined && <span class="fact">seed {info.seed}</span>}
       <span class="fact numbers" data-testid="clock">{seconds(run.time)}</span>
-      <span class="fact numbers" data-testid="tick">tick {run.tick}</span>
+      {info.kind === "live" && <span class="fact numbers" data-testid="tick">tick {run.tick}</span>}
     </div>
   );
 }

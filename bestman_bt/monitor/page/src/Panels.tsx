@@ -1,5 +1,7 @@
 // Node, blackboard, robot and log: tabs where there is room for one, side by side on wide screens.
 
+import { computed } from "@preact/signals";
+import { shown } from "./monitor";
 import type { Run } from "./run";
 import { BlackboardPanel } from "./panels/BlackboardPanel";
 import { LogPanel } from "./panels/LogPanel";
@@ -19,8 +21,11 @@ const SHARED: Record<number, Panel[][]> = {
   4: [["node"], ["blackboard", "log"], ["robot"]],
 };
 
+/** Beside two trees there is room for one column. */
+const wide = computed(() => (shown.value.length > 1 ? 1 : columns.value));
+
 export function Panels({ run }: { run: Run }) {
-  const shared = SHARED[columns.value]!;
+  const shared = SHARED[wide.value]!;
   return (
     <aside class={`panels columns-${shared.length}`} aria-label="Details">
       {shared.map((panels) => <Column key={panels.join()} run={run} panels={panels} />)}
@@ -29,7 +34,7 @@ export function Panels({ run }: { run: Run }) {
 }
 
 function Column({ run, panels }: { run: Run; panels: Panel[] }) {
-  if (columns.value > 1) {
+  if (wide.value > 1) {
     return (
       <div class="column">
         {panels.map((id) => {
