@@ -3,7 +3,9 @@
 BIN := .venv/bin
 JOBS ?= 2
 
-.PHONY: help install demo test eval eval-full gallery lint format docs lock dist clean
+PAGE := bestman_bt/monitor/page
+
+.PHONY: help install demo test eval eval-full gallery lint format docs lock page page-packages dist clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
@@ -15,6 +17,7 @@ help:
 	@echo "make lint      ruff, mypy and the import contracts alone"
 	@echo "make format    let ruff rewrite the code"
 	@echo "make docs      build the documentation into site/"
+	@echo "make page      build the live page anew (needs node 20 and npm)"
 	@echo "make lock      resolve pyproject.toml anew into requirements.lock"
 	@echo "make dist      build the wheel and the source archive into dist/"
 	@echo "make clean     remove what builds and tests leave (not .venv/, not runs/)"
@@ -26,7 +29,7 @@ demo: install
 	$(BIN)/bestman-bt demo
 
 # Against clocks that do not wait: alone, and up to twice more (which is told) where another program held the machine up.
-test: lint
+test: lint page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
 	$(BIN)/python -m pytest -m real_time --reruns 2 -rR
 
@@ -57,6 +60,15 @@ lock: install
 	$(BIN)/uv pip compile --upgrade --quiet --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
 		--group dev pyproject.toml -o requirements.lock
+
+page: page-packages
+	npm run build --prefix $(PAGE)
+
+# For the browser tests, which tell what is missing where there is no npm.
+page-packages:
+	@if command -v npm >/dev/null && ! cmp -s $(PAGE)/package-lock.json $(PAGE)/node_modules/.installed; then \
+		npm ci --no-audit --no-fund --prefix $(PAGE) && cp $(PAGE)/package-lock.json $(PAGE)/node_modules/.installed \
+		|| echo "npm could not bring the page's packages: no browser tests"; fi
 
 dist: install
 	$(BIN)/python -m build --no-isolation
