@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import selectors
 import subprocess
 import sys
@@ -11,6 +10,7 @@ from urllib.error import URLError
 from urllib.request import ProxyHandler, build_opener
 
 from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.monitor.control_client import socket_folder
 
 IDLE_END = 600
 """Seconds after which a monitor that was started so ends, once nothing runs and no page is open."""
@@ -28,14 +28,15 @@ def show_in_monitor(port: int) -> None:
 
 
 def _serves(address: str) -> bool:
-    """Whether a monitor of this user answers there."""
+    """Whether a monitor answers there that sees our executors."""
     opener = build_opener(ProxyHandler({}))
     try:
         with opener.open(f"{address}health", timeout=HEALTH_WAIT) as answer:
             told = json.loads(answer.read(LARGEST_ANSWER))
     except (URLError, OSError, ValueError):
         return False
-    return isinstance(told, dict) and told.get("service") == "bestman-bt monitor" and told.get("user") == os.getuid()
+    expected = {"service": "bestman-bt monitor", "sockets": str(socket_folder())}
+    return isinstance(told, dict) and told.items() >= expected.items()
 
 
 def _start(port: int) -> str:

@@ -75,6 +75,13 @@ class RecordedRun(MonitoredRun):
         """``ended``; ``interrupted`` where neither a result nor an end is recorded."""
         return "ended" if self._result or self.history.end else "interrupted"
 
+    def summary(self) -> dict[str, Any]:
+        """Before the run is opened, its duration is known from the result."""
+        told, duration = super().summary(), self._result.get("sim_time_s")
+        if not self.is_loaded and isinstance(duration, int | float):
+            told["time"] = duration
+        return told
+
     def look(self) -> None:
         """Read what lists tell: the result and the first event. What is damaged is told when the run is opened."""
         self._result, self._fault = {}, ""
@@ -139,7 +146,8 @@ def read_into(history: RunHistory, folder: Path) -> None:
     try:
         told = _told(folder)
         trees = [event for event in told if isinstance(event, TreeEvent)]
-        states, tree = _states(folder)
+        rates = [event.tick_rate for event in told if isinstance(event, RunEvent)]
+        states, tree = _states(folder, rates[0] if rates else 0.0)
         if tree is not None and not any(event.tree == MAIN_TREE for event in trees):
             told.insert(0, tree)
         log = list(read_log(folder)) if (folder / LOG_FILE).is_file() else []
@@ -153,8 +161,11 @@ def _told(folder: Path) -> list[Event]:
     return list(read_events(folder)) if (folder / EVENTS_FILE).is_file() else []
 
 
-def _states(folder: Path) -> tuple[Iterator[Event], TreeEvent | None]:
-    """The states of the main tree, one event for all changes of one moment, and the tree itself."""
+def _states(folder: Path, tick_rate: float) -> tuple[Iterator[Event], TreeEvent | None]:
+    """The states of the main tree, one event for all changes of one moment, and the tree itself.
+
+    Logs do not number ticks: where the rate is known, they are reckoned from the time.
+    """
     path = folder / STATES_FILE
     if not path.is_file():
         return iter(()), None
@@ -162,7 +173,8 @@ def _states(folder: Path) -> tuple[Iterator[Event], TreeEvent | None]:
     nodes = [_described(node) for node in logged_nodes(log.xml, path.name)]
 
     def states() -> Iterator[Event]:
-        for tick, (stamp, group) in enumerate(groupby(log.transitions, key=attrgetter("time")), 1):
+        for number, (stamp, group) in enumerate(groupby(log.transitions, key=attrgetter("time")), 1):
+            tick = round(stamp * tick_rate) + 1 if tick_rate > 0 else number
             yield StatesEvent(stamp, tick, [(change.uid, change.status) for change in group])
 
     return states(), TreeEvent(nodes, log.xml, "")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import os
 import socket
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp
 
+from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import RunList
 from bestman_bt.monitor.security import AccessRules, Guard
@@ -61,7 +61,7 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
 
     @app.get("/health")
     async def health() -> Response:
-        return JSONResponse({"service": SERVICE, "user": os.getuid(), "read_only": config.read_only})
+        return JSONResponse({"service": SERVICE, "sockets": str(socket_folder()), "read_only": config.read_only})
 
     @app.get("/")
     async def page() -> Response:
