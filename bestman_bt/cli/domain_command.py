@@ -21,7 +21,7 @@ from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 
 def command(
     pddl: Annotated[bool, typer.Option("--pddl", help="Print PDDL 2.1: the domain, then the problem.")] = False,
-    goal: Annotated[str, typer.Option(metavar="FACTS", help="For the problem: facts joined by and.")] = "",
+    goal: Annotated[str | None, typer.Option(metavar="FACTS", help="For the problem: facts joined by and.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", metavar="FOLDER", help="Write domain.pddl and problem.pddl there instead.")
     ] = None,

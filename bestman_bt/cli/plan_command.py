@@ -24,7 +24,7 @@ from bestman_bt.task_planning.language.quoting import quoted
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.predicates import UNSEEN
 from bestman_bt.task_planning.simulation import folded
-from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan
+from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, parse_goal
 
 
 def command(
@@ -63,6 +63,10 @@ def command(
     """Plan for a goal, make a tree of the plan, and check it."""
     if text is not None and goal is not None:
         raise _wrong_input("bestman-bt plan", "give a text or --goal, one of them")
+    if text is not None and not text.strip():
+        raise _wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
+    if goal is not None:
+        parse_goal(goal)  # a slip in it is told before a world is built
     if run and world is not None:
         raise _wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
     if run and text is not None and not yes and not sys.stdin.isatty():

@@ -44,7 +44,7 @@ class PlanQuestion:
         self, text: str | None, goal: str | None, planner: str, transcript: Transcript
     ) -> tuple[Problem, TaskPlan]:
         """The problem as it is understood, and a plan. Raises PlanningError."""
-        problem = self.domain.problem(Beliefs(self.beliefs), goal or "")
+        problem = self.domain.problem(Beliefs(self.beliefs), goal)
         if text is None and planner != "language":
             return problem, plan_within(PLANNERS.resolve(planner)(), problem, self.limits)
         from bestman_bt.task_planning import language

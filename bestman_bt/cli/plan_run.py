@@ -13,7 +13,7 @@ from bestman_bt.cli.run_command import execute
 from bestman_bt.configuration import RunConfig
 from bestman_bt.configuration.task import PlanConfig
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.evaluation.predicates.facts import fact_problems
+from bestman_bt.evaluation.predicates.facts import can_be_judged
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
@@ -42,11 +42,7 @@ def run_plan(
     again = "symbolic" if planner == "language" else planner
     goal = " and ".join(map(str, problem.goal))
     asked = PlanConfig(goal, told, again, builder, limits.to_string())
-    xml = (
-        with_replanning(made, problem.goal, again, builder, setup.registry, limits)
-        if goal
-        else made.xml(setup.registry)
-    )
+    xml = with_replanning(made, problem.goal, again, builder, setup.registry, limits)
     runs.mkdir(parents=True, exist_ok=True)
     file = runs / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-plan.xml"
     file.write_text(xml, encoding="utf-8")
@@ -54,13 +50,21 @@ def run_plan(
 
 
 def judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanConfig, tree: Path) -> RunConfig:
-    """The run's configuration with the plan's goal for that of the task, if it has one."""
+    """The run's configuration with the plan's goal for that of the task, if it has one; facts that cannot be judged
+    are told.
+    """
+    judged = sum(map(can_be_judged, problem.goal))
+    for literal in problem.goal:
+        if not can_be_judged(literal):
+            print(f"{literal} cannot be judged: the tree's own word counts", file=sys.stderr)
+    if judged < len(problem.goal):
+        print(f"{judged} of {len(problem.goal)} facts of the goal are judged", file=sys.stderr)
     contacts = (*setup.config.task.allowed_contacts, *_contacts(setup, problem, plan))
     task = dataclasses.replace(
         setup.config.task,
         tree=str(tree),
         plan=asked,
-        predicate="facts",
+        predicate="facts" if judged else None,
         allowed_contacts=tuple(dict.fromkeys(contacts)),
         goal=None,
         opening=None,
@@ -70,11 +74,7 @@ def judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanCo
         drive=None,
         goals=(),
     )
-    config = dataclasses.replace(setup.config, name="plan", task=task)
-    for fault in fact_problems(config):
-        print(f"{fault.message}: the tree's own word counts", file=sys.stderr)
-        task = dataclasses.replace(task, predicate=None)
-    return dataclasses.replace(config, task=task)
+    return dataclasses.replace(setup.config, name="plan", task=task)
 
 
 def _contacts(setup: Setup, problem: Problem, plan: TaskPlan) -> Iterator[tuple[str, str]]:

@@ -14,7 +14,7 @@ from bestman_bt.task_planning.abilities import Ability, DeclarationError, abilit
 from bestman_bt.task_planning.predicates import Beliefs, Predicate
 from bestman_bt.task_planning.state import SUPERTYPES, known_predicates, read_state, things
 from bestman_bt.task_planning.symbolic.binding import written_out
-from bestman_bt.task_planning.symbolic.facts import parse_conditions
+from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_goal
 from bestman_bt.task_planning.symbolic.problem import (
     Condition,
     Fact,
@@ -66,10 +66,10 @@ class Domain:
                     takes = ", ".join(wanted) or "no arguments"
                     raise DeclarationError(f"{ability.name}: {fact}: {fact.predicate} takes {takes}")
 
-    def problem(self, beliefs: Beliefs, goal: str = "", instruction: str = "") -> Problem:
+    def problem(self, beliefs: Beliefs, goal: str | None = None, instruction: str = "") -> Problem:
         """What the robot believes and what shall come about; GoalError for a goal that makes no sense.
 
-        ``goal``: facts as text, such as ``on(mug, table) and closed(drawer_chest/drawer_3)``.
+        ``goal``: facts as text, such as ``on(mug, table) and closed(drawer_chest/drawer_3)``; None: there is none yet.
         """
         objects = things(beliefs.world)
         problem = Problem(
@@ -81,16 +81,17 @@ class Domain:
             {name: types for name, types in self.signatures.items() if not self._is_short(name)},
             instruction,
         )
-        return self.with_goal(problem, goal) if goal else problem
+        return problem if goal is None else self.with_goal(problem, goal)
 
     def with_goal(self, problem: Problem, goal: str) -> Problem:
         """The problem with a goal, checked against what there is; GoalError names the closest."""
         literals: list[Literal] = []
-        for condition in parse_conditions(goal):
-            if isinstance(condition, Forall):
-                raise GoalError(f"{condition}: forall is not accepted in a goal; name the things")
+        for condition in parse_goal(goal):
             resolved = Literal(self._resolved(problem, condition.fact), condition.negated)
-            literals += written_out(problem, [self._meaning(resolved)], {})
+            meant = written_out(problem, [self._meaning(resolved)], {})
+            if not meant:
+                raise GoalError(f"{resolved} always holds; leave it out")
+            literals += meant
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
 
     def _resolved(self, problem: Problem, fact: Fact) -> Fact:

@@ -126,3 +126,13 @@ def test_the_domain_shows_what_a_saved_world_believes(bestman_bt: Command, folde
     state = bestman_bt("domain", "--world", "seen.yaml", "--json").document["state"]
     assert "on(cup, table/top)" in state
     assert not any(fact.startswith("unseen(cup") for fact in state)
+
+
+def test_an_empty_goal_is_refused_and_a_slip_in_one_before_a_world_is_built(bestman_bt: Command) -> None:
+    for goal in ("", " "):
+        answer = bestman_bt("plan", "--goal", goal)
+        assert answer.code == 2
+        assert "the goal is empty" in answer.err
+    answer = bestman_bt("plan", "--goal", "on(cup", "--scene", "no_such_scene")
+    assert answer.code == 2
+    assert "column" in answer.err

@@ -41,7 +41,7 @@ _NEEDS = {
 }
 METRICS: dict[str, tuple[str, ...]] = {
     "at_goal": ("final_error_mm", "final_yaw_deg", "path_ratio"),
-    "facts": ("facts_share",),
+    "facts": ("facts_judged", "facts_share"),
     "inside": (),
     "lifted": ("lifted_mm",),
     "opened": ("angle_deg", "opening_mm"),

@@ -5,6 +5,7 @@ from bestman_bt.task_planning.symbolic.facts import (
     FactSyntaxError,
     parse_conditions,
     parse_fact,
+    parse_goal,
     parse_literals,
 )
 from bestman_bt.task_planning.symbolic.grounding import ground, reachable_actions
@@ -42,6 +43,7 @@ __all__ = [
     "instantiate",
     "parse_conditions",
     "parse_fact",
+    "parse_goal",
     "parse_literals",
     "reachable_actions",
 ]

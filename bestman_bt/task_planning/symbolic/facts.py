@@ -31,9 +31,17 @@ def parse_literals(text: str) -> tuple[Literal, ...]:
     literals = []
     for condition in parse_conditions(text):
         if isinstance(condition, Forall):
-            raise FactSyntaxError(text, text.find("forall"), "forall is not accepted here")
+            raise FactSyntaxError(text, text.find("forall"), "forall is not accepted here; name the things")
         literals.append(condition)
     return tuple(literals)
+
+
+def parse_goal(text: str) -> tuple[Literal, ...]:
+    """As ``parse_literals``, one at least: an empty goal would be a success at once. Raises GoalError."""
+    literals = parse_literals(text)
+    if not literals:
+        raise GoalError("the goal is empty; name at least one fact")
+    return literals
 
 
 def parse_fact(text: str) -> Fact:

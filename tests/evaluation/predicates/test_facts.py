@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,8 +10,11 @@ import yaml
 
 from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.evaluation.predicates.facts import facts
+from bestman_bt.evaluation.predicates.verdict import Evidence
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
+from bestman_bt.task_planning.symbolic import parse_goal
 from tests.evaluation.predicates.staged import Staged, judged, why
 
 DRAWER = "drawer_chest/drawer_3"
@@ -36,7 +40,13 @@ def in_drawer(opened: float, upright: bool = True) -> Staged:
 def test_what_stands_where_the_goal_says_is_there(tmp_path: Path) -> None:
     result = judged(tmp_path, asked("on(cup, table) and closed(drawer_3) and hand_empty"), Staged())
     assert result.predicate is True
-    assert result.metrics == {"facts_share": 1.0}
+    assert result.metrics == {"facts_judged": 3, "facts_share": 1.0}
+
+
+def test_a_fact_that_cannot_be_judged_leaves_the_others_to_the_judge(tmp_path: Path) -> None:
+    result = judged(tmp_path, asked(f"on(cup, {DRAWER}) and tucked"), Staged())
+    assert "not on" in why(result)
+    assert result.metrics == {"facts_judged": 1, "facts_share": 0.0}
 
 
 def test_each_fact_that_is_not_true_is_told(tmp_path: Path) -> None:
@@ -60,11 +70,27 @@ def test_in_a_drawer_things_may_lie_on_a_table_they_stand(tmp_path: Path) -> Non
 
     told = why(judged(tmp_path, asked("on(cup, table)"), Staged(moved={"cup": lying})))
     assert "tilted by 90°" in told
+    told = why(judged(tmp_path, asked("not on(cup, table)"), Staged(moved={"cup": lying})))
+    assert told == "the cup is on table/top"
 
 
 def test_what_shall_not_be_is_judged_too(tmp_path: Path) -> None:
     assert judged(tmp_path, asked("not on(cup, table)"), in_drawer(0.0)).predicate is True
-    assert why(judged(tmp_path, asked("not on(cup, table)"), Staged())) == "it is so that on(cup, table/top)"
+    assert why(judged(tmp_path, asked("not on(cup, table)"), Staged())) == "the cup is on table/top"
+    assert why(judged(tmp_path, asked("not closed(drawer_3)"), Staged())) == f"the {DRAWER} is shut"
+    assert why(judged(tmp_path, asked("not open(drawer_3)"), in_drawer(0.3))) == f"the {DRAWER} is open"
+
+
+def test_what_is_in_a_drawer_is_not_on_the_top_of_the_same_chest(tmp_path: Path) -> None:
+    assert judged(tmp_path, asked("not on(cup, drawer_chest/top)"), in_drawer(0.0)).predicate is True
+
+
+@pytest.mark.parametrize("goal", ["not holding(cup)", "hand_empty"])
+def test_the_hand_is_not_empty_while_the_robot_presses_on_what_stands(tmp_path: Path, goal: str) -> None:
+    assert judged(tmp_path, asked(goal), Staged()).predicate is True
+    truth = SimpleNamespace(object_names=("cup",), touches_robot=lambda _: True, supports=lambda _: ("table",))
+    session = SimpleNamespace(setup=SimpleNamespace(plan_goal=parse_goal(goal)))
+    assert facts(Evidence(session, truth, {"cup": (0.0, 0.0, 0.0)})).why == "the robot presses on the cup"  # type: ignore[arg-type]
 
 
 def test_what_the_hand_does_not_hold_is_not_held(tmp_path: Path) -> None:
@@ -75,6 +101,8 @@ def test_what_the_hand_does_not_hold_is_not_held(tmp_path: Path) -> None:
     ("plan", "told"),
     [
         ({"goal": "located(cup)"}, "located(cup) cannot be judged"),
+        ({"goal": ""}, "the goal is empty"),
+        ({"goal": " "}, "the goal is empty"),
         ({"goal": "on(cupp, table)"}, "did you mean 'cup'?"),
         ({"goal": "on(cup"}, "column"),
         ({"goal": "on(cup, table)", "builder": "reactiv"}, "did you mean 'reactive'?"),
