@@ -1,8 +1,8 @@
 """Hooks that Groot2 puts on nodes: breakpoints that hold up a tick, and results given in a node's place.
 
 They act as those of BehaviorTree.CPP's ``Groot2Publisher``: one before and one after each node, a second one on the
-same place changes the first. A breakpoint holds the thread that ticks: simulated time stands still, a real base stops
-by its dead man's switch, arms hold where they are. A cancelled execution leaves it.
+same place changes the first. A breakpoint holds the thread that ticks: simulated time stands still, motions of a robot
+that are under way go on. A cancelled execution leaves it.
 """
 
 from __future__ import annotations
