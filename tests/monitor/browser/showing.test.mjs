@@ -98,7 +98,7 @@ test("names and values with markup are shown as text and run nothing", async () 
   await page.locator(".outline-row").nth(1).click();
   await eventually(() => page.locator(".node-name").innerText(), `${nasty} leaf`);
   assert.equal(await page.evaluate(() => window.hacked), undefined);
-  assert.equal(await page.locator("main img, main script, header img, header script").count(), 0);
+  assert.equal(await page.locator("img[src=x], body script").count(), 0);
   assert.equal(await page.locator(".run-title").innerText(), nasty);
 });
 

@@ -89,9 +89,7 @@ function Parting({ a, b }: { a: Run; b: Run }) {
 function Welcome() {
   return (
     <main class="welcome">
-      <svg class="mark" viewBox="0 0 32 32" aria-hidden="true">
-        <path d="M9 16h5m0 0V9.500h6M14 16v6.500h6" /><circle cx="8" cy="16" r="3.200" /><rect x="19.500" y="6" width="7" height="7" rx="2" /><path class="runs" d="M19.500 19l7 3.500-7 3.500z" />
-      </svg>
+      <img class="mark" src="./icon.svg" alt="" />
       {!everConnected.value && <p>Connecting to the monitor…</p>}
       {everConnected.value && runs.value.length === 0 && (
         <>

@@ -14,9 +14,7 @@ export function Header() {
   return (
     <header class="top">
       <button type="button" class="run-button" aria-haspopup="dialog" onClick={() => (pickerOpen.value = true)}>
-        <svg class="mark" viewBox="0 0 32 32" aria-hidden="true">
-          <path d="M9 16h5m0 0V9.500h6M14 16v6.500h6" /><circle cx="8" cy="16" r="3.200" /><rect x="19.500" y="6" width="7" height="7" rx="2" /><path class="runs" d="M19.500 19l7 3.500-7 3.500z" />
-        </svg>
+        <img class="mark" src="./icon.svg" alt="" />
         {run === null ? <span class="run-title">{runs.value.length === 0 ? "No runs yet" : "Choose a run"}</span> : <Title run={run} />}
         <Icon name="down" />
       </button>

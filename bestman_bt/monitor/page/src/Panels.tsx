@@ -18,7 +18,7 @@ const BODIES: Record<Panel, (props: { run: Run }) => preact.JSX.Element> = {
 const SHARED: Record<number, Panel[][]> = {
   1: [["node", "blackboard", "robot", "log"]],
   2: [["node", "log"], ["blackboard", "robot"]],
-  4: [["node"], ["blackboard", "log"], ["robot"]],
+  3: [["node"], ["blackboard", "log"], ["robot"]],
 };
 
 /** Beside two trees there is room for one column. */

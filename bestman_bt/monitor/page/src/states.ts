@@ -14,11 +14,11 @@ export function stateName(state: number | string): string {
 
 /** SVG paths on a 16 x 16 field: the outer shape, and the sign cut into it. */
 export const STATE_SHAPES: readonly { shape: string; sign: string }[] = [
-  { shape: "M8 3.2a4.800 4.800 0 1 0 .01 0z", sign: "" },
-  { shape: "M3.2 1.900 14.4 8 3.200 14.100z", sign: "" },
-  { shape: "M8 1a7 7 0 1 0 .01 0z", sign: "M4.700 8.200 7.100 10.600 11.400 5.700" },
-  { shape: "M2.500 1.500h11a1 1 0 0 1 1 1v11a1 1 0 0 1-1 1h-11a1 1 0 0 1-1-1v-11a1 1 0 0 1 1-1z", sign: "M5.200 5.200l5.600 5.600M10.800 5.200l-5.600 5.600" },
-  { shape: "M8 .8 15.200 8 8 15.200.8 8z", sign: "M5.300 8h5.400" },
+  { shape: "M8 3.2a4.8 4.8 0 1 0 .01 0z", sign: "" },
+  { shape: "M3.2 1.9 14.4 8 3.2 14.1z", sign: "" },
+  { shape: "M8 1a7 7 0 1 0 .01 0z", sign: "M4.7 8.2 7.1 10.6 11.4 5.7" },
+  { shape: "M2.5 1.5h11a1 1 0 0 1 1 1v11a1 1 0 0 1-1 1h-11a1 1 0 0 1-1-1v-11a1 1 0 0 1 1-1z", sign: "M5.2 5.2l5.6 5.6M10.8 5.2l-5.6 5.6" },
+  { shape: "M8 .8 15.2 8 8 15.2.8 8z", sign: "M5.3 8h5.4" },
 ];
 
 const CONTROL_SIGNS: Record<string, string> = {

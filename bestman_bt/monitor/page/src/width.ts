@@ -6,8 +6,8 @@ export const PHONE = 720;
 const TWO_COLUMNS = 1680;
 const THREE_COLUMNS = 2300;
 
-function count(): 1 | 2 | 4 {
-  return innerWidth >= THREE_COLUMNS ? 4 : innerWidth >= TWO_COLUMNS ? 2 : 1;
+function count(): 1 | 2 | 3 {
+  return innerWidth >= THREE_COLUMNS ? 3 : innerWidth >= TWO_COLUMNS ? 2 : 1;
 }
 
 export const columns = signal(count());

@@ -5,8 +5,8 @@ import { FONT } from "../theme";
 import type { Tree, TreeNode } from "../tree";
 
 export const CARD_HEIGHT = 36;
-export const NAME_FONT = `600 12.500px ${FONT}`;
-export const TYPE_FONT = `450 10.500px ${FONT}`;
+export const NAME_FONT = `600 12.5px ${FONT}`;
+export const TYPE_FONT = `450 10.5px ${FONT}`;
 const LEAST_WIDTH = 80;
 const MOST_WIDTH = 184;
 const ROW = 46;

@@ -39,12 +39,12 @@ export class Minimap {
         if (states[card.index] !== state) continue;
         context.fillRect(
           this.left + card.x * this.scale, this.top + card.y * this.scale,
-          Math.max(1.500, card.width * this.scale - 0.5), Math.max(1.200, CARD_HEIGHT * this.scale),
+          Math.max(1.5, card.width * this.scale - 0.5), Math.max(1.2, CARD_HEIGHT * this.scale),
         );
       }
     }
     context.strokeStyle = colours.accent;
-    context.lineWidth = 1.500;
+    context.lineWidth = 1.5;
     const [x, y] = [Math.max(1, this.left + seen.left * this.scale), Math.max(1, this.top + seen.top * this.scale)];
     context.strokeRect(
       x, y,

@@ -32,7 +32,7 @@ export function shapeOf(context: CanvasRenderingContext2D, state: number, x: num
   context.translate(x, y);
   context.scale(size / 16, size / 16);
   if (state === IDLE) {
-    context.lineWidth = 1.600;
+    context.lineWidth = 1.6;
     context.strokeStyle = colours.states[IDLE]!;
     context.stroke(shape);
   } else {
@@ -81,10 +81,10 @@ export function paint(
     (card) => card.x + card.width > seen.left && card.x < seen.right && card.y + CARD_HEIGHT > seen.top && card.y < seen.bottom,
   );
 
-  context.lineWidth = Math.max(1.200, 0.7 / camera.zoom);
+  context.lineWidth = Math.max(1.2, 0.7 / camera.zoom);
   context.strokeStyle = colours.faint;
   context.stroke(edges);
-  context.lineWidth = Math.max(2.600, 1.600 / camera.zoom);
+  context.lineWidth = Math.max(2.6, 1.6 / camera.zoom);
   context.strokeStyle = colours.states[RUNNING]!;
   context.stroke(edgePath(layout, layout.cards.filter((card) => states[card.index] === RUNNING)));
 
@@ -125,7 +125,7 @@ function paintCard(context: CanvasRenderingContext2D, card: Card, picture: Pictu
   context.fill();
   context.fillStyle = colours.soft[state]!;
   context.fill();
-  context.lineWidth = state === IDLE ? 1 : 1.500;
+  context.lineWidth = state === IDLE ? 1 : 1.5;
   context.strokeStyle = state === IDLE ? colours.faint : colours.states[state]!;
   if (node.category === "subtree") context.setLineDash([5, 3]);
   context.stroke();
@@ -176,7 +176,7 @@ function paintMarks(context: CanvasRenderingContext2D, card: Card, picture: Pict
   };
   if (picture.found.has(card.index)) ring(colours.accent, 2, 3);
   if (card.index === picture.hovered) ring(colours.muted, 1, 2);
-  if (card.index === picture.selected) ring(colours.ink, 2.200, 3);
+  if (card.index === picture.selected) ring(colours.ink, 2.2, 3);
   if (card.index === picture.stopped) ring(colours.states[3]!, 3, 5);
   if (picture.breakpoints.has(card.index)) {
     context.fillStyle = colours.states[3]!;
@@ -194,7 +194,7 @@ function paintMarks(context: CanvasRenderingContext2D, card: Card, picture: Pict
     const left = card.x + card.width - width + 6;
     context.fillStyle = colours.ink;
     context.beginPath();
-    context.roundRect(left, card.y - 7, width, 15, 7.500);
+    context.roundRect(left, card.y - 7, width, 15, 7.5);
     context.fill();
     context.fillStyle = colours.surface;
     context.textBaseline = "middle";

@@ -27,7 +27,7 @@ export function JointPlot({ run }: { run: Run }) {
   useSignalEffect(() => {
     const colours = palette.value;
     plot.current?.destroy();
-    const axis = { stroke: colours.muted, grid: { stroke: colours.line, width: 1 }, ticks: { show: false }, font: `10.500px ${FONT}` };
+    const axis = { stroke: colours.muted, grid: { stroke: colours.line, width: 1 }, ticks: { show: false }, font: `10.5px ${FONT}` };
     plot.current = new uPlot(
       {
         width: host.current!.clientWidth,
@@ -36,7 +36,7 @@ export function JointPlot({ run }: { run: Run }) {
         cursor: { drag: { x: false, y: false }, points: { size: 5 } },
         scales: { x: { time: false } },
         axes: [{ ...axis, size: 26, values: (_, marks) => marks.map((mark) => `${mark} s`) }, { ...axis, size: 36 }],
-        series: [{}, ...chosen.value.map((name) => ({ stroke: COLOURS[names.indexOf(name) % COLOURS.length]!, width: 1.500, spanGaps: true, points: { show: false } }))],
+        series: [{}, ...chosen.value.map((name) => ({ stroke: COLOURS[names.indexOf(name) % COLOURS.length]!, width: 1.5, spanGaps: true, points: { show: false } }))],
         hooks: {
           draw: [(drawn) => {
             if (run.live.peek()) return;

@@ -145,7 +145,7 @@ class MapView {
     line(run.trail.x, run.trail.y, colours.muted, 2);
     line(run.path.map((point) => point[0]), run.path.map((point) => point[1]), colours.accent, 2, [6, 4]);
     context.fillStyle = colours.scan;
-    for (const [x, y] of run.scan?.points ?? []) context.fillRect(x - 1.200 * pixel, y - 1.200 * pixel, 2.400 * pixel, 2.400 * pixel);
+    for (const [x, y] of run.scan?.points ?? []) context.fillRect(x - 1.2 * pixel, y - 1.2 * pixel, 2.4 * pixel, 2.4 * pixel);
     if (run.robot.base !== undefined) drawBase(context, run.robot.base, run.robot.believed_std?.[0] ?? 0, pixel, colours);
     if (moving) this.redraw();
   }
@@ -218,7 +218,7 @@ function drawBase(context: CanvasRenderingContext2D, base: [number, number, numb
   context.arc(0, 0, radius, 0, 2 * Math.PI);
   context.fill();
   context.strokeStyle = colours.surface;
-  context.lineWidth = 1.500 * pixel;
+  context.lineWidth = 1.5 * pixel;
   context.stroke();
   context.beginPath();
   context.moveTo(radius * 0.75, 0);

@@ -49,7 +49,7 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
   const at = (time: number): number => positionOf(time, picture);
   context.setTransform(devicePixelRatio, 0, 0, devicePixelRatio, 0, 0);
   context.clearRect(0, 0, width, height);
-  context.font = `500 10.500px ${FONT}`;
+  context.font = `500 10.5px ${FONT}`;
   context.textBaseline = "middle";
 
   const playhead = at(Math.min(last, Math.max(first, picture.time)));
@@ -129,7 +129,7 @@ function paintMark(context: CanvasRenderingContext2D, mark: Mark, x: number, y: 
   context.beginPath();
   if (mark.kind === "error" || mark.kind === "failure") {
     context.fillStyle = colours.states[FAILURE]!;
-    context.roundRect(x - 4, y - 4, 8, 8, 1.500);
+    context.roundRect(x - 4, y - 4, 8, 8, 1.5);
   } else if (mark.kind === "warning") {
     context.fillStyle = colours.scan;
     context.moveTo(x, y - 5);
