@@ -72,8 +72,8 @@ def test_the_result_has_the_fields_that_a_run_owes(fetch: Fetch) -> None:
 
 
 def test_the_run_folder_holds_result_configuration_logs_and_beliefs_and_no_more(fetch: Fetch) -> None:
-    names = {"config.yaml", "motion.jsonl", "result.json", "transitions.btlog", "world.yaml"}
-    assert {path.name for path in fetch.folder.iterdir()} == names
+    logs = {"events.jsonl", "log.jsonl", "motion.jsonl", "transitions.btlog"}
+    assert {path.name for path in fetch.folder.iterdir()} == {"config.yaml", "result.json", "world.yaml", *logs}
     assert fetch.folder.name.endswith(f"-fetch_cup-{SEED}")
     assert json.loads((fetch.folder / "result.json").read_text()) == fetch.result
 
