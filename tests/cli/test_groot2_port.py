@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 from types import SimpleNamespace
 
 import pytest
@@ -23,6 +24,13 @@ def test_a_port_that_is_taken_is_told_before_anything_starts(taken: int) -> None
         other.listen()
         with pytest.raises(ConfigurationError, match=rf"--groot2-port {port}.*:{port + taken}"), Groot2View(port):
             pass
+
+
+@pytest.mark.parametrize("missing", ["zmq", "msgpack"])
+def test_without_the_extra_it_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(ConfigurationError, match=r"bestman-bt\[groot2\]"), Groot2View(free_ports()):
+        pass
 
 
 def test_the_tree_of_a_run_is_served_until_the_run_ends(capsys: pytest.CaptureFixture[str]) -> None:
