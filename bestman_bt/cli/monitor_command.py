@@ -30,13 +30,16 @@ def command(
     ] = None,
 ) -> None:
     """Show running executors, and recorded runs, in the browser."""
-    from bestman_bt.monitor.recorded import run_folders
+    from bestman_bt.monitor.recorded import identity_of, run_folders
     from bestman_bt.monitor.security import SHORTEST_TOKEN, is_loopback, new_token
     from bestman_bt.monitor.server import MonitorServer, ServerConfig, bind
 
+    recorded = []
     for folder in folders or ():
-        if not run_folders(folder):
+        found = run_folders(folder)
+        if not found:
             raise _wrong(str(folder), "is no run folder, and holds none")
+        recorded += found
     if token is not None and len(token) < SHORTEST_TOKEN:
         raise _wrong("--token", f"a token has at least {SHORTEST_TOKEN} characters, or others guess it")
     if token is None and not is_loopback(host):
@@ -48,6 +51,8 @@ def command(
     port = listening.getsockname()[1]
     config = ServerConfig(host, port, token, read_only, tuple(folders or ()), end_when_idle)
     address = f"http://{f'[{host}]' if ':' in host else host}:{port}/" + (f"?token={token}" if token else "")
+    if len(recorded) in (1, 2):  # the page opens one at once, or two side by side
+        address += "#" + "&".join(identity_of(folder) for folder in recorded)
 
     def started() -> None:
         print(f"monitor: {address}", flush=True)

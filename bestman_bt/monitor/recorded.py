@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import heapq
 import json
 import math
@@ -49,6 +50,11 @@ def run_folders(given: Path) -> list[Path]:
     if _is_run(given):
         return [given]
     return sorted(path for path in given.iterdir() if _is_run(path)) if given.is_dir() else []
+
+
+def identity_of(folder: Path) -> str:
+    """The id of a recorded run: the same in each monitor, so that a page finds it again."""
+    return f"run-{hashlib.sha256(str(folder.absolute()).encode()).hexdigest()[:12]}"
 
 
 def _is_run(folder: Path) -> bool:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from bestman_bt.monitor.attached import AttachedRun
 from bestman_bt.monitor.control_client import socket_folder
-from bestman_bt.monitor.recorded import RecordedRun, run_folders
+from bestman_bt.monitor.recorded import RecordedRun, identity_of, run_folders
 from bestman_bt.monitor.run import MonitoredRun, running_first
 
 LOOK_PERIOD = 0.5
@@ -108,7 +107,7 @@ class RunList:
         for given in self._folders:
             for folder in run_folders(given):
                 if folder not in known:
-                    run = RecordedRun(f"run-{hashlib.sha256(str(folder).encode()).hexdigest()[:12]}", folder)
+                    run = RecordedRun(identity_of(folder), folder)
                     run.look()
                     self._recorded[run.id] = run
 

@@ -17,6 +17,7 @@ import pytest
 
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import ConfigurationError
+from bestman_bt.monitor.recorded import identity_of
 from tests.cli.command_line import Program
 
 
@@ -107,3 +108,14 @@ def test_a_port_that_another_program_has_is_told(free_port: int) -> None:
         other.listen()
         with pytest.raises(ConfigurationError, match="--monitor: the monitor does not start: .*cannot listen there"):
             show_in_monitor(free_port)
+
+
+def test_one_or_two_recorded_runs_are_opened_at_once(tmp_path: Path) -> None:
+    runs = [tmp_path / name for name in ("a", "b")]
+    for run in runs:
+        run.mkdir()
+        (run / "transitions.btlog").write_bytes(b"")
+    program = Program("monitor", *runs, "--port", 0, "--no-browser", "--end-when-idle", 1, folder=tmp_path)
+    address = address_of(program)
+    assert program.answer(60.0).code == 0
+    assert address.endswith(f"/#{identity_of(runs[0])}&{identity_of(runs[1])}")
