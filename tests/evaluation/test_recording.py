@@ -31,17 +31,27 @@ def test_goals_that_are_places_are_marked_and_others_are_not() -> None:
     np.testing.assert_array_equal(points["where"], [3.0, 4.0, 0.0])
 
 
-def test_a_task_whose_goal_is_no_place_is_recorded(tmp_path: Path) -> None:
+def test_a_task_whose_goal_is_no_place_is_recorded_with_what_the_robot_knows(tmp_path: Path) -> None:
+    shown = entities_of("plan_fetch_cup", tmp_path / "run.rrd")
+    assert {"/world/markers/belief", "/world/map", "/blackboard"} <= shown
+    assert not any(entity.endswith("/label") for entity in shown)
+
+
+def test_people_are_recorded_where_they_walk(tmp_path: Path) -> None:
+    shown = entities_of("navigate_kitchen_walkers", tmp_path / "run.rrd")
+    assert "/world/scene/walker_1/0" in shown
+
+
+def entities_of(task: str, path: Path) -> set[str]:
+    """What a recording of a moment of ``task`` holds."""
     scenes: list[SceneRecorder] = []
-    path = tmp_path / "run.rrd"
-    config = load_run("plan_fetch_cup", seed=1)
-    with open_session(config, lambda robot: scenes.append(SceneRecorder(robot))) as session:
+    with open_session(load_run(task, seed=1), lambda robot: scenes.append(SceneRecorder(robot))) as session:
         recording = Recording(path, session, session.load(NOTHING_TO_DO), scenes[0])
         recording.open()
+        session.robot.clock.sleep(0.1)
+        recording.after_tick()
         recording.close()
-    shown = {chunk.entity_path for chunk in RrdReader(path).stream()}
-    assert "/world/markers/belief" in shown
-    assert not any(path.endswith("/label") for path in shown)
+    return {chunk.entity_path for chunk in RrdReader(path).stream()}
 
 
 def test_the_pictures_of_each_camera_are_recorded_when_a_skill_takes_one(tmp_path: Path) -> None:
@@ -58,10 +68,13 @@ def test_the_pictures_of_each_camera_are_recorded_when_a_skill_takes_one(tmp_pat
             times.setdefault(sensor.name, []).append(sensor.capture().stamp)
         recording.close()
     shown: dict[str, list[float]] = {}
+    entities: set[str] = set()
     for chunk in RrdReader(path).stream():
+        entities.add(chunk.entity_path)
         if chunk.entity_path.endswith("/rgb") and not chunk.is_static:
             stamps = chunk.to_record_batch().column("sim_time").cast("int64").to_pylist()
             shown.setdefault(chunk.entity_path, []).extend(stamp * 1e-9 for stamp in stamps)
     assert shown.keys() == {"/world/camera/head_camera/rgb", "/world/camera/wrist_camera/rgb"}
+    assert {f"/world/sensed/{camera}_cloud" for camera in times} <= entities
     for camera, stamps in times.items():
         assert sorted(shown[f"/world/camera/{camera}/rgb"]) == pytest.approx(stamps)
