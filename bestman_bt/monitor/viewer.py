@@ -21,9 +21,11 @@ PERIOD = 1 / 30
 IDLE_PERIOD = 1.0
 """Seconds after which it is looked again, even where nobody has told of anything new."""
 MOST_OPEN = 8
-MOST_ANSWERS = 64
-"""Answers that wait to be sent; beyond them no request is read."""
-REQUESTS_A_SECOND = 40
+MOST_WAITING = 64
+"""Requests that wait to be carried out, and answers to be sent; beyond them no request is read."""
+MOST_CONTROLS = 16
+"""Controls that an executor has not answered yet; a stop is always passed on."""
+REQUESTS_A_SECOND = 200
 """Of one page on average; beyond it requests are read later."""
 
 
@@ -43,7 +45,9 @@ class Viewer:
         self._read_only = read_only
         self._open: dict[str, Updates] = {}
         self._wake = asyncio.Event()
-        self._answers: asyncio.Queue[Message] = asyncio.Queue(MOST_ANSWERS)
+        self._answers: asyncio.Queue[Message] = asyncio.Queue(MOST_WAITING)
+        self._asked: asyncio.Queue[Message] = asyncio.Queue(MOST_WAITING)
+        self._controls: set[asyncio.Task[None]] = set()
         self._runs_version = -1
 
     async def run(self) -> None:
@@ -52,15 +56,15 @@ class Viewer:
         await self._tell(
             {"type": "hello", "version": version("bestman-bt"), "read_only": self._read_only} | self._list()
         )
-        tasks = [asyncio.create_task(self._write()), asyncio.create_task(self._read())]
+        tasks = [asyncio.create_task(work()) for work in (self._write, self._read, self._work)]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()
         finally:
-            for task in tasks:
+            for task in (*tasks, *self._controls):
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.gather(*tasks, *self._controls, return_exceptions=True)
             self._runs.watchers.discard(self._wake)
             for identity in list(self._open):
                 self._close(identity)
@@ -102,17 +106,26 @@ class Viewer:
             since = now
             if allowance < 0:
                 await asyncio.sleep(-allowance / REQUESTS_A_SECOND)
-            await self._answers.put(await self._answered(text))
-            self._wake.set()
+            asked = _parsed(text)
+            what = asked.get("do")
+            if what == "stop" or (what in CONTROLS and len(self._controls) < MOST_CONTROLS):
+                task = asyncio.create_task(self._answer(asked))  # a stop waits for nothing that was asked before
+                self._controls.add(task)
+                task.add_done_callback(self._controls.discard)
+            else:
+                await self._asked.put(asked)
 
-    async def _answered(self, text: str) -> Message:
+    async def _work(self) -> None:
+        """Carry out one after the other what only changes what the page is told."""
+        while True:
+            await self._answer(await self._asked.get())
+
+    async def _answer(self, asked: Message) -> None:
+        await self._answers.put(await self._answered(asked))
+        self._wake.set()
+
+    async def _answered(self, asked: Message) -> Message:
         """Carry out one request; what is to be sent back."""
-        try:
-            asked = json.loads(text)
-        except (ValueError, RecursionError):
-            asked = None
-        if not isinstance(asked, dict):
-            return {"type": "problem", "message": "a request is one JSON object"}
         number = asked.get("n")
         number = number if isinstance(number, int | str) else None
         try:
@@ -125,6 +138,8 @@ class Viewer:
 
     async def _carried_out(self, asked: Message) -> Message | None:
         what = asked.get("do")
+        if what is None:
+            raise RunError('a request is one JSON object with "do"')
         if what == "compare":
             return await self._compare(asked.get("ids"))
         run = self._run(asked.get("id"))
@@ -188,6 +203,15 @@ class Viewer:
         if run.id not in self._open:
             raise RunError(f"the run {run.id!r} is not open")
         return self._open[run.id]
+
+
+def _parsed(text: str) -> Message:
+    """The request; an empty one for what is none."""
+    try:
+        asked = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    return asked if isinstance(asked, dict) and isinstance(asked.get("do"), str) else {}
 
 
 def _seconds(value: Any) -> float:

@@ -68,6 +68,7 @@ class FakeExecutor:
         self.first = [run_event(**about), tree_event(nodes), states_event(0.0)]
         self.asked: list[Message] = []
         self.answer: Message = {"ok": True}
+        self.unanswered: set[str] = set()
         self.subscribers: list[socket.socket] = []
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.bind(str(self.path))
@@ -92,6 +93,8 @@ class FakeExecutor:
         for line in connection.makefile("rb"):
             message = json.loads(line)
             self.asked.append(message)
+            if message["do"] in self.unanswered:
+                continue
             connection.sendall(json.dumps(self.answer).encode() + b"\n")
             if message["do"] == "subscribe":
                 for event in self.first:

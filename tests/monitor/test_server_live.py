@@ -190,6 +190,19 @@ def test_what_cannot_be_carried_out_is_refused_with_the_reason(
     assert "subscribe" in {asked["do"] for asked in executor.asked[count:]} or len(executor.asked) == count
 
 
+def test_a_stop_waits_for_nothing_that_was_asked_before(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
+    executor.unanswered = {"pause", "step"}
+    with start_monitor().page() as page:
+        opened(page)
+        for number in range(40):
+            page.ask("pause" if number % 2 else "step", id=ID, n=number)
+        page.ask("stop", id=ID, n="stop")
+        answers = [page.next("answer", lambda answer: answer["for"] == "stop")]
+        assert not [message for message in page.seen if message["type"] == "answer" and message["for"] in range(40)]
+    assert answers[0]["ok"]
+    assert executor.asked[-1] == {"do": "stop"}
+
+
 def test_what_the_executor_refuses_is_told(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
     with start_monitor().page() as page:
         opened(page)
