@@ -25,11 +25,15 @@ NEEDED_PACKAGES = "libvulkan1 mesa-vulkan-drivers"
 
 @dataclass(frozen=True)
 class ScreenshotParameters:
-    """``size``: pixels; ``start_timeout``, ``settle``: seconds to wait for the viewer and for what it draws."""
+    """``size``: pixels; ``start_timeout``, ``settle``: seconds to wait for the viewer and for what it draws.
+
+    ``attempts``: how often a viewer is asked that is too busy to answer in time.
+    """
 
     size: tuple[int, int] = (1920, 1080)
     start_timeout: float = 30.0
     settle: float = 4.0
+    attempts: int = 4
     memory_limit: str = "2GB"
 
 
@@ -55,15 +59,22 @@ def take_screenshots(
             client = ViewerClient.connect(viewer.address)
             client.open(str(recording.resolve()))
             return [_take(client, stamp, chosen) for stamp in stamps]
-        except (ConnectionError, RuntimeError) as error:
+        except (ConnectionError, TimeoutError, RuntimeError) as error:
             raise ScreenshotError(f"the viewer failed on {recording}: {error}; it said: {viewer.said()}") from error
 
 
 def _take(client: ViewerClient, stamp: float, parameters: ScreenshotParameters) -> Screenshot:
-    client.set_time(entities.SIM_TIME, duration=stamp, play_state="paused")
-    time.sleep(parameters.settle)
-    png = client.take_screenshot()
-    reports = tuple(f"{view.name}: {report.summary}" for view in client.get_state().views for report in view.reports)
+    for left in reversed(range(parameters.attempts)):
+        try:
+            client.set_time(entities.SIM_TIME, duration=stamp, play_state="paused")
+            time.sleep(parameters.settle)
+            png = client.take_screenshot()
+            views = client.get_state().views
+            break
+        except TimeoutError:
+            if left == 0:
+                raise
+    reports = tuple(f"{view.name}: {report.summary}" for view in views for report in view.reports)
     return Screenshot(png, reports)
 
 

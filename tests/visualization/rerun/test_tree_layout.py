@@ -1,10 +1,13 @@
 from __future__ import annotations
 
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bestman_bt.visualization import DescribedNode, TreeDescription
 from bestman_bt.visualization.rerun.tree_layout import LayoutParameters, tidy_layout
+
+BUSY = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+"""On a machine that is busy with other work, drawing a tree takes as long as hypothesis allows for a slow strategy."""
 
 
 @st.composite
@@ -21,6 +24,7 @@ def laid_out(tree):
     return labels, tidy_layout(tree, labels)
 
 
+@BUSY
 @given(trees())
 def test_no_two_labels_overlap(tree):
     sizes = LayoutParameters()
@@ -31,6 +35,7 @@ def test_no_two_labels_overlap(tree):
             assert abs(x - other_x) >= half + other_half or abs(y - other_y) >= sizes.row_height - 1e-6
 
 
+@BUSY
 @given(trees())
 def test_parents_stand_left_of_and_midway_between_their_outer_children(tree):
     _, layout = laid_out(tree)
@@ -52,6 +57,7 @@ def test_an_only_child_stands_right_below_its_parent_in_the_same_column():
     assert (dx, dy) == (sizes.chain_indent, sizes.row_height)
 
 
+@BUSY
 @given(trees())
 def test_everything_lies_within_the_stated_size(tree):
     labels, layout = laid_out(tree)
