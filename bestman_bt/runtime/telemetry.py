@@ -21,6 +21,7 @@ from bestman_bt.monitor.events import (
     PausedEvent,
     ResumedEvent,
     RunEvent,
+    StatesEvent,
     Topic,
 )
 from bestman_bt.monitor.run_log import RunLogWriter
@@ -171,9 +172,12 @@ class Telemetry:
         """As a watcher of the executor."""
         if hold is None:
             self.tell(ResumedEvent(self.now()))
-        else:
-            self._tell_blackboard(self.now(), self._executor.ticks)
-            self.tell(PausedEvent(self.now(), hold.reason, hold.node, hold.when))
+            return
+        time, tick = self.now(), self._executor.ticks + (hold.node is not None)
+        if self._attached:
+            self._tell_blackboard(time, tick)
+            self.tell(StatesEvent(time, tick, []))  # a step that changed nothing was a tick, too
+        self.tell(PausedEvent(time, hold.reason, hold.node, hold.when))
 
     def _attach(self) -> None:
         if self._attached:

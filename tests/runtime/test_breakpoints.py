@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -13,7 +15,7 @@ import pytest
 
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
 from bestman_bt.monitor.control_client import ControlError, request
-from bestman_bt.monitor.events import RunEvent
+from bestman_bt.monitor.events import RunEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
 from bestman_bt.runtime.telemetry import Telemetry
 
@@ -230,3 +232,23 @@ def test_a_condition_on_an_entry_that_is_not_there_does_not_hold(debugged: Debug
     ticks = debugged.ask("resume")["ticks"]
     time.sleep(0.2)
     assert debugged.ask("status")["ticks"] > ticks + 3
+
+
+def test_who_watches_is_told_where_it_holds_and_the_tick_of_each_step(debugged: Debugged) -> None:
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.connect(str((debugged.folder / "control.sock").resolve()))
+        connection.sendall(b'{"do": "subscribe", "topics": ["states"]}\n')
+        lines = connection.makefile("rb")
+        assert json.loads(lines.readline())["ok"]
+        told = (from_line(line) for line in lines)
+        ticks = debugged.ask("status")["ticks"]
+        debugged.ask("step")
+        events = [next(told)]
+        while events[-1].event != "paused" or len([event for event in events if event.event == "resumed"]) < 1:
+            events.append(next(told))
+        assert [event.tick for event in events if event.event == "states"][-1] == ticks + 1
+        debugged.ask("breakpoint", node="work", when="before")
+        debugged.ask("resume")
+        while (event := next(told)).event != "paused" or event.reason != "breakpoint":
+            pass
+        assert (event.node, event.when) == ("work", "before")
