@@ -63,4 +63,4 @@ def _film(run: FilmedRun, target: Path) -> float:
 def _frames(run: FilmedRun, shot: Shot, stage: Stage) -> Iterator[NDArray[np.uint8]]:
     for index, snapshot in enumerate(shot.snapshots):
         stage.set(snapshot)
-        yield captioned(stage.picture(shot.view(index), *SIZE), caption(run, shot, index))
+        yield captioned(stage.picture(shot.view(index), *SIZE), caption(run, shot, shot.times[index]))

@@ -16,9 +16,8 @@ LARGEST_FILM = 1_500_000
 LARGEST_STILL = 200_000
 
 
-def caption(run: FilmedRun, shot: Shot, index: int) -> str:
-    """What is going on in a frame."""
-    time = shot.times[index]
+def caption(run: FilmedRun, shot: Shot, time: float) -> str:
+    """What is going on at a second of the run."""
     return f"{run.config.name}   {time:5.1f} s   {shot.speed:.2g} x   {run.doing(time)}"
 
 

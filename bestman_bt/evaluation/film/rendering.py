@@ -14,9 +14,11 @@ from PIL import Image
 from bestman_bt.evaluation.film.film import caption, captioned, require_film_writer, write_film, write_still
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
 from bestman_bt.evaluation.film.painted import paint_job
-from bestman_bt.evaluation.film.shot import Shot, best_frame, plan_shot
+from bestman_bt.evaluation.film.shot import best_frame, plan_shot
 from bestman_bt.evaluation.film.stage import Stage
+from bestman_bt.visualization import RobotSnapshot
 from bestman_bt.visualization.blender import blender_python, paint
+from hal.pybullet import Viewpoint
 
 LARGEST_STILL = 600_000
 LARGEST_FILM = 6_000_000
@@ -51,58 +53,53 @@ def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[st
     with Stage(run) as stage:
         tell("choosing where the camera stands")
         shot = plan_shot(run, stage)
-        stills = sorted({shot.nearest(time) for time in options.at}) or [best_frame(run, shot, stage)]
-        wanted = list(range(len(shot.times))) if options.film else stills
-        draw = _Painter(run, shot, options, python) if python is not None else _Photographer(shot, stage, options)
-        pictures = draw.pictures(wanted, tell)
+        stills = options.at or (shot.times[best_frame(run, shot, stage)],)
+        times = [*stills, *(shot.times if options.film else ())]
+        frames = [(run.motion.at(time), shot.view_at(time)) for time in times]
+        if python is not None:
+            pictures = _painted(run, frames, options, python, tell)
+        else:
+            pictures = _photographed(stage, frames, options, tell)
     out.mkdir(parents=True, exist_ok=True)
     written = []
-    for index in stills:
-        written.append(out / f"still-{shot.times[index]:06.2f}.jpg")
-        write_still(pictures[index], written[-1], LARGEST_STILL)
+    for time, picture in zip(stills, pictures, strict=False):
+        written.append(out / f"still-{time:06.2f}.jpg")
+        write_still(picture, written[-1], LARGEST_STILL)
     if options.film:
         written.append(out / "film.mp4")
-        film = (captioned(pictures[index], caption(run, shot, index)) for index in wanted)
+        told = [caption(run, shot, time) for time in shot.times]
+        film = [captioned(picture, text) for picture, text in zip(pictures[len(stills) :], told, strict=True)]
         write_film(film, written[-1], LARGEST_FILM)
     return written
 
 
-Pictures = dict[int, NDArray[np.uint8]]
+Frame = tuple[RobotSnapshot, Viewpoint]
 
 
-class _Photographer:
-    """The simulator's own renderer: about a second a picture."""
-
-    def __init__(self, shot: Shot, stage: Stage, options: RenderOptions) -> None:
-        self._shot, self._stage, self._size = shot, stage, options.size
-
-    def pictures(self, wanted: Sequence[int], tell: Callable[[str], None]) -> Pictures:
-        """The frames with these numbers."""
-        found: Pictures = {}
-        for number, index in enumerate(wanted, 1):
-            self._stage.set(self._shot.snapshots[index])
-            found[index] = self._stage.picture(self._shot.view(index), *self._size, oversampling=2)
-            tell(f"picture {number} of {len(wanted)}")
-        return found
+def _photographed(
+    stage: Stage, frames: Sequence[Frame], options: RenderOptions, tell: Callable[[str], None]
+) -> list[NDArray[np.uint8]]:
+    """By the simulator's own renderer: about a second a picture."""
+    pictures = []
+    for snapshot, view in frames:
+        stage.set(snapshot)
+        pictures.append(stage.picture(view, *options.size, oversampling=2))
+        tell(f"picture {len(pictures)} of {len(frames)}")
+    return pictures
 
 
-class _Painter:
-    """Blender: many seconds a picture."""
+def _painted(
+    run: FilmedRun, frames: Sequence[Frame], options: RenderOptions, python: Path, tell: Callable[[str], None]
+) -> list[NDArray[np.uint8]]:
+    """By Blender: many seconds a picture."""
+    with TemporaryDirectory() as name:
+        files = [Path(name) / f"{number:05d}.png" for number in range(len(frames))]
+        job = paint_job(run, frames, files, options.size, options.samples)
+        done: list[Path] = []
 
-    def __init__(self, run: FilmedRun, shot: Shot, options: RenderOptions, python: Path) -> None:
-        self._run, self._shot, self._options, self._python = run, shot, options, python
+        def on_frame(file: Path) -> None:
+            done.append(file)
+            tell(f"picture {len(done)} of {len(frames)}")
 
-    def pictures(self, wanted: Sequence[int], tell: Callable[[str], None]) -> Pictures:
-        """The frames with these numbers."""
-        with TemporaryDirectory() as name:
-            files = {index: Path(name) / f"{index:05d}.png" for index in wanted}
-            frames = [(self._shot.snapshots[index], self._shot.view(index)) for index in wanted]
-            job = paint_job(self._run, frames, list(files.values()), self._options.size, self._options.samples)
-            done: list[Path] = []
-
-            def on_frame(file: Path) -> None:
-                done.append(file)
-                tell(f"picture {len(done)} of {len(wanted)}")
-
-            paint(job, self._python, on_frame)
-            return {index: np.asarray(Image.open(file).convert("RGB")) for index, file in files.items()}
+        paint(job, python, on_frame)
+        return [np.asarray(Image.open(file).convert("RGB")) for file in files]

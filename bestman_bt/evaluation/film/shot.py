@@ -45,9 +45,10 @@ class Shot:
         """Of one frame."""
         return viewpoint(self.targets[index], self.azimuth, self.elevation)
 
-    def nearest(self, time: float) -> int:
-        """The frame that is nearest to a time of the run."""
-        return int(np.argmin(np.abs(np.array(self.times) - time)))
+    def view_at(self, time: float) -> Viewpoint:
+        """Of any second of the run, between two frames."""
+        target = np.array([np.interp(time, self.times, self.targets[:, axis]) for axis in range(3)])
+        return viewpoint(target, self.azimuth, self.elevation)
 
 
 def viewpoint(target: NDArray[np.float64], azimuth: float, elevation: float) -> Viewpoint:

@@ -29,13 +29,14 @@ def test_a_run_becomes_a_still_and_a_film(run: FilmedRun, tmp_path: Path) -> Non
     pytest.importorskip("av", reason="films need the extra 'gallery'")
     told: list[str] = []
 
-    written = render(run, tmp_path / "out", RenderOptions(at=(0.5,), film=True, size=(160, 120)), told.append)
+    written = render(run, tmp_path / "out", RenderOptions(at=(0.53,), film=True, size=(160, 120)), told.append)
 
     still, film = written
+    assert still.name == "still-000.53.jpg"
     assert Image.open(still).size == (160, 120)
     assert np.asarray(Image.open(still)).std() > 10.0
     assert film.read_bytes()[4:8] == b"ftyp"
-    assert told[-1] == "picture 12 of 12"  # a second, as fast as it was
+    assert told[-1] == "picture 13 of 13"  # the still, and a second that is as long as it was
 
 
 @pytest.mark.parametrize(
