@@ -47,6 +47,12 @@ class HandlePull:
     reached: float
     score: float
 
+    @property
+    def planned(self) -> float:
+        """Share of the way for which the guide has postures: of its stations the first is where the handle is now."""
+        stations = (len(self.guide.ways) + 1) / self.reached - 1  # but for the one before the handle
+        return min(1.0, (len(self.guide.ways) - 1) / (stations - 1))
+
 
 def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
     """The grasp from which the arm gets farthest from where it stands; None if there is none within reach."""

@@ -105,13 +105,16 @@ class Open(Skill):
         return held
 
     def _pull(self, opening: Opening, plan: HandlePull) -> StepsTo[float]:
-        """Go along; how far it is open then. A following that ends early tells how far it came, too."""
-        skills, leaf = self.skills, opening.leaf
+        """Go along, no farther than was planned: beyond that nobody has looked what the arm would run into.
+
+        How far it is open then. A following that ends early tells how far it came, too.
+        """
+        skills, leaf, share = self.skills, opening.leaf, plan.planned
         held_before = self._held(plan, skills.base_from_tool())
         following = skills.arm.follow_constraint(
             skills.map_from_base.inverse().rotation @ opening.handle.opening_direction,
-            distance=opening.distance if opening.angle is None else math.inf,
-            angle=math.inf if opening.angle is None else opening.angle,
+            distance=share * opening.distance if opening.angle is None else math.inf,
+            angle=math.inf if opening.angle is None else share * opening.angle,
             max_pull=self.get_input("max_pull"),
             grip=skills.gripper.watch_slip(ROLLS if opening.bar_turns else None),
             hint=leaf.leaf.kind,
@@ -126,5 +129,7 @@ class Open(Skill):
         skills.world.believe_articulation(leaf.articulation, max(0.0, min(opened, leaf.leaf.upper)))
         if opened < opening.asked:
             why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
+            if failure is None and share < 1.0:
+                raise SkillFailure("out_of_reach", f"{why}: the arm gets no farther from here")
             raise SkillFailure(CODES.get(motion.end, "not_open"), f"{why}: {failure}" if failure else why)
         return opened
