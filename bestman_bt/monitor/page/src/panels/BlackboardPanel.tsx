@@ -1,5 +1,6 @@
 // The blackboard by scope. What changed within the last moments glows; a click on a value sets it.
 
+import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { barred, setEntry } from "../actions";
 import { seconds } from "../describe";
@@ -41,41 +42,50 @@ export function BlackboardPanel({ run }: { run: Run }) {
 }
 
 function Row({ run, scope, name, entry }: { run: Run; scope: string; name: string; entry: Entry }) {
-  const editing = useSignal<string | null>(null);
+  const editing = useSignal(false);
   const age = entry.changed_at === undefined ? Infinity : run.time - entry.changed_at;
   const reason = barred(run);
-  const send = async (): Promise<void> => {
-    if (editing.value !== null && (await setEntry(run, scope, name, editing.value))) editing.value = null;
-  };
   return (
     <tr class={age >= 0 && age < FRESH ? "fresh" : undefined} data-key={name}>
       <th scope="row"><span class="key">{name}</span><span class="entry-type">{entry.type}</span></th>
       <td class="value">
-        {editing.value === null ? (
+        {editing.value ? (
+          <Editor name={name} text={entry.text} set={(value) => setEntry(run, scope, name, value)} leave={() => (editing.value = false)} />
+        ) : (
           <button
             type="button" class="value-button" disabled={reason !== null} title={reason ?? "Set this entry"}
-            aria-label={`${name}: ${entry.text}${reason === null ? "; set this entry" : ""}`} onClick={() => (editing.value = entry.text)}
+            aria-label={`${name}: ${entry.text}${reason === null ? "; set this entry" : ""}`} onClick={() => (editing.value = true)}
           >
             <span>{entry.text}</span>
             {reason === null && <Icon name="edit" />}
           </button>
-        ) : (
-          <form class="set-form" onSubmit={(event) => {
-            event.preventDefault();
-            void send();
-          }}>
-            <input
-              type="text" aria-label={`New value of ${name}`} value={editing.value} spellcheck={false}
-              ref={(input) => { if (input !== null && document.activeElement !== input && input.dataset["met"] === undefined) { input.dataset["met"] = "1"; input.select(); } }}
-              onInput={(event) => (editing.value = event.currentTarget.value)}
-              onKeyDown={(event) => { if (event.key === "Escape") editing.value = null; }}
-            />
-            <button type="submit" class="button primary">Set</button>
-            <button type="button" class="button" aria-label="Leave it" onClick={() => (editing.value = null)}><Icon name="close" /></button>
-          </form>
         )}
       </td>
       <td class="numbers when">{entry.changed_at === undefined ? "" : seconds(entry.changed_at)}</td>
     </tr>
+  );
+}
+
+/** Stays open while the executor refuses what was written. */
+function Editor({ name, text, set, leave }: { name: string; text: string; set: (value: string) => Promise<boolean>; leave: () => void }) {
+  const value = useSignal(text);
+  const input = useRef<HTMLInputElement>(null);
+  useEffect(() => input.current!.select(), []);
+  const send = async (): Promise<void> => {
+    if (await set(value.value)) leave();
+  };
+  return (
+    <form class="set-form" onSubmit={(event) => {
+      event.preventDefault();
+      void send();
+    }}>
+      <input
+        type="text" ref={input} aria-label={`New value of ${name}`} value={value.value} spellcheck={false}
+        onInput={(event) => (value.value = event.currentTarget.value)}
+        onKeyDown={(event) => { if (event.key === "Escape") leave(); }}
+      />
+      <button type="submit" class="button primary">Set</button>
+      <button type="button" class="button" aria-label="Leave it" onClick={leave}><Icon name="close" /></button>
+    </form>
   );
 }
