@@ -40,13 +40,13 @@ class LiveFeed:
     def _copy(self) -> None:
         while not self._file.exists() and not self._done.wait(POLL):
             pass
-        with contextlib.suppress(OSError), self._pipe:  # the viewer was closed, or nothing was recorded
-            with self._file.open("rb") as file:
-                while True:
-                    ended = self._done.is_set()
-                    while chunk := file.read(CHUNK):
-                        self._pipe.write(chunk)
-                        self._pipe.flush()
-                    if ended:
-                        return
-                    self._done.wait(POLL)
+        # Until the viewer is closed; or nothing was recorded.
+        with contextlib.suppress(OSError), self._pipe, self._file.open("rb") as file:
+            while True:
+                ended = self._done.is_set()
+                while chunk := file.read(CHUNK):
+                    self._pipe.write(chunk)
+                    self._pipe.flush()
+                if ended:
+                    return
+                self._done.wait(POLL)
