@@ -9,17 +9,30 @@ from typing import Annotated
 import typer
 
 
-def _writable_png(path: Path | None) -> Path | None:
-    """Told before the work that the picture is of."""
+def writable_file(path: Path | None) -> Path | None:
+    """Told before the work whose result goes there."""
     if path is None:
         return None
-    if path.suffix.lower() != ".png":
-        raise typer.BadParameter(f"pictures are PNG files: FILE.png, got '{path}'")
     if path.is_dir() or not path.parent.is_dir():
         raise typer.BadParameter(f"'{path}' is a folder" if path.is_dir() else f"there is no folder '{path.parent}'")
     if not os.access(path if path.exists() else path.parent, os.W_OK):
         raise typer.BadParameter(f"'{path}' may not be written")
     return path
+
+
+def refuse_unwritable_folder(path: Path, option: str) -> None:
+    """BadParameter where a folder, which may have to be made, cannot be written to."""
+    there = next(folder for folder in (path, *path.absolute().parents) if folder.exists())
+    if not there.is_dir():
+        raise typer.BadParameter(f"'{there}' is no folder", param_hint=option)
+    if not os.access(there, os.W_OK):
+        raise typer.BadParameter(f"'{there}' may not be written", param_hint=option)
+
+
+def _writable_png(path: Path | None) -> Path | None:
+    if path is not None and path.suffix.lower() != ".png":
+        raise typer.BadParameter(f"pictures are PNG files: FILE.png, got '{path}'")
+    return writable_file(path)
 
 
 Seed = Annotated[int, typer.Option(min=0, help="Decides the scene, the noise and every sample; a whole number.")]

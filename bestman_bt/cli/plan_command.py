@@ -12,16 +12,27 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.log_output import shown_log
-from bestman_bt.cli.options import Json, Plugins, Robot, SavedWorld, Scene, Seed, Settings
+from bestman_bt.cli.options import (
+    Json,
+    Plugins,
+    Robot,
+    SavedWorld,
+    Scene,
+    Seed,
+    Settings,
+    refuse_unwritable_folder,
+    writable_file,
+)
 from bestman_bt.cli.plan_question import PlanQuestion, Transcript
 from bestman_bt.cli.planning_config import planning_state
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import render_svg
-from bestman_bt.registry import BUILDERS, PLANNERS
+from bestman_bt.registry import BUILDERS
 from bestman_bt.task_planning.builders import TreeBuilder
 from bestman_bt.task_planning.language.quoting import quoted
 from bestman_bt.task_planning.limits import PlanLimits
+from bestman_bt.task_planning.planners import planner_class
 from bestman_bt.task_planning.predicates import UNSEEN
 from bestman_bt.task_planning.simulation import folded
 from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, parse_goal
@@ -32,9 +43,12 @@ def command(
     goal: Annotated[str | None, typer.Option(metavar="FACTS", help="What is wanted, as facts joined by and.")] = None,
     planner: Annotated[str, typer.Option(help="symbolic, fast_downward, language, or one of your own.")] = "symbolic",
     builder: Annotated[str, typer.Option(help="reactive, sequence or backchain.")] = "reactive",
-    output: Annotated[Path | None, typer.Option("-o", metavar="FILE.xml", help="Where the tree is written.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", metavar="FILE.xml", help="Where the tree is written.", callback=writable_file)
+    ] = None,
     svg: Annotated[
-        Path | None, typer.Option(metavar="FILE.svg", help="Draw the tree, each ability as one box.")
+        Path | None,
+        typer.Option(metavar="FILE.svg", help="Draw the tree, each ability as one box.", callback=writable_file),
     ] = None,
     run: Annotated[bool, typer.Option("--run", help="Run it at once, and plan anew where it fails.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Run what a model made of a text without asking you.")] = False,
@@ -46,7 +60,8 @@ def command(
     seed: Seed = 0,
     world: SavedWorld = None,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write what was said to and by the language model.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write what was said to and by the language model.", callback=writable_file),
     ] = None,
     replay: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Take the language model's answers from such a file.")
@@ -74,8 +89,13 @@ def command(
             "--run", "a model's reading of a text is run when you agree, and nobody can be asked here; give --yes"
         )
     allowed = _limits(limits)
+    if run:
+        refuse_unwritable_folder(runs, "--runs")
     with json_output(as_json) as tell, shown_log("bestman_bt.task_planning"):
-        PLANNERS.resolve(planner)
+        try:
+            planner_class(planner)
+        except PlanningError as error:
+            raise _wrong_input("--planner", str(error)) from error
         made_by: TreeBuilder = BUILDERS.resolve(builder)()
         setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
         if text is None and goal is None:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import Problem as Fault
-from bestman_bt.registry import PLANNERS
 from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
+from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.predicates import UNSEEN, Beliefs
 from bestman_bt.task_planning.symbolic import Problem, TaskPlan
 from bestman_bt.task_planning.verification import verify
@@ -46,7 +46,7 @@ class PlanQuestion:
         """The problem as it is understood, and a plan. Raises PlanningError."""
         problem = self.domain.problem(Beliefs(self.beliefs), goal)
         if text is None and planner != "language":
-            return problem, plan_within(PLANNERS.resolve(planner)(), problem, self.limits)
+            return problem, plan_within(made_planner(planner), problem, self.limits)
         from bestman_bt.task_planning import language
 
         parameters = language.LanguagePlannerParameters(limits=self.limits)

@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from bestman_bt.cli.options import writable_file
 from bestman_bt.evaluation.report.page import report_page
 from bestman_bt.evaluation.report.run_reader import ReportError, read_story, run_folders
 
@@ -17,8 +18,7 @@ def _writable_html(path: Path) -> Path:
     """Told before the work that the page is of."""
     if path.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"reports are HTML files: FILE.html, got '{path}'")
-    if path.is_dir() or not path.parent.is_dir():
-        raise typer.BadParameter(f"'{path}' is a folder" if path.is_dir() else f"there is no folder '{path.parent}'")
+    writable_file(path)
     return path
 
 

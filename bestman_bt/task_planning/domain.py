@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -23,6 +23,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Literal,
     Operator,
     Problem,
+    with_article,
 )
 
 _LOG = logging.getLogger(__name__)
@@ -92,7 +93,31 @@ class Domain:
             if not meant:
                 raise GoalError(f"{resolved} always holds; leave it out")
             literals += meant
+            literals += self._presumed(resolved)
+        self.refuse_contradictions(literals)
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
+
+    def _presumed(self, literal: Literal) -> list[Literal]:
+        """What has to be known for a negation to say anything; GoalError for one that is nothing to aim at."""
+        predicate = self.predicates.get(literal.fact.predicate)
+        if predicate is None or not literal.negated:
+            return []
+        if not predicate.negatable:
+            raise GoalError(f"{literal}: {predicate.name} cannot be negated; nobody makes the robot know less")
+        return [Literal(predicate.bound(predicate.known_if, literal.fact.arguments))] if predicate.known_if else []
+
+    def refuse_contradictions(self, goal: Collection[Literal]) -> None:
+        """GoalError for a goal of which two parts cannot hold together, by what predicates exclude."""
+        wanted = [literal.fact for literal in goal if not literal.negated]
+        clashes = [(str(fact), f"not {fact}") for fact in wanted if Literal(fact, negated=True) in goal]
+        clashes += [
+            (str(fact), str(other))
+            for fact in wanted
+            for other in wanted
+            if fact.predicate in self.predicates and self.predicates[fact.predicate].rules_out(fact, other)
+        ]
+        if clashes:
+            raise GoalError("the goal contradicts itself: {} and {} cannot hold together".format(*clashes[0]))
 
     def _resolved(self, problem: Problem, fact: Fact) -> Fact:
         """With the full names of things, each of the right type."""
@@ -128,27 +153,39 @@ class Domain:
 
 def full_name(problem: Problem, name: str, kind: str) -> str:
     """The thing of a type that is meant: ``table`` for its only or first surface, ``drawer_3`` for the only one, and
-    ``drawer`` for the first where they have numbers; a log says that there are others.
+    ``drawer`` for the first where they have numbers; a log says which it is taken for where there are others.
     """
     known = problem.of_type(kind)
     if name in known:
         return name
     of_furniture = [one for one in known if one.startswith(f"{name}/")]
-    if of_furniture and (kind == "place" or len(of_furniture) == 1):
-        return of_furniture[0]
     parts = [one for one in known if one.endswith(f"/{name}")]
-    if len(parts) == 1:
-        return parts[0]
-    if of_furniture or parts:
-        raise GoalError(f"which {name!r}? {', '.join(of_furniture or parts)} are known")
     numbered = [one for one in known if without_number(one) == name]
-    if numbered:
-        if len(numbered) > 1:
-            _LOG.warning("%r is taken for %s; there are also %s", name, numbered[0], ", ".join(numbered[1:]))
-        return numbered[0]
-    if name in problem.objects:
-        raise GoalError(f"{name} is a {problem.objects[name]}, and a {kind} is asked for; {suggestion(name, known)}")
-    raise GoalError(f"unknown {kind} {name!r}; {suggestion(name, known)}")
+    if of_furniture and (kind == "place" or len(of_furniture) == 1):
+        found = of_furniture[0]
+    elif len(parts) == 1:
+        found = parts[0]
+    elif of_furniture or parts:
+        raise GoalError(f"which {name!r}? {', '.join(of_furniture or parts)} are known")
+    elif numbered:
+        found = numbered[0]
+    else:
+        own = next((one for one in problem.objects if name in (one, *one.split("/"))), None)
+        if own is None:
+            raise GoalError(f"unknown {kind} {name!r}; {suggestion(name, known)}")
+        raise GoalError(
+            f"{name} is {with_article(problem.objects[own])}, and {with_article(kind)} is asked for; "
+            f"{suggestion(name, known)}"
+        )
+    others = [one for one in known if one != found and (one in of_furniture or name in _words(one))]
+    if others:
+        _LOG.warning("%r is taken for %s; there are also %s", name, found, ", ".join(others))
+    return found
+
+
+def _words(name: str) -> list[str]:
+    """``lower`` and ``door`` of ``fridge/lower_door``."""
+    return name.rpartition("/")[2].split("_")
 
 
 def without_number(name: str) -> str:

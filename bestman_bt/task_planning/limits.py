@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from urllib.parse import quote, unquote
@@ -11,6 +12,7 @@ from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.domain import without_number
 from bestman_bt.task_planning.explanation import explain
+from bestman_bt.task_planning.planners import actions_of
 from bestman_bt.task_planning.symbolic import (
     Action,
     Fact,
@@ -27,6 +29,9 @@ from bestman_bt.task_planning.symbolic import (
 ALLOWED = "allowed"
 """The predicate of things that may be used, in problems with limits."""
 
+_FORBIDDEN = re.compile(rf"{ALLOWED}\(([^)]*)\) is not believed, and nothing brings it about")
+_ALLOWED = re.compile(rf"{ALLOWED}\(([^)]*)\)")
+_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?(e[+-]?\d+)?", re.ASCII)
 _FORM = "steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door"
 
 
@@ -47,33 +52,39 @@ class PlanLimits:
 
     def __post_init__(self) -> None:
         if self.max_actions < 1:
-            raise ValueError(f"max_actions is {self.max_actions}; 1 or more are accepted")
+            raise ValueError(f"at most {self.max_actions} steps is no limit for a plan; 1 or more are accepted")
         if self.abilities is not None and not self.abilities:
-            raise ValueError("abilities is empty; None allows all")
+            raise ValueError("no ability is allowed; name one at least, or leave that out")
         if not self.max_cost > 0.0:
-            raise ValueError(f"max_cost is {self.max_cost}; more than 0 is accepted")
+            raise ValueError(f"a cost of at most {self.max_cost:g} is no limit for a plan; more than 0 is accepted")
 
     @classmethod
     def from_string(cls, text: str) -> PlanLimits:
         """Read ``steps=20; cost=40; only=PickUp, PutAt; without=knife, fridge/door``, each of them optional.
 
-        Characters that would part the names are written as in addresses (``%2C``). Raises ValueError.
+        Names that are given in several places add up. Characters that would part the names are written as in addresses
+        (``%2C``). Raises ValueError.
         """
-        limits = cls()
+        limits, given = cls(), set[str]()
         for part in filter(None, (part.strip() for part in text.split(";"))):
             key, _, value = (piece.strip() for piece in part.partition("="))
             names = frozenset(unquote(name.strip()) for name in value.split(",") if name.strip())
             match key:
+                case "steps" | "cost" if key in given:
+                    raise ValueError(f"{key} is given twice, the second time by {part!r}")
                 case "steps" if value.isascii() and value.isdigit():
                     limits = replace(limits, max_actions=int(value))
-                case "cost":
+                case "cost" if _NUMBER.fullmatch(value):
                     limits = replace(limits, max_cost=float(value))
                 case "only" if names:
-                    limits = replace(limits, abilities=names)
+                    limits = replace(limits, abilities=names | (limits.abilities or frozenset()))
                 case "without" if names:
-                    limits = replace(limits, forbidden=names)
+                    limits = replace(limits, forbidden=names | limits.forbidden)
+                case "steps" | "cost":
+                    raise ValueError(f"{part!r}: {key} takes a number; the form is {_FORM}")
                 case _:
                     raise ValueError(f"{part!r} is no limit; the form is {_FORM}")
+            given.add(key)
         return limits
 
     def to_string(self) -> str:
@@ -147,24 +158,30 @@ def plan_within(planner: TaskPlanner, problem: Problem, limits: PlanLimits) -> T
     """The plan of any planner for a problem, within limits.
 
     Raises Unsolvable with an explanation, GoalError where the limits name what there is not, LimitsExceededError where
-    the plan is longer or dearer than allowed, and what the planner raises.
+    the plan is longer or dearer than allowed, PlanningError where the planner fails or returns what is no plan, and
+    what PlanningError it raises itself.
     """
     limits = limits.resolved(problem)
     limited = limits.applied_to(problem)
     try:
-        found = planner.plan(limited)
+        found = actions_of(planner, limited)
     except Unsolvable as error:
-        why, bounds = explain(limited) or str(error), limits.to_string()
+        why, bounds = _explained(limited) or str(error), limits.to_string()
         raise Unsolvable(f"{why}, within the limits {bounds}" if bounds else why, error.missing) from error
     operators = {operator.name: operator for operator in problem.operators}
-    unknown = [action.name for action in found.actions if action.name not in operators]
+    unknown = [action.name for action in found if action.name not in operators]
     if unknown:
         raise PlanningError(f"{type(planner).__name__} plans with {unknown[0]!r}, which is no ability")
-    actions = tuple(instantiate(problem, operators[action.name], action.arguments) for action in found.actions)
+    actions = tuple(instantiate(problem, operators[action.name], action.arguments) for action in found)
     faults = limits.faults(actions)
     if faults:
         raise LimitsExceededError("; ".join(faults))
     return TaskPlan(actions)
+
+
+def _explained(problem: Problem) -> str:
+    """Why there is no plan; a thing that is not ``allowed`` is one that the limits forbid."""
+    return _ALLOWED.sub(r"the \1", _FORBIDDEN.sub(r"the limits forbid the \1", explain(problem)))
 
 
 def _meant(name: str, problem: Problem) -> list[str]:

@@ -8,13 +8,14 @@ from py_trees.ports import PortInformation
 
 from behaviours.skill import Explained, OnRobot, Skill, SkillFailure, Steps
 from bestman_bt.engine import RUNNING, SUCCESS, StatefulAction, SubTree, Tree, TreeLoadError
-from bestman_bt.registry import BUILDERS, PLANNERS, UnknownNameError
+from bestman_bt.registry import BUILDERS, UnknownNameError
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import PlanTree, TreeBuilder
 from bestman_bt.task_planning.conditions import beliefs_of
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.limits import PlanLimits, plan_within
 from bestman_bt.task_planning.monitoring import PlanMonitor
+from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
 from bestman_bt.task_planning.verification import verify
 
@@ -49,9 +50,11 @@ class Plan(_Planning, Skill):
     def execute(self) -> Steps:
         """Plan, and say what the plan is."""
         try:
-            planner: TaskPlanner = PLANNERS.resolve(self.get_input("planner"))()
+            planner = made_planner(self.get_input("planner"))
         except UnknownNameError as error:
             raise SkillFailure("unknown_name", str(error)) from error
+        except PlanningError as error:
+            raise SkillFailure("no_plan", str(error)) from error
         _, problem = self.domain_and_problem()
         plan = yield self.compute("task_planning", _plan, planner, problem, self.get_input("limits"))
         self.set_output("plan", plan)

@@ -6,9 +6,11 @@ The robot's belief decides, never the world: of what has not been seen nothing i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+from bestman_bt.task_planning.symbolic.facts import parse_fact
+from bestman_bt.task_planning.symbolic.problem import Fact
 from bestman_bt.world_model import MapFurniture, WorldModel, containers_before, is_open, is_shut
 
 NEAR = 1.2
@@ -29,6 +31,11 @@ class Predicate:
 
     ``holds``: decides by beliefs, its arguments in the order of the parameters. ``means``: the condition that it is
     short for, if it is.
+
+    What goals may say of it, with its parameters in braces. ``excludes``: facts other than itself that cannot hold
+    together with it; ``_`` is anything: ``on({object}, _)``. ``known_if``: the fact without which its negation is only
+    not known: that something is not on the table says nothing while it was never seen. ``negatable``: whether that it
+    does not hold is anything to aim at.
     """
 
     name: str
@@ -36,6 +43,23 @@ class Predicate:
     words: str
     holds: Callable[..., bool]
     means: str = ""
+    excludes: tuple[str, ...] = ()
+    known_if: str = ""
+    negatable: bool = True
+
+    def bound(self, text: str, arguments: Sequence[str]) -> Fact:
+        """A fact of its declaration, such as ``known_if``, for the arguments of a fact with this predicate."""
+        return parse_fact(text).bound(
+            {f"{{{name}}}": value for name, value in zip(self.parameters, arguments, strict=True)}
+        )
+
+    def rules_out(self, fact: Fact, other: Fact) -> bool:
+        """Whether ``fact``, of this predicate, and ``other`` cannot hold together."""
+        return fact != other and any(
+            pattern.predicate == other.predicate
+            and all(asked in ("_", given) for asked, given in zip(pattern.arguments, other.arguments, strict=True))
+            for pattern in (self.bound(text, fact.arguments) for text in self.excludes)
+        )
 
     @property
     def types(self) -> tuple[str, ...]:
@@ -97,10 +121,26 @@ def _unseen(beliefs: Beliefs, name: str, place: str) -> bool:
     return beliefs.world.may_be_on(name, place)
 
 
-ON = Predicate("on", {"object": "object", "place": "place"}, "the {object} is on (or in) the {place}", _on)
-HOLDING = Predicate("holding", {"object": "object"}, "the hand holds the {object}", _holding)
+ON = Predicate(
+    "on",
+    {"object": "object", "place": "place"},
+    "the {object} is on (or in) the {place}",
+    _on,
+    excludes=("on({object}, _)", "holding({object})"),
+    known_if="located({object})",
+)
+HOLDING = Predicate(
+    "holding", {"object": "object"}, "the hand holds the {object}", _holding, excludes=("holding(_)", "hand_empty")
+)
 HAND_EMPTY = Predicate("hand_empty", {}, "the hand is empty", lambda beliefs: beliefs.world.held is None)
-LOCATED = Predicate("located", {"object": "object"}, "it is known where the {object} is", _located)
+LOCATED = Predicate(
+    "located",
+    {"object": "object"},
+    "it is known where the {object} is",
+    _located,
+    excludes=("unseen({object}, _)",),
+    negatable=False,
+)
 UNSEEN = Predicate(
     "unseen",
     {"object": "object", "place": "place"},
@@ -112,6 +152,7 @@ OPEN = Predicate(
     {"container": "container"},
     "the {container} is open far enough to work behind it",
     lambda beliefs, container: is_open(beliefs.world, container),
+    excludes=("closed({container})",),
 )
 CLOSED = Predicate(
     "closed",

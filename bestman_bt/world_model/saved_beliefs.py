@@ -129,14 +129,18 @@ class SavedBeliefs:
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
     """The beliefs as plain values that ``SavedBeliefs`` is checked from; ``mapped``: the map before the run."""
-    base = world.base
+    base, held = world.base, world.held
     searched: dict[str, dict[str, float]] = {}
     for (name, surface), stamp in world.searched.items():
         if not world.may_be_on(name, surface) and name not in world.objects:
             searched.setdefault(name, {})[surface] = _number(stamp)
     document: dict[str, Any] = {
         "base": _at(base.pose) | {key: _number(getattr(base, key)) for key in ("position_std", "heading_std", "stamp")},
-        "objects": {name: _saved_object(belief, world) for name, belief in world.objects.items()},
+        "objects": {
+            name: _saved_object(belief, world)
+            for name, belief in world.objects.items()
+            if held is None or name != held.name
+        },
         "openings": {name: _number(position) for name, position in world.articulations.items()},
         "furniture": {
             name: _at(piece.pose) | {key: _number(getattr(piece, key)) for key in ("position_error", "heading_error")}
@@ -148,7 +152,6 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
         "locked": sorted(world.locked),
         "blocked": sorted(world.blocked),
     }
-    held = world.held
     if held is not None:
         pose = _saved_pose(held.tool_from_object)
         document["held"] = {
@@ -163,9 +166,10 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
 def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> WorldModel:
     """A world model with these beliefs; ``start``: with the map and the models that they are of.
 
-    ``document``: what the beliefs were checked from. ConfigurationError lists all names that the scene does not have.
+    ``document``: what the beliefs were checked from. ConfigurationError lists all names that the scene does not have,
+    and what is held and lies somewhere, too.
     """
-    problems = list(_unknown_names(beliefs, document, start))
+    problems = [*_unknown_names(beliefs, document, start), *_held_elsewhere(beliefs, document)]
     if problems:
         raise ConfigurationError(problems)
     known = start.map
@@ -233,6 +237,13 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
     for path, kind, name_or_none, known in asked:
         if name_or_none is not None and name_or_none not in known:
             yield document.problem(path, f"the scene has no {kind} {name_or_none!r}; {suggestion(name_or_none, known)}")
+
+
+def _held_elsewhere(beliefs: SavedBeliefs, document: Document) -> Iterator[Problem]:
+    """One thing cannot be in the hand and also lie somewhere."""
+    held = beliefs.held
+    if held is not None and held.name in beliefs.objects:
+        yield document.problem(("objects", held.name), f"the hand holds the {held.name}; leave one of them out")
 
 
 def _saved_model(model: ObjectModel, world: WorldModel) -> dict[str, Any]:

@@ -136,3 +136,17 @@ def test_an_empty_goal_is_refused_and_a_slip_in_one_before_a_world_is_built(best
     answer = bestman_bt("plan", "--goal", "on(cup", "--scene", "no_such_scene")
     assert answer.code == 2
     assert "column" in answer.err
+
+
+def test_what_cannot_be_written_is_told_before_anything_is_planned(bestman_bt: Command, folder: Path) -> None:
+    (folder / "file").write_text("")
+    for arguments, words in (
+        (("-o", "nowhere/tree.xml"), "there is no folder 'nowhere'"),
+        (("-o", "."), "is a folder"),
+        (("--svg", "nowhere/tree.svg"), "there is no folder 'nowhere'"),
+        (("--record", "nowhere/talk.jsonl"), "there is no folder 'nowhere'"),
+        (("--run", "--runs", "file/runs"), "is no folder"),
+    ):
+        answer = bestman_bt("plan", "--goal", GOAL, "--scene", "no_such_scene", *arguments)
+        assert answer.code == 2
+        assert words in " ".join(answer.err.replace("│", " ").split()), answer.err

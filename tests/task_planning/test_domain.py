@@ -15,7 +15,7 @@ from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.abilities import DeclarationError, abilities_of, operator_of, shipped_abilities
 from bestman_bt.task_planning.domain import Domain
-from bestman_bt.task_planning.predicates import Beliefs
+from bestman_bt.task_planning.predicates import Beliefs, Predicate
 from bestman_bt.task_planning.state import holds, known_predicates, read_state, things
 from bestman_bt.task_planning.symbolic import GoalError, SymbolicPlanner, Unsolvable, parse_fact
 from bestman_bt.world_model import BasePose, HeldObject, ObjectBelief, ObjectChange, WorldModel
@@ -61,6 +61,46 @@ def test_a_name_without_its_number_is_the_first_and_the_others_are_told(domain, 
     assert "there are also drawer_chest/drawer_2, drawer_chest/drawer_3" in caplog.text
     with pytest.raises(GoalError, match="which 'fridge'"):
         domain.problem(Beliefs(world), "closed(fridge)")
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ("on(mug, microwave)", "'microwave' is taken for microwave/top; there are also microwave/inside"),
+        ("closed(door)", "'door' is taken for microwave/door; there are also"),
+    ],
+)
+def test_a_short_name_that_could_mean_others_is_told(world, domain, caplog, goal, words):
+    domain.problem(Beliefs(world), goal)
+    assert words in caplog.text
+
+
+def test_a_short_name_that_means_one_thing_is_not_talked_about(world, domain, caplog):
+    domain.problem(Beliefs(world), "on(mug, table) and closed(drawer_3)")
+    assert not caplog.records
+
+
+def test_facts_that_get_along_are_no_contradiction(world, domain):
+    domain.problem(
+        Beliefs(world), "on(mug, table) and on(cup, table) and on(mug, table) and hand_empty and not open(door)"
+    )
+
+
+def test_a_predicate_of_somebody_else_says_what_it_excludes(world):
+    wet = Predicate("wet", {"place": "place"}, "the {place} is wet", lambda *_: False, excludes=("dry({place})",))
+    dry = Predicate("dry", {"place": "place"}, "the {place} is dry", lambda *_: False)
+    domain = Domain((), {"wet": wet, "dry": dry})
+    assert len(domain.problem(Beliefs(world), "wet(table) and dry(counter)").goal) == 2
+    with pytest.raises(GoalError, match="cannot hold together"):
+        domain.problem(Beliefs(world), "dry(table) and wet(table)")
+
+
+def test_that_a_thing_is_not_somewhere_has_to_be_known(world, domain):
+    """What was never seen is nowhere: that would be a success without a look."""
+    assert [step.split("(")[0] for step in plan(domain, world, "not on(mug, table)")] == ["Search"]
+    seen(world, "mug", "counter/top")
+    assert plan(domain, world, "not on(mug, table)") == []
+    assert plan(domain, world, "not holding(cup)") == []  # the robot knows its own hand
 
 
 def test_what_was_seen_is_on_its_surface_by_its_full_name(world):
@@ -167,7 +207,16 @@ def test_what_was_looked_for_everywhere_cannot_be_planned_for(world, domain):
         ("onn(mug, table)", "unknown predicate 'onn'; did you mean 'on'?"),
         ("on(mug, tabel/top)", "unknown place 'tabel/top'; did you mean 'table/top'?"),
         ("on(mug)", "on takes 2 of these: object, place"),
-        ("open(mug)", "mug is a object, and a container is asked for"),
+        ("open(mug)", "mug is an object, and a container is asked for"),
+        ("on(table, mug)", "table is a place, and an object is asked for"),
+        ("not located(mug)", "located cannot be negated"),
+        ("open(drawer_3) and closed(drawer_3)", f"open({DRAWER}) and closed({DRAWER}) cannot hold together"),
+        ("closed(drawer_3) and accessible(drawer_3)", "cannot hold together"),
+        ("on(mug, table) and on(mug, counter)", "on(mug, table/top) and on(mug, counter/top) cannot hold together"),
+        ("holding(mug) and on(mug, table)", "on(mug, table/top) and holding(mug) cannot hold together"),
+        ("holding(mug) and holding(cup)", "holding(mug) and holding(cup) cannot hold together"),
+        ("hand_empty and holding(cup)", "holding(cup) and hand_empty cannot hold together"),
+        ("hand_empty and not hand_empty", "hand_empty and not hand_empty cannot hold together"),
         ("open(drawer_chest)", "which 'drawer_chest'?"),
         ("not accessible(drawer_3)", "cannot be negated"),
         ("forall p - place: near(p)", "forall is not accepted"),

@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from bestman_bt.registry import PLANNERS
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.limits import LimitsExceededError, PlanLimits, plan_within
+from bestman_bt.task_planning.planners import made_planner
 from bestman_bt.task_planning.symbolic import (
     Action,
     GoalError,
@@ -56,6 +58,60 @@ def test_a_planner_that_keeps_to_no_limit_gets_no_plan_through() -> None:
         plan_within(Inventive(invented), problem, PlanLimits())
 
 
+def test_names_that_are_given_in_several_places_add_up() -> None:
+    limits = PlanLimits.from_string("without=mug; only=PickUp; without=fridge; only=PutAt")
+    assert limits == PlanLimits(abilities=frozenset({"PickUp", "PutAt"}), forbidden=frozenset({"mug", "fridge"}))
+
+
+class Odd(TaskPlanner):
+    """A planner of somebody else, that gives or raises what no planner should."""
+
+    def __init__(self, outcome: object) -> None:
+        self.outcome = outcome
+
+    def plan(self, problem: Problem) -> TaskPlan:
+        if isinstance(self.outcome, BaseException):
+            raise self.outcome
+        return self.outcome  # type: ignore[return-value]  # that is what is tested
+
+
+@pytest.mark.parametrize(
+    ("outcome", "words"),
+    [
+        (None, "Odd should return a TaskPlan, got NoneType"),
+        ([], "Odd should return a TaskPlan, got list"),
+        ("PickUp", "Odd should return a TaskPlan, got str"),
+        ((step for step in ()), "Odd should return a TaskPlan, got generator"),
+        (TaskPlan(None), "Odd should return a TaskPlan of a tuple of Action, got None"),  # type: ignore[arg-type]
+        (TaskPlan(("Search",)), "Odd should return a TaskPlan of a tuple of Action"),  # type: ignore[arg-type]
+        (RuntimeError("no licence"), "Odd failed: RuntimeError: no licence"),
+        (KeyError("mug"), "Odd failed: KeyError: 'mug'"),
+        (SystemExit(3), "Odd failed: SystemExit: 3"),
+    ],
+)
+def test_a_planner_that_fails_or_returns_no_plan_is_named(outcome: object, words: str) -> None:
+    with pytest.raises(PlanningError, match=words):
+        plan_within(Odd(outcome), fetching(), PlanLimits())
+
+
+def test_a_planner_that_cannot_be_made_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(PLANNERS._entries, "odd", f"{__name__}:Odd")
+    with pytest.raises(PlanningError, match="the planner 'odd' cannot be made: TypeError"):
+        made_planner("odd")
+    monkeypatch.setitem(PLANNERS._entries, "odd", "builtins:dict")
+    with pytest.raises(PlanningError, match="the planner 'odd' should be a subclass of TaskPlanner, got"):
+        made_planner("odd")
+    monkeypatch.setitem(PLANNERS._entries, "odd", "no_such_module:Odd")
+    with pytest.raises(PlanningError, match="the planner 'odd' cannot be imported: ModuleNotFoundError"):
+        made_planner("odd")
+
+
+def test_of_a_thing_that_may_not_be_used_it_is_told_that_the_limits_forbid_it() -> None:
+    with pytest.raises(Unsolvable, match="the limits forbid the mug") as raised:
+        plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string("without=mug"))
+    assert "allowed" not in str(raised.value)
+
+
 def test_without_a_plan_the_limits_are_told_beside_the_reason() -> None:
     with pytest.raises(Unsolvable, match=r"is out of reach .*, within the limits without=drawer, drawer/board$"):
         plan_within(SymbolicPlanner(), fetching(), PlanLimits.from_string("without=drawer"))
@@ -93,11 +149,13 @@ def test_limits_survive_as_text(limits: PlanLimits) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("steps=many", "'steps=many' is no limit; the form is steps=20"),
-        ("steps=0", "max_actions is 0"),
-        ("cost=nan", "max_cost is nan"),
-        ("cost=-1", "max_cost is -1"),
-        ("cost=dear", "dear"),
+        ("steps=many", "'steps=many': steps takes a number; the form is steps=20"),
+        ("steps=0", "at most 0 steps is no limit for a plan; 1 or more are accepted"),
+        ("cost=nan", "'cost=nan': cost takes a number"),
+        ("cost=-1", "a cost of at most -1 is no limit for a plan; more than 0 is accepted"),
+        ("cost=dear", "'cost=dear': cost takes a number"),
+        ("steps=3; steps=4", "steps is given twice, the second time by 'steps=4'"),
+        ("cost=3; cost=4", "cost is given twice"),
         ("only=", "'only=' is no limit"),
         ("only=PickUp; slowly", "'slowly' is no limit"),
     ],

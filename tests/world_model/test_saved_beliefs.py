@@ -106,3 +106,15 @@ def test_what_is_wrong_in_a_file_is_told_with_its_line(setup: Setup, tmp_path: P
         read_world(path).world_model(setup)
     assert refused.value.problems[0].source.endswith("world.yaml")
     assert refused.value.problems[0].line == 3
+
+
+def test_what_is_in_the_hand_does_not_lie_anywhere(setup: Setup, tmp_path: Path) -> None:
+    path = tmp_path / "world.yaml"
+    path.write_text(
+        "scene: kitchen_furnished\nbeliefs:\n  held: {name: mug, what: {model: mug}, width: 5 cm,"
+        " tool_from_object: {position: [0, 0, 2 cm]}}\n  objects:\n"
+        "    mug: {what: {model: mug}, surface: table/top, pose: {position: [3.1, -0.2, 80 cm]}}\n"
+    )
+    with pytest.raises(ConfigurationError, match="the hand holds the mug; leave one of them out") as refused:
+        read_world(path).world_model(setup)
+    assert refused.value.problems[0].line == 5

@@ -37,6 +37,10 @@ def checked_goal(problem: Problem, answer: GoalAnswer) -> Problem:
     faults += [f"told: {literal} does not say where a thing is" for literal in no_place]
     if not goal and not faults:
         faults.append("goal: empty; say as facts what shall hold at the end, or give a refusal")
+    try:
+        Domain(()).refuse_contradictions(goal)
+    except GoalError as error:
+        faults.append(f"goal: {error}")
     if faults:
         raise FaultyAnswerError(faults)
     state = problem.state - _ruled_out(problem, [literal.fact for literal in told])

@@ -6,7 +6,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from bestman_bt.registry import PLANNERS
 from bestman_bt.task_planning.language.chat import ChatEndpoint
 from bestman_bt.task_planning.language.endpoint import EndpointAddress, HttpEndpoint
 from bestman_bt.task_planning.language.goals import GoalReader
@@ -18,6 +17,7 @@ from bestman_bt.task_planning.language.planner import (
 )
 from bestman_bt.task_planning.language.transcripts import RecordingEndpoint, ReplayEndpoint, open_transcript
 from bestman_bt.task_planning.limits import plan_within
+from bestman_bt.task_planning.planners import made_planner, planner_class
 from bestman_bt.task_planning.symbolic import PlanningError, Problem
 
 
@@ -38,7 +38,7 @@ def plan_from_text(
     answers from instead of an endpoint. ``further``: see LanguagePlanner. Raises LanguageError, or what the planner
     raises; UnknownNameError for a planner that there is not.
     """
-    made = PLANNERS.resolve(planner)
+    made = planner_class(planner)
     if text:
         problem = replace(problem, instruction=text, goal=())
     parameters = parameters or LanguagePlannerParameters()
@@ -53,7 +53,7 @@ def plan_from_text(
         if issubclass(made, LanguagePlanner):
             return made(parameters, endpoint, further).propose(problem)
         meant, usage = GoalReader(parameters, endpoint).read(problem)
-    plan = plan_within(PLANNERS.resolve(planner)(), meant, parameters.limits)
+    plan = plan_within(made_planner(planner), meant, parameters.limits)
     faults = further(meant, plan) if further is not None else ()
     if faults:
         raise PlanningError("; ".join(faults))

@@ -63,6 +63,13 @@ def open_transcript(path: Path) -> TextIO:
         raise TranscriptError(f"{path}: {error.strerror}") from error
 
 
+def _first_of(error: ValidationError) -> str:
+    fault = error.errors(include_url=False)[0]
+    if fault["type"] == "json_invalid":
+        return "it is not JSON"
+    return ".".join(str(part) for part in fault["loc"]) + f": {fault['msg']}"
+
+
 class ReplayEndpoint(ChatEndpoint):
     """Gives the recorded answers in their order, to the recorded questions only.
 
@@ -97,7 +104,7 @@ class ReplayEndpoint(ChatEndpoint):
         try:
             return TypeAdapter(_Exchange).validate_json(line)
         except ValidationError as error:
-            raise self._error(str(error.errors(include_url=False)[0]["msg"])) from None
+            raise self._error(f"no line of a transcript: {_first_of(error)}") from None
 
     def _compare(self, recorded: dict[str, Any], asked: dict[str, Any]) -> None:
         asked = json.loads(json.dumps(asked))

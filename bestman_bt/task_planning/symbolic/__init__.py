@@ -9,6 +9,7 @@ from bestman_bt.task_planning.symbolic.facts import (
     parse_literals,
 )
 from bestman_bt.task_planning.symbolic.grounding import ground, reachable_actions
+from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
 from bestman_bt.task_planning.symbolic.planner import SymbolicPlanner, SymbolicPlannerParameters
 from bestman_bt.task_planning.symbolic.problem import (
     Action,
@@ -33,6 +34,7 @@ __all__ = [
     "GoalError",
     "Literal",
     "Operator",
+    "PddlError",
     "PlanningError",
     "Problem",
     "SymbolicPlanner",
@@ -46,4 +48,5 @@ __all__ = [
     "parse_goal",
     "parse_literals",
     "reachable_actions",
+    "read_pddl",
 ]

@@ -12,6 +12,7 @@ from bestman_bt.task_planning.symbolic.problem import (
     Operator,
     PlanningError,
     Problem,
+    with_article,
 )
 
 
@@ -24,7 +25,8 @@ def instantiate(problem: Problem, operator: Operator, arguments: Sequence[str]) 
         if name not in problem.objects:
             raise PlanningError(f"{operator.name}: {port} is {name!r}, and nothing is called so")
         if not problem.is_a(name, kind):
-            raise PlanningError(f"{operator.name}: {port} should be a {kind}, {name} is a {problem.objects[name]}")
+            kinds = with_article(kind), with_article(problem.objects[name])
+            raise PlanningError(f"{operator.name}: {port} should be {kinds[0]}, {name} is {kinds[1]}")
     return bind(problem, operator, arguments)
 
 

@@ -7,6 +7,8 @@ import re
 from bestman_bt.task_planning.symbolic.problem import Condition, Fact, Forall, GoalError, Literal
 
 _TOKEN = re.compile(r"\s*(?:(?P<name>\{\w+\}|[A-Za-z0-9_][\w/.]*(?:-(?!>)[\w/.]+)*)|(?P<sign>->|[(),;:-]))")
+_DEPTH = 50
+"""Brackets within brackets; nobody means more, and the descent has an end."""
 _WORDS = frozenset({"and", "not", "forall"})
 
 
@@ -75,7 +77,10 @@ class _Parser:
         found: list[Condition] = []
         while self._peek():
             found.append(self._forall() if self._peek() == "forall" else self._literal())
-            if self._peek() and not self._take_if("and", ";"):
+            if self._take_if("and"):
+                if not self._peek():
+                    self._fail("a fact is expected after 'and'")
+            elif self._peek() and not self._take_if(";"):
                 self._fail("'and' is expected between facts")
         return tuple(found)
 
@@ -95,12 +100,14 @@ class _Parser:
         values = {name: f"{{{name}}}"}
         return Forall(values[name], kind, given, then).bound(values)
 
-    def _literal(self) -> Literal:
+    def _literal(self, depth: int = 0) -> Literal:
         negated = False
         while self._take_if("not"):
             negated = not negated
         if self._take_if("("):
-            literal = self._literal()
+            if depth == _DEPTH:
+                self._fail(f"at most {_DEPTH} brackets within each other are accepted")
+            literal = self._literal(depth + 1)
             self._take(")")
             return ~literal if negated else literal
         return Literal(self._fact(), negated)

@@ -6,11 +6,12 @@ Numbers other than costs, durations and disjunctions are for ``fast_downward`` a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
 
+from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.symbolic.problem import (
     EQUAL,
     Condition,
@@ -24,6 +25,11 @@ from bestman_bt.task_planning.symbolic.problem import (
 
 _TOKEN = re.compile(r"[()]|[^\s();]+")
 ROOT = "object"
+REQUIREMENTS = (
+    *(":action-costs", ":adl", ":conditional-effects", ":equality", ":negative-preconditions"),
+    *(":quantified-preconditions", ":strips", ":typing", ":universal-preconditions"),
+)
+"""Of each at least what abilities are written with; where a file uses more of it, that is told with its line."""
 
 
 class PddlError(PlanningError):
@@ -53,9 +59,8 @@ class _List:
 
 def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
     """The problem that a domain file and a problem file describe; PddlError with file and line."""
-    domain_file = _File(domain)
-    operators, types, constants, predicates = domain_file.domain()
-    objects, state, goal = _File(problem).problem()
+    operators, types, constants, predicates = _File(domain).domain()
+    objects, state, goal = _File(problem).problem(predicates)
     named = {**constants, **objects}
     return Problem(named, state, goal, operators, {kind: (above,) for kind, above in types.items()}, predicates)
 
@@ -63,10 +68,11 @@ def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
 class _File:
     def __init__(self, path: str | Path) -> None:
         self._name = str(path)
+        self._predicates: Mapping[str, tuple[str, ...]] | None = None
         try:
             text = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
-            raise PddlError(self._name, 0, f"it cannot be read: {error}") from error
+            raise PddlError(self._name, 1, f"it cannot be read: {error}") from error
         self._root = self._parse(text)
 
     def domain(self) -> tuple[tuple[Operator, ...], dict[str, str], dict[str, str], dict[str, tuple[str, ...]]]:
@@ -83,18 +89,24 @@ class _File:
                 case ":constants":
                     constants = self._typed(section.parts[1:])
                 case ":predicates":
+                    self._predicates = predicates
                     for one in map(self._as_list, section.parts[1:]):
                         predicates[one.head] = tuple(self._typed(one.parts[1:]).values())
                 case ":action":
                     operators.append(self._action(section))
-                case ":requirements" | ":functions":
+                case ":requirements":
+                    self._check_requirements(section)
+                case ":functions":
                     pass
                 case other:
                     self._fail(section, f"{other or 'this'} is not supported")
         return tuple(operators), types, constants, predicates
 
-    def problem(self) -> tuple[dict[str, str], frozenset[Fact], tuple[Literal, ...]]:
-        """Objects, state and goal."""
+    def problem(
+        self, predicates: Mapping[str, tuple[str, ...]]
+    ) -> tuple[dict[str, str], frozenset[Fact], tuple[Literal, ...]]:
+        """Objects, state and goal; ``predicates``: of the domain, all that state and goal may speak of."""
+        self._predicates = predicates
         objects: dict[str, str] = {}
         state: set[Fact] = set()
         goal: list[Literal] = []
@@ -111,11 +123,22 @@ class _File:
                             self._fail(section, "forall is not supported in a goal")
                         else:
                             goal.append(condition)
-                case ":domain" | ":requirements" | ":metric":
+                    if not goal:
+                        self._fail(section, "the goal is empty; name at least one fact")
+                case ":requirements":
+                    self._check_requirements(section)
+                case ":domain" | ":metric":
                     pass
                 case other:
                     self._fail(section, f"{other or 'this'} is not supported")
+        if not goal:
+            self._fail(self._root, "there is no (:goal …)")
         return objects, frozenset(state), tuple(goal)
+
+    def _check_requirements(self, section: _List) -> None:
+        for word in map(self._as_word, section.parts[1:]):
+            if word.text not in REQUIREMENTS:
+                self._fail(word, f"{word.text} is not supported; {', '.join(REQUIREMENTS)} are")
 
     def _action(self, section: _List) -> Operator:
         name = self._as_word(section.parts[1] if len(section.parts) > 1 else section).text
@@ -202,7 +225,17 @@ class _File:
         for word in words[1:]:
             if word.text.startswith("?") and word.text not in variables:
                 self._fail(word, f"{word.text} is no parameter")
+        self._check_predicate(words)
         return Fact(words[0].text, tuple(variables.get(word.text, word.text) for word in words[1:]))
+
+    def _check_predicate(self, words: Sequence[_Word]) -> None:
+        name, known = words[0].text, self._predicates
+        if known is None or name == EQUAL:
+            return
+        if name not in known:
+            self._fail(words[0], f"unknown predicate {name!r}; {suggestion(name, list(known))}")
+        if len(words) - 1 != len(known[name]):
+            self._fail(words[0], f"{name} takes {len(known[name])} things, not {len(words) - 1}")
 
     def _typed(self, parts: tuple[_Word | _List, ...]) -> dict[str, str]:
         """``a b - t c`` as ``{a: t, b: t, c: object}``."""
@@ -262,7 +295,7 @@ class _File:
             raise PddlError(self._name, stack[-1][1], "'(' is never closed")
         found = stack[0][0]
         if len(found) != 1:
-            raise PddlError(self._name, number, f"one (define …) is expected, not {len(found)}")
+            raise PddlError(self._name, max(number, 1), f"one (define …) is expected, not {len(found)}")
         return self._as_list(found[0])
 
     def _fail(self, part: _Word | _List, what: str) -> NoReturn:

@@ -11,6 +11,11 @@ EQUAL = "="
 """The predicate that holds of a thing and itself, in any state."""
 
 
+def with_article(noun: str) -> str:
+    """``an object``, ``a place``."""
+    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
+
+
 class PlanningError(Exception):
     """No plan came about; the text says why."""
 

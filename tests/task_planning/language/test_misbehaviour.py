@@ -62,7 +62,7 @@ ANSWERS: dict[str, tuple[Way, str]] = {
     "goal with too few names": (says(answer(FETCH, goal=["on(mug)"])), "on takes 2 of these"),
     "goal that contradicts itself": (
         says(answer(FETCH, goal=[UNTIL_TABLE, f"not {UNTIL_TABLE}"])),
-        "the goal's not on\\(mug, table\\) does not hold",
+        "the goal contradicts itself: on\\(mug, table\\) and not on\\(mug, table\\)",
     ),
     "step that cannot be done": (says(answer(FETCH[1:])), "step 1, PickUp\\(mug, drawer/board\\): it needs open"),
     "plan that stops too early": (says(answer(FETCH[:2])), "after the last step the goal's on\\(mug, table\\)"),

@@ -69,11 +69,19 @@ def test_more_questions_than_were_recorded_are_refused(tmp_path: Path) -> None:
         replayed(path).plan(kitchen())
 
 
-@pytest.mark.parametrize("content", ["no JSON\n", "{}\n", '{"request": {}, "reply": {"text": 3}}\n', "[" * 9999 + "\n"])
-def test_a_damaged_transcript_is_refused_with_file_and_line(tmp_path: Path, content: str) -> None:
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("no JSON\n", "no line of a transcript: it is not JSON"),
+        ("{}\n", "no line of a transcript: request: Field required"),
+        ('{"request": {}, "reply": {"text": 3}}\n', "no line of a transcript: reply.text: "),
+        ("[" * 9999 + "\n", "no line of a transcript: it is not JSON"),
+    ],
+)
+def test_a_damaged_transcript_is_refused_with_file_and_line(tmp_path: Path, content: str, words: str) -> None:
     path = tmp_path / "talk.jsonl"
     path.write_text(content)
-    with pytest.raises(TranscriptError, match=r"talk\.jsonl:1: "):
+    with pytest.raises(TranscriptError, match=rf"talk\.jsonl:1: {words}"):
         replayed(path).plan(kitchen())
 
 

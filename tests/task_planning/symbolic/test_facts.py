@@ -55,6 +55,8 @@ def test_what_is_printed_parses_again():
         ("on(mug) & open(x)", 9, "'&' is not part of a fact"),
         ("and on(mug)", 1, "a fact is expected"),
         ("not", 4, "a fact is expected"),
+        ("hand_empty and", 15, "a fact is expected after 'and'"),
+        ("(" * 2000 + "x" + ")" * 2000, 52, "brackets within each other"),
         ("on(not, table)", 4, "a name is expected"),
     ],
 )

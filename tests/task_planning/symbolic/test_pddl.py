@@ -9,14 +9,15 @@ from bestman_bt.task_planning.symbolic import (
     Forall,
     Literal,
     Operator,
+    PddlError,
     Problem,
     SymbolicPlanner,
     Unsolvable,
     parse_conditions,
     parse_literals,
+    read_pddl,
 )
 from bestman_bt.task_planning.symbolic.fast_downward import FastDownwardPlanner, is_valid
-from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_pddl
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 
 needs_fast_downward = pytest.mark.skipif(
@@ -104,6 +105,8 @@ def test_what_is_written_is_read_as_the_same_problem(tmp_path):
         ("2)))\n)", "2)))", 1, "'(' is never closed"),
         ("2)))\n)", "2)))\n))", 10, "')' without '('"),
         ("(:types block - object)", "(:types block -)", 3, "a type is expected after '-'"),
+        (":typing", ":fluents", 2, ":fluents is not supported"),
+        ("(clear ?x) (clear ?y)", "(claer ?x)", 8, "unknown predicate 'claer'; did you mean 'clear'?"),
     ],
 )
 def test_a_malformed_domain_is_told_with_file_and_line(files, old, new, line, words):
@@ -113,6 +116,26 @@ def test_a_malformed_domain_is_told_with_file_and_line(files, old, new, line, wo
     assert raised.value.line == line
     assert words in str(raised.value)
     assert "domain.pddl" in raised.value.file
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "words"),
+    [
+        ("(clear b)", "(claer b)", 4, "unknown predicate 'claer'; did you mean 'clear'?"),
+        ("(clear b)", "(clear a b)", 4, "clear takes 1 things, not 2"),
+        ("(and (on a b))", "(onn a b)", 5, "unknown predicate 'onn'; did you mean 'on'?"),
+        ("(and (on a b))", "(and)", 5, "the goal is empty"),
+        ("(:goal (and (on a b)))", "", 1, "there is no (:goal …)"),
+        ("(:domain blocks)", "(:domain blocks) (:requirements :timed-initial-literals)", 2, "is not supported"),
+        (PROBLEM, "", 1, "one (define …) is expected, not 0"),
+    ],
+)
+def test_what_makes_no_sense_in_a_problem_is_told_with_file_and_line(files, old, new, line, words):
+    assert old in PROBLEM
+    with pytest.raises(PddlError) as raised:
+        read_pddl(*files(problem=PROBLEM.replace(old, new)))
+    assert raised.value.line == line
+    assert words in str(raised.value)
 
 
 def test_a_malformed_problem_is_told_with_file_and_line(files):
