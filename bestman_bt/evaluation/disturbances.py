@@ -15,7 +15,7 @@ from bestman_bt.evaluation.new_places import NewPlace, NewPlaces
 from bestman_bt.messages import JointKind
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import is_open, leaf_called, openness_of
-from hal.pybullet import Disturber, GroundTruth
+from hal.pybullet import Deed, Disturber, GroundTruth
 
 HAND_AWAY = 0.6
 """Metres between the robot's hand and an object that somebody else takes."""
@@ -36,13 +36,16 @@ TRIES_AGAIN = 1.0
 
 @dataclass
 class _Script:
-    """``delay``: seconds from trigger to deed. ``due``: when that is. ``stood_at``: where an object last stood."""
+    """``delay``: seconds from trigger to deed. ``due``: when that is. ``deed``: once it is done.
+
+    ``stood_at``: where an object last stood.
+    """
 
     asked: DisturbanceConfig
     rng: np.random.Generator
     delay: float
     due: float | None = None
-    done: bool = False
+    deed: Deed | None = None
     stood_at: tuple[float, ...] | None = None
 
 
@@ -62,7 +65,7 @@ class Disturbances:
             rng = np.random.default_rng([session.setup.config.seed, zlib.crc32(b"disturbances"), index])
             if asked.object is None or asked.object in truth.object_names:  # else the seed has left it out
                 self._scripts.append(_Script(asked, rng, float(rng.uniform(*asked.after))))
-        self._kinds: Mapping[DisturbanceKind, tuple[Callable[[_Script], bool], Callable[[_Script], bool]]] = {
+        self._kinds: Mapping[DisturbanceKind, tuple[Callable[[_Script], bool], Callable[[_Script], Deed | None]]] = {
             "moved": (self._is_seen, self._move_on_surface),
             "elsewhere": (self._is_seen, self._move_elsewhere),
             "slips": (self._is_lifted, self._let_slip),
@@ -76,13 +79,18 @@ class Disturbances:
             self._was_held.add(held.name)
         for script in self._scripts:
             happens, act = self._kinds[script.asked.kind]
-            if script.done or not happens(script):
+            if script.deed is not None or not happens(script):
                 continue
             if script.due is None:
                 script.due = now + script.delay
             if now >= script.due:
-                script.done = act(script)
+                script.deed = act(script)
                 script.due = now + TRIES_AGAIN
+
+    @property
+    def deeds(self) -> tuple[Deed, ...]:
+        """What was done up to now: whatever else the monitor was told is none of this script's doing."""
+        return tuple(script.deed for script in self._scripts if script.deed is not None)
 
     # What has to happen
 
@@ -119,23 +127,25 @@ class Disturbances:
 
     # What somebody then does
 
-    def _move_on_surface(self, script: _Script) -> bool:
+    def _move_on_surface(self, script: _Script) -> Deed | None:
         asked = script.asked
         return self._put(asked, self._places.beside(str(asked.object), asked.distance, script.rng))
 
-    def _move_elsewhere(self, script: _Script) -> bool:
+    def _move_elsewhere(self, script: _Script) -> Deed | None:
         asked = script.asked
         return self._put(asked, self._places.elsewhere(str(asked.object), asked.surface, script.rng))
 
-    def _let_slip(self, script: _Script) -> bool:
+    def _let_slip(self, script: _Script) -> Deed | None:
         return self._disturber.let_slip(str(script.asked.object))
 
-    def _shut(self, script: _Script) -> bool:
+    def _shut(self, script: _Script) -> Deed | None:
         name = str(script.asked.articulation)
         return self._disturber.push_shut(name, PUSH_SPEED[leaf_called(self._session.skills.world, name).kind])
 
-    def _put(self, asked: DisturbanceConfig, place: NewPlace | None) -> bool:
-        return place is not None and self._disturber.move_object(str(asked.object), place.pose, place.surface)
+    def _put(self, asked: DisturbanceConfig, place: NewPlace | None) -> Deed | None:
+        if place is None:
+            return None
+        return self._disturber.move_object(str(asked.object), place.pose, place.surface)
 
     def _hand(self) -> tuple[float, ...]:
         """Where the hand really is, in the map frame, metres."""

@@ -23,7 +23,7 @@ from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
-from hal.pybullet import Disturber, GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
+from hal.pybullet import Deed, Disturber, GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
 from hal.replay import TAPE_NAME, RecordedRobot
 from hal.twins.remote_truth import RemoteTruth
 
@@ -44,6 +44,7 @@ class _Observers:
         self.pictures: Pictures | None = None
         self.driven: DrivenPath | None = None
         self.disturber: Disturber | None = None
+        self.disturbances: Disturbances | None = None
 
     def attach(self, robot: Robot) -> None:
         if self._prepare_robot is not None:
@@ -61,6 +62,11 @@ class _Observers:
             self.truth = RemoteTruth(self._judge)
         if self.truth is not None:
             self.driven = DrivenPath(self.truth)
+
+    @property
+    def script(self) -> tuple[Deed, ...]:
+        """What the task's disturbances have done."""
+        return self.disturbances.deeds if self.disturbances is not None else ()
 
     def honesty_record(self) -> HonestyRecord | None:
         """What the monitor of the world has seen; None of a world that nobody watches."""
@@ -125,7 +131,7 @@ def run_episode(
         if observers.pictures is not None:
             observers.pictures.take("end", _object(setup))
         record = observers.honesty_record()
-        audited = audit(record, setup.config.task.allowed_contacts) if record is not None else None
+        audited = audit(record, setup.config.task.allowed_contacts, observers.script) if record is not None else None
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
         telemetry.end(str(result.outcome), result.tree_status, result.failure.why if result.failure is not None else "")
         if folder is not None:
@@ -173,7 +179,8 @@ def _after_tick(
     if observers.driven is not None and session.setup.config.task.drive is not None:
         calls.append(observers.driven.after_tick)
     if observers.disturber is not None and observers.truth is not None:
-        calls.append(Disturbances(session, observers.truth, observers.disturber).after_tick)
+        observers.disturbances = Disturbances(session, observers.truth, observers.disturber)
+        calls.append(observers.disturbances.after_tick)
     if observers.pictures is not None:
         calls.append(_picture_of_the_grasp(session, observers.pictures))
     if watch is not None:

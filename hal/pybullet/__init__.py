@@ -3,7 +3,7 @@
 from hal.pybullet.client import SimulationError
 from hal.pybullet.disturber import Disturber
 from hal.pybullet.ground_truth import GroundTruth
-from hal.pybullet.honesty_record import ContactIncident, Finding, HonestyRecord, Penetration
+from hal.pybullet.honesty_record import ContactIncident, Deed, Finding, HonestyRecord, Penetration
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.portrait import portrait
 from hal.pybullet.reading_line import SensorFault
@@ -13,6 +13,7 @@ from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
 
 __all__ = [
     "ContactIncident",
+    "Deed",
     "Disturber",
     "Finding",
     "GroundTruth",

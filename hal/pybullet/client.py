@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import sys
 from collections import Counter
 from collections.abc import Callable
 from enum import Enum
@@ -72,6 +73,9 @@ JOINT_MOTORS = frozenset(
     }
 )
 GUARDED = RESETS | CONSTRAINTS | TAMPERING | TRUTH_READS | ENCODER_READS | JOINT_MOTORS
+
+SIMULATION = "hal.pybullet."
+"""What the names of the simulation's modules begin with."""
 
 # Taken once, so that the guard on the module (raw_call_guard) does not see the calls that pass here.
 _FUNCTIONS: dict[str, Callable[..., Any]] = {name: value for name, value in vars(pybullet).items() if callable(value)}
@@ -147,9 +151,17 @@ class PhysicsClient:
         """All who may look and act past the Robotics API have their functions: what is taken from now on is counted."""
         self._closed = True
 
+    @property
+    def truth_closed(self) -> bool:
+        """Whether ``close_truth`` was called."""
+        return self._closed
+
     def reader(self, purpose: ReadPurpose) -> Reader:
-        """A view of ground truth; each of its reads is counted if it is opened after ``close_truth``."""
-        return Reader(self, purpose, trusted=not self._closed)
+        """A view of ground truth for the module that calls this; its reads are counted if it opens after
+        ``close_truth``.
+        """
+        owner: str = sys._getframe(1).f_globals.get("__name__", "")
+        return Reader(self, purpose, owner, trusted=not self._closed)
 
     def note(self, name: str, arguments: tuple[Any, ...] = (), keywords: dict[str, Any] | None = None) -> None:
         """Count a call of a guarded function, if it is one that an honest run does not make."""
@@ -225,19 +237,25 @@ class PhysicsClient:
 
 
 class Reader:
-    """Reads of ground truth for one purpose; the functions of TRUTH_READS and ENCODER_READS are its attributes."""
+    """Reads of ground truth for one purpose; the functions of TRUTH_READS and ENCODER_READS are its attributes.
 
-    def __init__(self, client: PhysicsClient, purpose: ReadPurpose, trusted: bool) -> None:
-        self._client = client
+    They are free for the module ``owner`` that opened it, and for the simulation that it is handed to. Who finds one
+    in an object of somebody else's and reads with it is counted.
+    """
+
+    def __init__(self, client: PhysicsClient, purpose: ReadPurpose, owner: str, trusted: bool) -> None:
+        self._client, self._owner = client, owner
+        self._free: dict[str, Callable[..., Any]] = {}
         self.purpose = purpose
         self.trusted = trusted
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in TRUTH_READS and name not in ENCODER_READS:
             raise AttributeError(f"a reader does not offer {name!r}")
-        if not self.trusted:
+        asks: str = sys._getframe(1).f_globals.get("__name__", "")
+        if not self.trusted or not (asks == self._owner or asks.startswith(SIMULATION)):
             counted: Callable[..., Any] = getattr(self._client, name)
             return counted
-        bound = self._client._bind(name)
-        self.__dict__[name] = bound
-        return bound
+        if name not in self._free:
+            self._free[name] = self._client._bind(name)
+        return self._free[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Collection
 
 from hal.pybullet.approach_watcher import ApproachWatcher
 from hal.pybullet.honesty_record import FINGERS, ContactIncident, Penetration
@@ -34,7 +35,6 @@ class ContactWatcher:
             )
         )
         self._walkers = frozenset(body for body, _ in built.walkers.values()) | simulation.moving_doors.bodies
-        self._falling = simulation.interference.falling
         self._approach = ApproachWatcher(built.robot)
         self._period = simulation.parameters.monitor_every * simulation.parameters.time_step
         self._running: dict[tuple[str, str], ContactIncident] = {}
@@ -43,8 +43,12 @@ class ContactWatcher:
         self.robot_forces: defaultdict[int, float] = defaultdict(float)
         self.touched: set[int] = set()
 
-    def watch(self, observation: Observation) -> None:
-        """Take in one observation."""
+    def watch(self, observation: Observation, falling: Collection[str] = ()) -> None:
+        """Take in one observation.
+
+        ``falling``: objects on their way out of the hand: how hard they hit what they fall on is not the robot's doing.
+        """
+        fallen = {body for body in self._objects if self._names[body] in falling}
         forces: defaultdict[tuple[int, int, int, int], float] = defaultdict(float)
         robot, floor, rolling = self._robot, self._floor, self._rolling
         walkers, minded = self._walkers, self._minded
@@ -60,7 +64,7 @@ class ContactWatcher:
                 self._approach.take(contact, observation, self._period)
             if force > 0.0:
                 forces[body_a, link_a, body_b, link_b] += force
-            falls = body_a != robot and (body_a in self._falling or body_b in self._falling)
+            falls = body_a != robot and (body_a in fallen or body_b in fallen)
             if distance < 0.0 and not falls:
                 pair = (body_a, link_a, body_b, link_b)
                 deepest = self._deepest.get(pair)

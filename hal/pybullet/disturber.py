@@ -10,8 +10,7 @@ import pybullet
 from bestman_bt.messages import Pose
 from hal.pybullet.client import ReadPurpose, SimulationError
 from hal.pybullet.contact_renewal import DEFAULT_FILTER, EVERYTHING
-from hal.pybullet.honesty_record import Finding
-from hal.pybullet.interference import Interference
+from hal.pybullet.honesty_record import Deed, Finding
 from hal.pybullet.leaf_push import Hand, Push
 from hal.pybullet.robot import PyBulletRobot
 
@@ -29,14 +28,16 @@ FALL_TIME = 2.0
 """Seconds in which what has slipped out of the hand comes to rest."""
 PUSH_TIME = 10.0
 """Seconds after which somebody gives up pushing: something is in the way."""
+ENDS_WITHIN = 0.1
+"""Seconds after its time in which a slip or a push has ended: it is looked after every control period."""
 PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
 """N and N m: what a hand pushes with."""
 
 
 @dataclass
 class _Push:
+    deed: Deed
     push: Push
-    name: str
     until: float
 
 
@@ -47,7 +48,7 @@ class _Slip:
     ``touched_at``: when the robot last touched it.
     """
 
-    name: str
+    deed: Deed
     friction: float
     spinning: float
     until: float
@@ -57,16 +58,18 @@ class _Slip:
 class Disturber:
     """The verbs of a scripted disturbance. Make it right after ``robot.connect()``, before ``close_truth``.
 
-    What it does is told in ``HonestyRecord.disturbances`` and is no fault of the run. One that is made later works,
-    too, but is a cheat like any other: each of its acts is counted and seen. It never acts on what is within
-    ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever its doing.
+    What it does is told in ``HonestyRecord.disturbances`` and is no fault of the run, if whoever evaluates the run
+    knows of it: each verb gives back its deed, ``audit`` compares them with those that the monitor has forgiven. A
+    disturber that is made later works, too, but is a cheat like any other: each of its acts is counted and seen. It
+    never acts on what is within ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever
+    its doing.
     """
 
     def __init__(self, robot: PyBulletRobot) -> None:
         self._simulation = simulation = robot.simulation
         client = simulation.client
         self._reader = client.reader(ReadPurpose.SCRIPT)
-        self._interference = simulation.interference if self._reader.trusted else Interference()
+        self._interference = robot.interference()
         self._put = client.function("resetBasePositionAndOrientation")
         self._set_velocity = client.function("resetBaseVelocity")
         self._change = client.function("changeDynamics")
@@ -78,34 +81,35 @@ class Disturber:
         }
         self._pushes: list[_Push] = []
         self._slips: dict[int, _Slip] = {}
-        self._falls: dict[int, float] = {}
+        self._falls: dict[int, tuple[Deed, float]] = {}
         simulation.controls.append(self._update)
 
-    def move_object(self, name: str, pose: Pose, surface: str) -> bool:
+    def move_object(self, name: str, pose: Pose, surface: str) -> Deed | None:
         """Lift an object and put it down at ``pose`` in the map frame, at rest; ``surface``: where that is, in words.
 
-        False, and nothing is done, while the robot or another object is at it, or while its new place is not free.
+        None, and nothing is done, while the robot or another object is at it, or while its new place is not free.
         """
         body = self._object(name)
         before = self._reader.getBasePositionAndOrientation(body)
         if self._near_robot(body) or self._touches_objects(body):
-            return False
-        raised = pose.position + np.array((0.0, 0.0, PUTS_DOWN_FROM))
-        self._put(body, raised.tolist(), pose.quaternion.tolist())
+            return None
+        raised = (pose.position + np.array((0.0, 0.0, PUTS_DOWN_FROM))).tolist()
+        self._put(body, raised, pose.quaternion.tolist())
         self._set_velocity(body, [0.0] * 3, [0.0] * 3)
-        self._interference.put_down.add(body)
         if self._near_robot(body) or self._overlaps(body):
             self._put(body, *before)
-            return False
+            return None
         self._change(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
         way = float(np.linalg.norm(pose.position - before[0]))
-        self._tell(f"somebody moves the {name} by {way:.2f} m, on {surface}")
-        return True
+        text = f"somebody moves the {name} by {way:.2f} m, on {surface}"
+        deed = Deed(self._now, self._now, "put", name, text, (*raised, *pose.quaternion.tolist()))
+        self._interference.announce(deed)
+        return deed
 
-    def push_shut(self, articulation: str, speed: float) -> bool:
+    def push_shut(self, articulation: str, speed: float) -> Deed | None:
         """Begin to push a door or drawer shut with the force of a hand; ``speed``: m/s or rad/s.
 
-        False, and nothing is done, while the robot is near. If it comes near later, the hand waits.
+        None, and nothing is done, while the robot is near. If it comes near later, the hand waits.
         """
         if articulation not in self._leaves:
             raise SimulationError(
@@ -113,24 +117,25 @@ class Disturber:
             )
         leaf, place = self._leaves[articulation], self._simulation.built.articulations[articulation]
         if any(running.push.place == place for running in self._pushes) or self._near_robot(*place):
-            return False
+            return None
         push = Push(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
-        self._pushes.append(_Push(push, articulation, self._now + PUSH_TIME))
-        self._tell(f"somebody pushes {articulation} shut")
-        return True
+        until, text = self._now + PUSH_TIME, f"somebody pushes {articulation} shut"
+        deed = Deed(self._now, until + ENDS_WITHIN, "push", articulation, text)
+        self._pushes.append(_Push(deed, push, until))
+        self._interference.announce(deed)
+        return deed
 
-    def let_slip(self, name: str) -> bool:
-        """Take an object's friction away until it is out of the hand; False if the robot does not touch it."""
+    def let_slip(self, name: str) -> Deed | None:
+        """Take an object's friction away until it is out of the hand; None if the robot does not touch it."""
         body = self._object(name)
         if body in self._slips or not self._touched(body):
-            return False
-        values = self._values(body, -1)
-        self._slips[body] = _Slip(name, values[1], values[7], self._now + SLIP_TIME, self._now)
-        self._interference.slippery.add(body)
-        self._interference.falling.add(body)
+            return None
+        values, until = self._values(body, -1), self._now + SLIP_TIME
+        deed = Deed(self._now, until + FALL_TIME + ENDS_WITHIN, "slip", name, f"the {name} slips in the hand")
+        self._slips[body] = _Slip(deed, values[1], values[7], until, self._now)
+        self._interference.announce(deed)
         self._set_friction(body, 0.0, 0.0)
-        self._tell(f"the {name} slips in the hand")
-        return True
+        return deed
 
     @property
     def _now(self) -> float:
@@ -138,14 +143,14 @@ class Disturber:
         return self._simulation.steps * self._simulation.parameters.time_step
 
     def _tell(self, text: str) -> None:
-        self._interference.log.append(Finding(self._now, text))
+        self._interference.tell(Finding(self._now, text))
 
     def _update(self) -> None:
         """Before each control period."""
         self._pushes = [running for running in self._pushes if not self._push_ends(running)]
-        for body, until in list(self._falls.items()):
+        for body, (deed, until) in list(self._falls.items()):
             if self._now > until or self._touched(body):
-                self._interference.falling.discard(body)
+                self._interference.rest(deed)
                 del self._falls[body]
         for body, slip in list(self._slips.items()):
             if self._touched(body):
@@ -153,28 +158,27 @@ class Disturber:
             out = self._now - slip.touched_at > OUT_OF_HAND
             if out or self._now > slip.until:
                 self._set_friction(body, slip.friction, slip.spinning)
-                self._interference.slippery.discard(body)
                 del self._slips[body]
-                self._falls[body] = self._now + FALL_TIME
-                self._tell(f"the {slip.name} is {'out of' if out else 'still in'} the hand")
+                self._falls[body] = (slip.deed, self._now + FALL_TIME)
+                self._tell(f"the {slip.deed.name} is {'out of' if out else 'still in'} the hand")
 
     def _push_ends(self, running: _Push) -> bool:
         """Push on, or wait where the robot is near; whether that was the last of it."""
-        push, pushed = running.push, self._interference.pushed
-        waits = self._near_robot(*push.place)
-        pushed.discard(push.place)
-        if waits:
+        push, deed = running.push, running.deed
+        if self._near_robot(*push.place):
             self._hand.rest(push)
+            self._interference.rest(deed)
         elif self._hand.push(push):
-            self._tell(f"somebody has shut {running.name}")
+            self._interference.rest(deed)
+            self._tell(f"somebody has shut {deed.name}")
             return True
         else:
-            pushed.add(push.place)
+            self._interference.resume(deed)
         if self._now < running.until:
             return False
         self._hand.rest(push)
-        pushed.discard(push.place)
-        self._tell(f"somebody lets go of {running.name}")
+        self._interference.rest(deed)
+        self._tell(f"somebody lets go of {deed.name}")
         return True
 
     def _set_friction(self, body: int, lateral: float, spinning: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 FINGERS = "fingers"
 
@@ -48,13 +49,30 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class Deed:
+    """What somebody who interferes has done to an object, door or drawer ``name``, from ``stamp`` to ``until`` (s).
+
+    ``put``: set down at ``pose`` (x, y, z and quaternion xyzw of its centre of mass, in the map). ``slip``: without
+    friction, until it has come to rest. ``push``: a hand shuts it. ``text``: the same in words.
+    """
+
+    stamp: float
+    until: float
+    kind: Literal["put", "slip", "push"]
+    name: str
+    text: str
+    pose: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
 class HonestyRecord:
     """Everything seen since the scene was built.
 
     ``calls``: calls of pybullet that are not allowed then, by function name; ``resets``, ``constraints``,
     ``truth_reads`` and ``tampering`` are their sums by kind. ``missed_looks``: how often the
     monitor should have looked and was not let. The findings come from watching, whoever did it. ``disturbances``:
-    what the scene's script did, such as people who walk.
+    what the scene's script did, such as people who walk. ``deeds``: those that were forgiven; whose they were, the
+    monitor does not know.
     """
 
     duration: float
@@ -74,3 +92,4 @@ class HonestyRecord:
     penetrations: tuple[Penetration, ...]
     missed_looks: int = 0
     disturbances: tuple[Finding, ...] = ()
+    deeds: tuple[Deed, ...] = ()

@@ -1,23 +1,47 @@
-"""What a script does to the world of a run: the watchers do not take it for the robot's doing, and the run tells it."""
+"""What somebody who interferes with a run tells its monitor, which forgives his deeds and keeps a record of each."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
-from hal.pybullet.honesty_record import Finding
+from hal.pybullet.honesty_record import Deed, Finding
 
 
-@dataclass
 class Interference:
-    """``log``: what was done, each with its time. Only what is told there is forgiven.
+    """``deeds``: what was done; none is ever taken back. ``log``: what came of it, in words.
 
-    ``put_down``: objects that somebody has put elsewhere since the monitor's last look. ``slippery``: objects that have
-    no friction at the moment. ``falling``: objects on their way out of the hand until they rest: what they hit, however
-    hard, is none of the robot's doing. ``pushed``: body and joint of the doors and drawers that somebody has a hand at.
+    A deed may rest, before its time is over: then nothing is forgiven for it.
     """
 
-    log: list[Finding] = field(default_factory=list)
-    put_down: set[int] = field(default_factory=set)
-    slippery: set[int] = field(default_factory=set)
-    falling: set[int] = field(default_factory=set)
-    pushed: set[tuple[int, int]] = field(default_factory=set)
+    def __init__(self) -> None:
+        self._deeds: tuple[Deed, ...] = ()
+        self._log: tuple[Finding, ...] = ()
+        self._resting: set[Deed] = set()
+
+    @property
+    def deeds(self) -> tuple[Deed, ...]:
+        """All up to now."""
+        return self._deeds
+
+    @property
+    def log(self) -> tuple[Finding, ...]:
+        """What was told up to now, apart from the deeds' own words."""
+        return self._log
+
+    def announce(self, deed: Deed) -> None:
+        """Something is done now."""
+        self._deeds += (deed,)
+
+    def tell(self, event: Finding) -> None:
+        """Say what came of a deed."""
+        self._log += (event,)
+
+    def rest(self, deed: Deed) -> None:
+        """What a deed leads to waits or is over."""
+        self._resting.add(deed)
+
+    def resume(self, deed: Deed) -> None:
+        """It goes on."""
+        self._resting.discard(deed)
+
+    def rests(self, deed: Deed) -> bool:
+        """Whether it does, now."""
+        return deed in self._resting

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,20 +89,20 @@ class LeafWatcher:
         self.jumps: list[Finding] = []
         self.unexplained_forces: list[Finding] = []
 
-    def watch_step(self) -> None:
-        """Take in the joints after one physics step."""
+    def watch_step(self, pushed: Collection[str] = ()) -> None:
+        """Take in the joints after one physics step; ``pushed``: doors and drawers that somebody has a hand at."""
         for body, joints, leaves in self._pieces:
             for leaf, (position, velocity, _, effort) in zip(leaves, self._states(body, joints), strict=True):
                 if velocity != leaf.velocity or position != leaf.position:  # else it rests as it did
-                    self._watch(leaf, position, velocity, effort)
+                    self._watch(leaf, position, velocity, effort, leaf.name in pushed)
 
-    def _watch(self, leaf: _Leaf, position: float, velocity: float, effort: float) -> None:
+    def _watch(self, leaf: _Leaf, position: float, velocity: float, effort: float, pushed: bool) -> None:
         leaf.drift = DRIFT_DECAY * leaf.drift + position - leaf.position - velocity * self._time_step
         if abs(leaf.drift) > DRIFT:
             self.jumps.append(Finding(self._stamp, f"{leaf.name} moved by {leaf.drift:.5f} without a velocity"))
             leaf.drift = 0.0
         fault = ""
-        if (leaf.body, leaf.joint) not in self._simulation.interference.pushed:  # that is told as a disturbance
+        if not pushed:  # that is told as a disturbance
             fault = self._fault_of_motor(leaf, velocity, effort) or self._fault_of_speed(leaf, velocity)
         if fault and not leaf.accused:
             self.unexplained_forces.append(Finding(self._stamp, f"{leaf.name} {fault}"))

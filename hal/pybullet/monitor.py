@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+import math
+from typing import Literal
+
+import numpy as np
+
 from bestman_bt.scene import World
 from hal.pybullet.client import ReadPurpose
 from hal.pybullet.contact_watcher import ContactWatcher
-from hal.pybullet.honesty_record import HonestyRecord
+from hal.pybullet.honesty_record import Deed, Finding, HonestyRecord
+from hal.pybullet.interference import Interference
 from hal.pybullet.leaf_watcher import LeafWatcher
 from hal.pybullet.motion_watcher import MotionWatcher
-from hal.pybullet.observation import Observer
+from hal.pybullet.observation import BodyState, Observation, Observer
 from hal.pybullet.open_hand_watcher import OpenHandWatcher
 from hal.pybullet.simulation import Simulation
 from hal.pybullet.tamper_watcher import TamperWatcher
 
 FULL_CHECK_EVERY = 60
+PUT_THERE = (2e-3, 1e-2)
+"""Metres and radians from where somebody has put it, within which an object is at the next look."""
 
 
 class HonestyMonitor:
-    """Watches one simulation of ``world`` from the moment its scene is built."""
+    """Watches one simulation of ``world`` from the moment its scene is built.
+
+    What somebody tells of by ``interference`` is forgiven him: it explains what happens to one object, door or drawer
+    for a while. Each such deed is in the record for good, whatever becomes of ``interference``: whoever evaluates
+    compares it with what his own script has done.
+    """
 
     def __init__(self, simulation: Simulation, world: World) -> None:
         self._simulation = simulation
@@ -29,6 +42,9 @@ class HonestyMonitor:
         self._leaves = LeafWatcher(simulation, world, reader)
         self._open_hand = OpenHandWatcher(simulation, client, reader)
         self._tampering = TamperWatcher(simulation, client, reader)
+        self.interference = Interference()
+        self._deeds: tuple[Deed, ...] = ()
+        self._new: list[Deed] = []
         self._looks = self._steps = 0
         simulation.step_observers.append(self._after_step)
         simulation.observers.append(self._look)
@@ -37,7 +53,8 @@ class HonestyMonitor:
         """What was seen up to now."""
         simulation, motions, leaves, tampering = self._simulation, self._motions, self._leaves, self._tampering
         stamp = simulation.steps * simulation.parameters.time_step
-        tampering.watch_everything(stamp)
+        self._take_in_deeds()
+        tampering.watch_everything(stamp, self._forgiven("slip", stamp))
         counts = simulation.client.counts
         return HonestyRecord(
             duration=stamp,
@@ -57,28 +74,66 @@ class HonestyMonitor:
             penetrations=self._contacts.penetrations(),
             disturbances=tuple(
                 sorted(
-                    (*simulation.walkers.log, *simulation.moving_doors.log, *simulation.interference.log),
+                    (
+                        *simulation.walkers.log,
+                        *simulation.moving_doors.log,
+                        *(Finding(deed.stamp, deed.text) for deed in self._deeds),
+                        *self.interference.log,
+                    ),
                     key=lambda finding: finding.stamp,
                 )
             ),
+            deeds=self._deeds,
             missed_looks=max(0, simulation.steps // simulation.parameters.monitor_every - self._looks)
             + max(0, simulation.steps - self._steps),
         )
 
     def _after_step(self) -> None:
+        self._take_in_deeds()
         self._motions.integrate()
-        self._leaves.watch_step()
+        self._leaves.watch_step(self._forgiven("push", self._simulation.steps * self._simulation.parameters.time_step))
         self._steps += 1
 
     def _look(self) -> None:
         motions, contacts = self._motions, self._contacts
         observation = self._observer.observe()
-        contacts.watch(observation)
-        put_down = self._simulation.interference.put_down
+        slipping = self._forgiven("slip", observation.stamp)
+        contacts.watch(observation, slipping)
+        put_down = self._put_down(observation)
         motions.watch(observation, contacts.touched, contacts.robot_forces, put_down)
         self._open_hand.watch(observation, contacts.robot_forces, put_down)
-        put_down.clear()
         self._tampering.watch_constraints(observation.stamp)
         self._looks += 1
         if self._looks % FULL_CHECK_EVERY == 0:
-            self._tampering.watch_everything(observation.stamp)
+            self._tampering.watch_everything(observation.stamp, slipping)
+
+    def _take_in_deeds(self) -> None:
+        """After every step, and never forgotten."""
+        deeds = self.interference.deeds
+        if deeds != self._deeds:
+            new = [deed for deed in deeds if deed not in self._deeds]
+            self._deeds += tuple(new)
+            self._new += new
+
+    def _forgiven(self, kind: Literal["slip", "push"], now: float) -> frozenset[str]:
+        """The objects, or doors and drawers, to which that is being done."""
+        return frozenset(
+            deed.name
+            for deed in self._deeds
+            if deed.kind == kind and deed.stamp <= now <= deed.until and not self.interference.rests(deed)
+        )
+
+    def _put_down(self, observation: Observation) -> set[int]:
+        """The objects that somebody has put, since the look before, where they are now."""
+        objects = self._simulation.built.objects
+        new, self._new = self._new, []
+        return {
+            objects[deed.name]
+            for deed in new
+            if deed.kind == "put" and _is_at(observation.bodies[objects[deed.name]], deed.pose)
+        }
+
+
+def _is_at(state: BodyState, pose: tuple[float, ...]) -> bool:
+    cosine = min(1.0, abs(float(np.dot(state.quaternion, pose[3:]))))
+    return math.dist(state.position, pose[:3]) < PUT_THERE[0] and 2.0 * math.acos(cosine) < PUT_THERE[1]

@@ -23,6 +23,7 @@ from hal.pybullet.force_torque import SimulatedForceTorque
 from hal.pybullet.gripper import SimulatedGripper
 from hal.pybullet.honesty_record import HonestyRecord
 from hal.pybullet.imu import SimulatedImu
+from hal.pybullet.interference import Interference
 from hal.pybullet.joint_group import SimulatedJointGroup
 from hal.pybullet.legged_base import LEGS_CANNOT, SimulatedLeggedBase
 from hal.pybullet.lidar import SimulatedLidar
@@ -117,6 +118,12 @@ class PyBulletRobot(Robot):
         if self._simulation is None or self._monitor is None:
             raise NotConnectedError("the robot is not connected: ask for its record before disconnect()")
         return self._monitor.record()
+
+    def interference(self) -> Interference:
+        """Where somebody who interferes tells the monitor of it; once the truth is closed, nobody listens there."""
+        if self._monitor is None or self.simulation.client.truth_closed:
+            return Interference()
+        return self._monitor.interference
 
     def close_truth(self) -> None:
         """Everybody who evaluates has a view of the truth: whoever opens one from now on is counted. NotConnectedError.

@@ -13,7 +13,6 @@ from bestman_bt.messages import Pose
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.pybullet.client import PhysicsClient, Reader, SimulationError
-from hal.pybullet.interference import Interference
 from hal.pybullet.latches import Latches
 from hal.pybullet.moving_doors import MovingDoors
 from hal.pybullet.parameters import PhysicsParameters
@@ -28,8 +27,7 @@ class Simulation:
 
     ``controls`` run every control period before the step, ``effort_controls`` before every step;
     ``step_observers`` run after every step, ``observers`` after every ``monitor_every``-th. ``torques``: what parts
-    that command torques exert at the driven joints, NaN where pybullet's own motors work. ``interference``: what a
-    script does to the world.
+    that command torques exert at the driven joints, NaN where pybullet's own motors work.
     """
 
     def __init__(self, client: PhysicsClient, model: RobotModel, world: World, parameters: PhysicsParameters) -> None:
@@ -41,7 +39,6 @@ class Simulation:
         self.effort_controls: list[Callable[[], None]] = []
         self.step_observers: list[Callable[[], None]] = []
         self.observers: list[Callable[[], None]] = []
-        self.interference = Interference()
         latches = Latches(client, world, self.built.articulations)
         if latches:
             self.effort_controls.append(latches.update)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 from hal.pybullet.client import PhysicsClient, Reader
@@ -10,6 +11,8 @@ from hal.pybullet.honesty_record import Finding
 from hal.pybullet.simulation import Simulation
 
 FIXED_BODY_MOVED = 1e-4
+FRICTIONS = (1, 7)
+"""Where lateral and spinning friction are in what pybullet tells of a body."""
 ENGINE_KEYS = ("fixedTimeStep", "gravityAccelerationX", "gravityAccelerationY", "gravityAccelerationZ")
 
 
@@ -18,7 +21,8 @@ class TamperWatcher:
 
     def __init__(self, simulation: Simulation, client: PhysicsClient, reader: Reader) -> None:
         built = simulation.built
-        self._simulation, self._client, self._reader = simulation, client, reader
+        self._client, self._reader = client, reader
+        self._objects = built.objects
         self._fixed = {**built.walls, **built.furniture, "floor": built.floor}
         self._names = {built.robot: "robot", **built.body_names}
         self._constraints = built.constraints
@@ -37,12 +41,13 @@ class TamperWatcher:
             self.hidden_constraints.append(Finding(stamp, f"there are {count} constraints, {self._constraints} before"))
             self._constraints = count
 
-    def watch_everything(self, stamp: float) -> None:
-        """Once in a while, and at the end."""
+    def watch_everything(self, stamp: float, slippery: Collection[str] = ()) -> None:
+        """Once in a while, and at the end; ``slippery``: objects that may be without friction, and nothing else."""
         self.watch_constraints(stamp)
         engine, bodies = self._engine_state(), self._body_states()
-        slippery = self._simulation.interference.slippery
-        bodies |= {place: state for place, state in self._bodies.items() if place[0] in slippery}
+        for name in slippery:
+            base = (self._objects[name], -1)
+            bodies[base] = _with_friction(bodies[base], self._bodies[base])
         for key in engine:
             if engine[key] != self._engine[key]:
                 self.changes.append(Finding(stamp, f"{key} changed from {self._engine[key]} to {engine[key]}"))
@@ -74,3 +79,8 @@ class TamperWatcher:
     def _place(self, body: int) -> tuple[float, ...]:
         position, quaternion = self._reader.getBasePositionAndOrientation(body)
         return (*position, *quaternion)
+
+
+def _with_friction(state: tuple[Any, ...], before: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The state with the friction that it had before, where it has none now."""
+    return tuple(before[index] if index in FRICTIONS and value == 0.0 else value for index, value in enumerate(state))

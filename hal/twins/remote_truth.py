@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Pose
-from hal.pybullet import ContactIncident, Finding, GroundTruth, HonestyRecord, Penetration
+from hal.pybullet import ContactIncident, Deed, Finding, GroundTruth, HonestyRecord, Penetration
 from hal.twins.json_lines import ask
 
 FINDINGS = (
@@ -84,6 +84,7 @@ class RemoteTruth(GroundTruth):
             record[name] = tuple(Finding(**finding) for finding in record[name])
         record["contacts"] = tuple(ContactIncident(**_tupled(contact, "roles")) for contact in record["contacts"])
         record["penetrations"] = tuple(Penetration(**penetration) for penetration in record["penetrations"])
+        record["deeds"] = tuple(Deed(**_tupled(deed, "pose")) for deed in record["deeds"])
         return HonestyRecord(**record)
 
     def _ask(self, question: str, name: str = "") -> Any:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.engine import Tree
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.messages import Pose
@@ -45,6 +46,7 @@ class Stage:
     def told(self) -> list[str]:
         assert isinstance(self.session.robot, PyBulletRobot)
         record = self.session.robot.honesty_record()
+        assert record.deeds == self.script.deeds
         assert not record.jumps
         assert not record.changes
         assert not record.unexplained_forces
@@ -169,3 +171,25 @@ def test_a_grasp_slips_and_the_tree_recovers() -> None:
 
 def test_a_run_without_disturbances_has_none(fetch) -> None:
     assert fetch.result["audit"]["disturbances"] == []
+
+
+def test_a_task_without_disturbances_forgives_nothing() -> None:
+    """A plug-in that makes a disturber in time, and uses it during the run, is found by ``run_episode`` itself."""
+    made: list[Disturber] = []
+
+    def watch(session: Session, tree: Tree) -> Callable[[], None]:
+        cup = next(placed for placed in session.setup.world.objects if placed.name == "cup")
+        done = []
+
+        def after_tick() -> None:
+            if not done:
+                done.append(
+                    made[0].move_object("cup", Pose(cup.pose.position + np.array((0.0, 0.1, 0.0))), "table/top")
+                )
+
+        return after_tick
+
+    config = load_run("pick_place_table", seed=3, settings=["time_limit=1 s", "predicate=null"])
+    result = run_episode(config, watch=watch, prepare_robot=lambda robot: made.append(Disturber(robot)))
+    assert result.audit["tampering"] == 1
+    assert any("not by the task's script: somebody moves the cup" in finding for finding in result.audit["findings"])

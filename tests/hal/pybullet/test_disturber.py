@@ -51,19 +51,19 @@ def slip(robot_model, table_worlds, operator) -> Iterator[tuple[dict[str, float]
         hand, somebody = operator(robot), Disturber(robot)
         friction = robot.simulation.client.getDynamicsInfo(robot.simulation.built.objects["can"], -1)[1]
         stood = hand.truth.object_pose("can").position[2]
-        seen = {"slips untouched": float(somebody.let_slip("can"))}
+        seen = {"slips untouched": float(somebody.let_slip("can") is not None)}
         hand.grasp("can")
-        seen["moved from the hand"] = float(
-            somebody.move_object("can", Pose(np.array([0.65, 0.3, stood]), np.array([0.0, 0.0, 0.0, 1.0])), "table/top")
-        )
+        elsewhere = Pose(np.array([0.65, 0.3, stood]), np.array([0.0, 0.0, 0.0, 1.0]))
+        seen["moved from the hand"] = float(somebody.move_object("can", elsewhere, "table/top") is not None)
         hand.move_vertically(0.1)
         seen["lifted"] = hand.truth.object_pose("can").position[2] - stood
-        seen["slips held"] = float(somebody.let_slip("can"))
+        deed = somebody.let_slip("can")
+        seen["slips held"] = float(deed is not None)
         robot.clock.sleep(1.0)
         seen["fallen"] = hand.truth.object_pose("can").position[2] - stood
         now = robot.simulation.client.getDynamicsInfo(robot.simulation.built.objects["can"], -1)[1]
         seen["friction lost"] = friction - now
-        yield seen, audit(robot.honesty_record(), ALLOWED)
+        yield seen, audit(robot.honesty_record(), ALLOWED, [deed])
 
 
 def test_what_is_held_slips_out_of_the_hand_and_is_as_it_was_then(slip: tuple[dict[str, float], Audit]) -> None:
@@ -90,7 +90,7 @@ def test_somebody_puts_a_can_elsewhere_and_nothing_counts_as_teleported(robot_mo
         truth, somebody = GroundTruth(robot), Disturber(robot)
         robot.clock.sleep(3.0)  # it sleeps
         place = Pose(truth.object_pose("can").position + np.array(BESIDE))
-        assert somebody.move_object("can", place, "table/top")
+        deed = somebody.move_object("can", place, "table/top")
         robot.clock.sleep(1.0)
         assert np.linalg.norm(truth.object_pose("can").position - place.position) < 0.002
         assert truth.supports("can") == ("table",)
@@ -98,7 +98,7 @@ def test_somebody_puts_a_can_elsewhere_and_nothing_counts_as_teleported(robot_mo
         assert not somebody.move_object("can", within, "the table's board")
         robot.clock.sleep(0.5)
         assert np.linalg.norm(truth.object_pose("can").position - place.position) < 0.002
-        judged = audit(robot.honesty_record())
+        judged = audit(robot.honesty_record(), script=[deed])
         assert judged.honest, judged.findings
         assert told(judged) == ["somebody moves the can by 0.25 m, on table/top"]
 
@@ -134,13 +134,13 @@ def shut(robot_model) -> Iterator[tuple[list[float], Audit]]:
     """Somebody pushes a drawer shut before the robot: how far it was open, every 0.1 s, and what the audit says."""
     with PyBulletRobot(robot_model, chest_world(0.3, DRAWER)) as robot:
         truth, somebody = GroundTruth(robot), Disturber(robot)
-        assert somebody.push_shut(DRAWER, 0.3)
+        deed = somebody.push_shut(DRAWER, 0.3)
         assert not somebody.push_shut(DRAWER, 0.3)  # with one hand
         seen = []
         for _ in range(15):
             robot.clock.sleep(0.1)
             seen.append(truth.articulation_position(DRAWER))
-        yield seen, audit(robot.honesty_record())
+        yield seen, audit(robot.honesty_record(), script=[deed])
 
 
 def test_a_drawer_is_pushed_shut_at_the_speed_of_a_hand(shut: tuple[list[float], Audit]) -> None:
@@ -162,7 +162,7 @@ def test_nobody_pushes_a_drawer_that_the_robot_stands_at(robot_model) -> None:
 def test_the_hand_waits_while_the_robot_comes_near(robot_model) -> None:
     with PyBulletRobot(robot_model, chest_world(0.2, DRAWER)) as robot:
         truth, somebody, base = GroundTruth(robot), Disturber(robot), robot.part("base", MobileBase)
-        assert somebody.push_shut(DRAWER, 0.02)
+        deed = somebody.push_shut(DRAWER, 0.02)
         for _ in range(12):
             base.set_velocity(0.3, 0.0, 0.0)
             robot.clock.sleep(0.05)
@@ -171,7 +171,7 @@ def test_the_hand_waits_while_the_robot_comes_near(robot_model) -> None:
         robot.clock.sleep(1.0)
         assert truth.articulation_position(DRAWER) == pytest.approx(waits, abs=1e-4)
         assert 0.1 < waits < OPEN - 0.005
-        judged = audit(robot.honesty_record())
+        judged = audit(robot.honesty_record(), script=[deed])
         assert judged.honest, judged.findings
         assert judged.faults(0.002) == ()
 
@@ -179,14 +179,14 @@ def test_the_hand_waits_while_the_robot_comes_near(robot_model) -> None:
 def test_a_drawer_that_moves_by_itself_while_another_is_pushed_is_seen(robot_model) -> None:
     with PyBulletRobot(robot_model, chest_world(0.3, DRAWER, OTHER)) as robot:
         somebody = Disturber(robot)
-        assert somebody.push_shut(DRAWER, 0.3)
+        deed = somebody.push_shut(DRAWER, 0.3)
         robot.clock.sleep(0.1)
         place, server = robot.simulation.built.articulations[OTHER], robot.simulation.client.id
         _hidden("setJointMotorControl2")(
             *place, pybullet.VELOCITY_CONTROL, targetVelocity=-0.3, force=40.0, physicsClientId=server
         )
         robot.clock.sleep(0.3)
-        judged = audit(robot.honesty_record())
+        judged = audit(robot.honesty_record(), script=[deed])
         assert judged.tampering >= 1
         assert any(OTHER in finding for finding in judged.findings)
         assert not any(DRAWER in finding for finding in judged.findings)
