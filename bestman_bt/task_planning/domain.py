@@ -179,7 +179,8 @@ def full_name(problem: Problem, name: str, kind: str) -> str:
         )
     others = [one for one in known if one != found and (one in of_furniture or name in _words(one))]
     if others:
-        _LOG.warning("%r is taken for %s; there are also %s", name, found, ", ".join(others))
+        verb = "are" if len(others) > 1 else "is"
+        _LOG.warning("%r is taken for %s; there %s also %s", name, found, verb, ", ".join(others))
     return found
 
 

@@ -66,7 +66,7 @@ def test_a_name_without_its_number_is_the_first_and_the_others_are_told(domain, 
 @pytest.mark.parametrize(
     ("goal", "words"),
     [
-        ("on(mug, microwave)", "'microwave' is taken for microwave/top; there are also microwave/inside"),
+        ("on(mug, microwave)", "'microwave' is taken for microwave/top; there is also microwave/inside"),
         ("closed(door)", "'door' is taken for microwave/door; there are also"),
     ],
 )

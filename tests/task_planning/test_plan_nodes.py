@@ -14,13 +14,15 @@ from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, ManualClock, NodeRegistry, PortInformation, Tree, load_tree
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.registry import PLANNERS
 from bestman_bt.robot_model import ArmModel, BaseModel, RobotModel
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import ReactiveBuilder, SequenceBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.predicates import Beliefs
-from bestman_bt.task_planning.symbolic import SymbolicPlanner
+from bestman_bt.task_planning.symbolic import Problem, SymbolicPlanner, TaskPlan
 from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
 
 CUP = ObjectModel("cup", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box((0.06, 0.06, 0.1)), Pose()),))
@@ -126,9 +128,16 @@ def skills() -> Any:
     return context
 
 
-def planned(skills: Any, library: NodeRegistry, goal: str, builder: str = "reactive", limits: str = "") -> Tree:
+def planned(
+    skills: Any,
+    library: NodeRegistry,
+    goal: str,
+    builder: str = "reactive",
+    limits: str = "",
+    planner: str = "symbolic",
+) -> Tree:
     """The shipped tree that reaches a goal."""
-    how = f'planner="symbolic" builder="{builder}" limits="{limits}" replans="6"'
+    how = f'planner="{planner}" builder="{builder}" limits="{limits}" replans="6"'
     main = f'<SubTree ID="ReachGoal" name="reach" goal="{goal}" {how}/>'
     xml = (
         '<root BTCPP_format="4" main_tree_to_execute="Main"><include path="plan_and_execute.xml"/>'
@@ -205,6 +214,28 @@ def test_after_all_places_were_searched_it_says_so_with_their_names(skills: Any,
     assert unplanned(skills) == [("unsolvable", why)]
 
 
+class Listing(TaskPlanner):
+    """A planner of somebody else, that returns what is no plan."""
+
+    def plan(self, problem: Problem) -> TaskPlan:
+        """Not as it should."""
+        return []  # type: ignore[return-value]
+
+
+@pytest.mark.parametrize(
+    ("target", "words"),
+    [(f"{__name__}:Listing", "Listing should return a TaskPlan, got list"), ("no_module:X", "cannot be imported")],
+)
+def test_a_planner_that_gives_no_plan_fails_the_leaf_and_not_the_run(
+    skills: Any, library: NodeRegistry, monkeypatch: pytest.MonkeyPatch, target: str, words: str
+) -> None:
+    monkeypatch.setitem(PLANNERS._entries, "odd", target)
+    assert run(planned(skills, library, "on(cup, desk)", planner="odd")) == FAILURE
+    code, why = unplanned(skills)[0]
+    assert code == "no_plan"
+    assert words in why
+
+
 def test_limits_bind_the_plans_that_a_tree_makes(skills: Any, library: NodeRegistry) -> None:
     assert run(planned(skills, library, "on(cup, desk)", limits="steps=3; without=table")) == SUCCESS
     skills.world.objects["cup"] = believed("cup", "table/top")
@@ -219,6 +250,7 @@ def test_limits_bind_the_plans_that_a_tree_makes(skills: Any, library: NodeRegis
     ("goal", "why"),
     [
         ("on(cupp, desk)", "unknown object 'cupp'; did you mean 'cup'?"),
+        (" ", "the goal is empty; name at least one fact"),
         ("onn(cup, desk)", "unknown predicate 'onn'; did you mean 'on'?"),
     ],
 )
