@@ -43,3 +43,16 @@ class BelieveLocked(InstantSkill):
         """Writes a belief; moves nothing."""
         name: str = find_leaf(self.skills, self.get_input("container")).articulation
         self.skills.world.locked.add(name)
+
+
+class BelieveStuck(InstantSkill):
+    """Remember that a door or drawer could not be opened for now, so that something else is tried first.
+
+    What moves a door or drawer clears it, and ``ForgetBlocked``.
+    """
+
+    INPUT_PORTS: ClassVar = {"container": _CONTAINER}
+
+    def act(self) -> None:
+        """Writes a belief; moves nothing."""
+        self.skills.world.blocked.add(find_leaf(self.skills, self.get_input("container")).articulation)

@@ -172,6 +172,12 @@ BLOCKED = Predicate(
     "there was nowhere to stand from where the {place} could be reached, and no door or drawer has moved since",
     lambda beliefs, place: place in beliefs.world.blocked,
 )
+STUCK = Predicate(
+    "stuck",
+    {"container": "container"},
+    "the {container} could not be opened, for no reason that has to last, and no door or drawer has moved since",
+    lambda beliefs, container: container in beliefs.world.blocked,
+)
 BEHIND = Predicate(
     "behind",
     {"place": "place", "container": "container"},

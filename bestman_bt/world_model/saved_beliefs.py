@@ -113,7 +113,7 @@ class SavedPiece:
 class SavedBeliefs:
     """``openings``: ``furniture/leaf`` → metres or radians. ``searched``: object → surface → when, in vain since it was
     lost. ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
-    ``blocked``: surfaces that could be reached from nowhere.
+    ``blocked``: surfaces that could be reached from nowhere, doors and drawers that could not be opened for now.
     """
 
     base: SavedBase | None = None
@@ -227,7 +227,10 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
         asked.append((("held", "what", "model"), "model", beliefs.held.what.model, models))
     asked += [(("openings", name), "door or drawer", name, leaves) for name in beliefs.openings]
     asked += [(("locked", at), "door or drawer", name, leaves) for at, name in enumerate(beliefs.locked)]
-    asked += [(("blocked", at), "surface", name, surfaces) for at, name in enumerate(beliefs.blocked)]
+    asked += [
+        (("blocked", at), "surface, door or drawer", name, [*surfaces, *leaves])
+        for at, name in enumerate(beliefs.blocked)
+    ]
     asked += [(("furniture", name), "furniture", name, list(start.map.furniture)) for name in beliefs.furniture]
     for name, place in beliefs.told.items():
         asked += [(("told", name), "object", name, things), (("told", name), "surface", place, surfaces)]

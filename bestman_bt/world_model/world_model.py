@@ -115,7 +115,8 @@ class WorldModel:
     that are not named are closed; at first those of the map. ``occupancy``: what was seen to be free and filled, in the
     map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain.
     ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
-    ``blocked``: surfaces that could be reached from nowhere, as long as no door or drawer has moved since.
+    ``blocked``: surfaces that could be reached from nowhere, and doors and drawers that could not be opened for want
+    of something that may change; until a door or drawer moves.
     """
 
     map: SemanticMap
