@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.run_view import CONSOLE
-
 
 def _size(text: str) -> str:
-    width, _, height = text.partition("x")
-    if not (width.isdigit() and height.isdigit()):
+    if re.fullmatch("[0-9]{1,5}x[0-9]{1,5}", text) is None:
         raise typer.BadParameter(f"a size is WIDTHxHEIGHT, such as 960x720, got '{text}'")
     return text
 
@@ -38,6 +36,7 @@ def command(
     ] = False,
 ) -> None:
     """Make pictures and a film of a run that has ended."""
+    from bestman_bt.cli.run_view import CONSOLE
     from bestman_bt.evaluation.film.filmed_run import FilmError, read_filmed_run
     from bestman_bt.evaluation.film.rendering import RenderOptions, render
     from bestman_bt.visualization.blender import BlenderError

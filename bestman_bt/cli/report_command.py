@@ -10,8 +10,6 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.options import writable_file
-from bestman_bt.evaluation.report.page import report_page
-from bestman_bt.evaluation.report.run_reader import ReportError, read_story, run_folders
 
 
 def _writable_html(path: Path) -> Path:
@@ -29,6 +27,9 @@ def command(
     ] = Path("report.html"),
 ) -> None:
     """Write one HTML page that tells what happened in a run, or what many runs say together."""
+    from bestman_bt.evaluation.report.page import report_page
+    from bestman_bt.evaluation.report.run_reader import ReportError, read_story, run_folders
+
     stories, faults = [], []
     try:
         folders = list(dict.fromkeys(folder.resolve() for given in runs for folder in run_folders(given)))
@@ -41,7 +42,11 @@ def command(
             faults.append(error)
     if not stories:
         sys.exit(_refuse(*faults))
-    out.write_text(report_page(stories, datetime.now()), encoding="utf-8")
+    page = report_page(stories, datetime.now())
+    try:
+        out.write_text(page, encoding="utf-8")
+    except OSError as error:
+        sys.exit(_refuse(ReportError(f"{out} cannot be written: {error.strerror or error}")))
     for fault in faults:
         print(f"bestman-bt: left out: {fault}", file=sys.stderr)
     for story in stories:

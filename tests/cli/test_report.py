@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -56,6 +58,25 @@ def test_wrong_input_is_told_and_nothing_is_written(
     assert answer.code == 2
     assert words in " ".join(answer.err.replace("│", " ").split())
     assert not list(folder.iterdir())
+
+
+def test_a_page_that_cannot_be_written_is_told(bestman_bt: Command, folder: Path) -> None:
+    write_run(folder / "run")
+    (folder / "full.html").symlink_to("/dev/full")
+
+    answer = bestman_bt("report", "run", "-o", "full.html")
+
+    assert answer.code == 2
+    assert "full.html cannot be written: No space left on device" in answer.err
+
+
+@pytest.mark.parametrize("verb", ["report", "render"])
+def test_the_help_comes_without_the_simulator(verb: str) -> None:
+    program = f"import sys; import bestman_bt.cli.{verb}_command; print('pybullet' in sys.modules)"
+
+    imported = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+
+    assert imported.stdout == "False\n"
 
 
 def test_a_run_that_was_killed_is_reported_as_interrupted_up_to_its_last_moments(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from bestman_bt.configuration import RunConfig, read_run
 from bestman_bt.engine import RUNNING, EngineError
-from bestman_bt.engine.logs import logged_nodes, read_btlog
+from bestman_bt.engine.logs import LogError, logged_nodes, read_btlog
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.task_goals import task_goals
 from bestman_bt.scene import World, draw_world, load_scene
@@ -69,8 +69,11 @@ def _doings(log: Path) -> tuple[tuple[float, str], ...]:
     """Which leaf ran, from when on; of several at once the last in the tree."""
     if not log.is_file():
         return ()
-    read = read_btlog(log)
-    leaves = {node.uid: node.type for node in logged_nodes(read.xml, str(log)) if node.is_leaf}
+    try:
+        read = read_btlog(log)
+        leaves = {node.uid: node.type for node in logged_nodes(read.xml, str(log)) if node.is_leaf}
+    except (LogError, OSError) as error:
+        raise FilmError(f"which leaf ran when cannot be told: {error}") from error
     running: set[int] = set()
     found = [(0.0, "")]
     for change in read:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,6 +51,8 @@ def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[st
     if options.film:
         require_film_writer()
     python = blender_python() if options.blender else None
+    with _written_into(out):
+        out.mkdir(parents=True, exist_ok=True)
     with Stage(run) as stage:
         tell("choosing where the camera stands")
         shot = plan_shot(run, stage)
@@ -60,17 +63,25 @@ def render(run: FilmedRun, out: Path, options: RenderOptions, tell: Callable[[st
             pictures = _painted(run, frames, options, python, tell)
         else:
             pictures = _photographed(stage, frames, options, tell)
-    out.mkdir(parents=True, exist_ok=True)
     written = []
-    for time, picture in zip(stills, pictures, strict=False):
-        written.append(out / f"still-{time:06.2f}.jpg")
-        write_still(picture, written[-1], LARGEST_STILL)
-    if options.film:
-        written.append(out / "film.mp4")
-        told = [caption(run, shot, time) for time in shot.times]
-        film = [captioned(picture, text) for picture, text in zip(pictures[len(stills) :], told, strict=True)]
-        write_film(film, written[-1], LARGEST_FILM)
+    with _written_into(out):
+        for time, picture in zip(stills, pictures, strict=False):
+            written.append(out / f"still-{time:06.2f}.jpg")
+            write_still(picture, written[-1], LARGEST_STILL)
+        if options.film:
+            written.append(out / "film.mp4")
+            told = [caption(run, shot, time) for time in shot.times]
+            film = [captioned(picture, text) for picture, text in zip(pictures[len(stills) :], told, strict=True)]
+            write_film(film, written[-1], LARGEST_FILM)
     return written
+
+
+@contextmanager
+def _written_into(out: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise FilmError(f"{out} cannot be written: {error.strerror or error}") from error
 
 
 Frame = tuple[RobotSnapshot, Viewpoint]

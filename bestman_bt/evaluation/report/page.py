@@ -51,7 +51,7 @@ def report_page(stories: Sequence[RunStory], now: datetime) -> str:
     shown = [_shown(story) for story in detailed[:MAX_DETAILED]]
     tasks = list(dict.fromkeys(story.task for story in stories))
     first = stories[0]
-    return environment.get_template("page.html").render(
+    page = environment.get_template("page.html").render(
         title=f"Runs of {', '.join(tasks[:4])}" if many else f"{first.task}, seed {first.seed}: {first.outcome}",
         style=Markup((TEMPLATES / "style.css").read_text(encoding="utf-8")),  # our own file
         version=version("bestman-bt"),
@@ -65,6 +65,7 @@ def report_page(stories: Sequence[RunStory], now: datetime) -> str:
         slow=slow_nodes(stories) if many else [],
         faults=FAULTS,
     )
+    return page.encode("utf-8", "replace").decode("utf-8")  # JSON and file names may hold halves of characters
 
 
 def _shown(story: RunStory) -> _ShownRun:

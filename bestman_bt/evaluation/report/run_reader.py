@@ -18,6 +18,7 @@ from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import logged_nodes, read_btlog
 from bestman_bt.evaluation.report.activities import activities
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
+from bestman_bt.evaluation.report.plain_yaml import read_plain_yaml
 from bestman_bt.evaluation.report.story import (
     INTERRUPTED,
     STILL_RUNNING,
@@ -33,8 +34,9 @@ from bestman_bt.monitor.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_
 
 RESULT, CONFIG = "result.json", "config.yaml"
 PARTS = (RESULT, CONFIG, STATES_FILE, EVENTS_FILE, LOG_FILE)
-MAX_BYTES = {RESULT: 4_000_000, CONFIG: 1_000_000, STATES_FILE: 32_000_000}
+MAX_BYTES = {RESULT: 4_000_000, CONFIG: 256_000, STATES_FILE: 32_000_000}
 """Of what is read at once; events and log are read in bounded segments."""
+LONGEST_TEXT = 200
 MAX_FAILURES = 200
 MAX_PICTURES = 50
 NAMED_PICTURES = ("start", "grasp", "end")
@@ -156,7 +158,7 @@ def _settings(about: dict[str, Any]) -> str:
     for kind in ("scene", "robot"):
         settings = about.get(f"{kind}_settings")
         if isinstance(settings, dict):
-            found += [f"{kind}.{_text(key)}={_text(value)}" for key, value in settings.items()]
+            found += [f"{kind}.{key}={value}"[:LONGEST_TEXT] for key, value in settings.items()]
     return ", ".join(found)
 
 
@@ -178,7 +180,7 @@ def _read_result(path: Path, parts: _Parts) -> None:
 
 def _read_config(path: Path, parts: _Parts) -> None:
     parts.config = path.read_text(encoding="utf-8")
-    about = yaml.safe_load(parts.config)
+    about = read_plain_yaml(parts.config)
     if not isinstance(about, dict):
         raise ReportError("it holds no configuration of a run")
     parts.about = about
@@ -280,11 +282,12 @@ def _picture(folder: Path, name: str, caption: str, parts: _Parts) -> StoryPictu
 
 
 def _text(value: Any) -> str:
-    return "" if value is None else str(value)[:200]
+    return value[:LONGEST_TEXT] if isinstance(value, str) else ""
 
 
 def _number(value: Any) -> int:
-    return value if isinstance(value, int) else 0
+    text = _text(value)
+    return int(text) if text.isascii() and text.isdigit() else 0
 
 
 def _short(error: Exception) -> str:

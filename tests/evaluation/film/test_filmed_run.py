@@ -37,6 +37,15 @@ def test_a_scene_that_has_changed_since_the_run_is_refused(run_folder: Path, tmp
         read_filmed_run(tmp_path)
 
 
+@pytest.mark.parametrize("content", [b"\x7fELF", b"BTCPP4-FileLogger2\x01\xff\xff\xff\x7f"])
+def test_a_damaged_log_of_states_is_refused_in_words(run_folder: Path, tmp_path: Path, content: bytes) -> None:
+    shutil.copytree(run_folder, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "transitions.btlog").write_bytes(content)
+
+    with pytest.raises(FilmError, match=r"which leaf ran when cannot be told: .*transitions\.btlog"):
+        read_filmed_run(tmp_path)
+
+
 def test_a_damaged_motion_is_refused_with_its_line(run_folder: Path, tmp_path: Path) -> None:
     shutil.copytree(run_folder, tmp_path, dirs_exist_ok=True)
     with (tmp_path / "motion.jsonl").open("a") as motion:

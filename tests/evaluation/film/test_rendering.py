@@ -55,6 +55,13 @@ def test_what_cannot_be_rendered_is_refused(run: FilmedRun, tmp_path: Path, opti
     assert not (tmp_path / "out").exists()
 
 
+def test_a_folder_that_cannot_be_made_is_told_before_anything_is_drawn(run: FilmedRun, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+
+    with pytest.raises(FilmError, match="cannot be written: Not a directory"):
+        render(run, tmp_path / "file" / "out", RenderOptions(), lambda what: pytest.fail(what))
+
+
 def test_without_blender_the_error_says_the_one_command(
     run: FilmedRun, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

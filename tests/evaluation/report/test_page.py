@@ -71,6 +71,19 @@ def test_names_and_words_of_a_run_are_shown_and_never_obeyed(tmp_path: Path) -> 
     assert "<img src=x onerror=alert(1)>" in page.text
 
 
+def test_halves_of_characters_are_shown_as_something_that_can_be_written(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", killed=True)
+    (folder / "config.yaml").write_text('name: "cup \\ud800"\n')
+    with (folder / "log.jsonl").open("a") as log:
+        log.write('{"time": 1.0, "level": "error", "event": "slipped \\udfff", "node": "a"}\n')
+
+    page = report_page([read_story(folder)], NOW)
+
+    assert "cup ?" in page
+    assert "slipped ?" in page
+    assert page.encode("utf-8")
+
+
 def test_the_page_of_a_run_tells_outcome_failure_audit_metrics_and_nodes(tmp_path: Path) -> None:
     text = _page(write_run(tmp_path / "run", success=False)).text
 

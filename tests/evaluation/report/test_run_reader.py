@@ -113,6 +113,7 @@ def test_a_picture_that_leads_out_of_the_folder_is_left_out(tmp_path: Path, name
         ("result.json", json.dumps({"task": 3}).encode(), "result.json was not read to its end: task"),
         ("config.yaml", b"\xff\xfe\x00", "config.yaml was not read"),
         ("config.yaml", b"a: [", "config.yaml was not read"),
+        ("config.yaml", b"[" * 100_000, "config.yaml was not read"),
         ("transitions.btlog", b"MZ" + bytes(100), "is no .btlog file"),
         ("transitions.btlog", b"BTCPP4-FileLogger2\x01\xff\xff\xff\x7f", "cut off within its XML"),
         ("events.jsonl", b"\x00\xff\n" * 3, "events.jsonl was not read to its end"),
@@ -135,6 +136,29 @@ def test_a_part_that_is_too_large_is_not_read(tmp_path: Path, file: str) -> None
         part.truncate(MAX_BYTES[file] + 1)
 
     assert any(note.startswith(f"{file} was not read") and "at most" in note for note in read_story(folder).notes)
+
+
+def test_a_configuration_with_an_alias_bomb_is_refused_at_once(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    bomb = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n"
+    bomb += "".join(f"a{n}: &a{n} [{', '.join(9 * [f'*a{n - 1}'])}]\n" for n in range(1, 10))
+    (folder / "config.yaml").write_text(f"{bomb}name: *a9\n")
+
+    story = read_story(folder)
+
+    assert any("it has aliases" in note for note in story.notes)
+    assert story.config.startswith("a0:")
+
+
+def test_numbers_of_a_configuration_stay_text_however_long_they_are(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", killed=True)
+    digits = "0x" + 100_000 * "f"
+    (folder / "config.yaml").write_text(f"name: [1]\nseed: {digits}\nscene_settings:\n  size: {digits}\n  on: true\n")
+
+    story = read_story(folder)
+
+    assert (story.notes, story.task, story.seed) == ((), folder.name, 0)
+    assert story.settings == f"{('scene.size=' + digits)[:200]}, scene.on=true"
 
 
 def test_a_log_with_an_entity_bomb_is_refused(tmp_path: Path) -> None:
