@@ -19,6 +19,8 @@ LONGEST_LINE = 16 << 20
 FOLLOWED: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "log")
 RETRY = 0.5
 """Seconds between attempts to reach an executor whose connection broke."""
+REFUSALS = 2
+"""So many attempts in a row that nobody listens to: a new executor makes its socket a moment before it listens."""
 ANSWER_WAIT = 5.0
 LOOK_AGAIN = 1.0
 """Seconds without an event after which it is looked whether anybody still wants them."""
@@ -102,17 +104,26 @@ class AttachedRun(MonitoredRun):
         return self.history.end is not None or self.is_lost
 
     async def _follow(self) -> None:
-        """Read events until the end; where the connection breaks and the socket is still there, begin anew."""
-        while True:
+        """Read events until the end; where the connection breaks and somebody still listens, begin anew.
+
+        A process that was killed leaves its socket behind: it is removed.
+        """
+        refusals = 0
+        while refusals < REFUSALS:
             try:
                 if not self.history.about:
                     await self._catch_up()
                 await self._read(FOLLOWED, self._take, lambda: True)
+                refusals = 0
             except (OSError, TimeoutError) as error:
                 self.fault = str(error)
+                refusals = refusals + 1 if isinstance(error, ConnectionRefusedError) else 0
             if self.history.end is not None or not self.socket.exists():
                 break
             await asyncio.sleep(RETRY)
+        else:
+            with contextlib.suppress(OSError):
+                self.socket.unlink()
         self.is_lost = self.history.end is None
         self.wake_watchers()
 

@@ -21,6 +21,12 @@ TOPICS: tuple[Topic, ...] = ("states", "blackboard", "robot", "scan", "images", 
 Level = Literal["debug", "info", "warning", "error"]
 Category = Literal["action", "condition", "control", "decorator", "subtree"]
 
+Tick = Annotated[int, Field(ge=0, lt=1 << 53)]
+"""As large as browsers count."""
+Started = Annotated[float, Field(ge=0.0, le=1e11)]
+"""Seconds since the epoch; up to a year of four digits."""
+TickRate = Annotated[float, Field(ge=0.0, le=1e6)]
+
 
 class EventError(ValueError):
     """A line is no event."""
@@ -40,8 +46,8 @@ class RunEvent:
     seed: int
     folder: str
     pid: int
-    started: float
-    tick_rate: float
+    started: Started
+    tick_rate: TickRate
     clock: Literal["simulated", "real"]
     version: int = VERSION
     event: Literal["run"] = "run"
@@ -81,7 +87,7 @@ class StatesEvent:
     """
 
     time: float
-    tick: int
+    tick: Tick
     changes: list[tuple[int, int]]
     messages: dict[int, str] = field(default_factory=dict)
     tree: int = MAIN_TREE
@@ -105,7 +111,7 @@ class BlackboardEvent:
     """The entries that were written, by scope (path of the SubTree, empty for the main tree) and key."""
 
     time: float
-    tick: int
+    tick: Tick
     entries: dict[str, dict[str, ShownEntry]]
     event: Literal["blackboard"] = "blackboard"
 
@@ -118,7 +124,7 @@ class RobotEvent:
     """
 
     time: float
-    tick: int
+    tick: Tick
     base: tuple[float, float, float]
     believed_std: tuple[float, float]
     joints: dict[str, float]

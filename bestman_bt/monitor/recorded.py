@@ -17,6 +17,7 @@ from typing import Any, get_args
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import LoggedNode, logged_nodes, read_btlog
+from bestman_bt.engine.logs.regular_file import read_regular
 from bestman_bt.engine.logs.segmented_file import read_segment, segments_to_read
 from bestman_bt.monitor.events import (
     MAIN_TREE,
@@ -159,7 +160,7 @@ def read_into(history: RunHistory, folder: Path) -> None:
         log = list(read_log(folder)) if (folder / LOG_FILE).is_file() else []
         for _, event in heapq.merge(_timed(told), _timed(states), _timed(log), key=itemgetter(0)):
             history.take(event)
-    except (OSError, EngineError, EventError) as error:
+    except (OSError, EngineError, ValueError, TypeError, OverflowError) as error:
         raise RunError(f"{folder.name} cannot be read: {error}") from error
 
 
@@ -214,9 +215,7 @@ def read_result(folder: Path) -> dict[str, Any]:
     try:
         if not path.is_file():
             return {}
-        if path.stat().st_size > LARGEST_RESULT:
-            raise RunError(f"{RESULT_FILE} has more than {LARGEST_RESULT} bytes")
-        result = json.loads(path.read_bytes())
+        result = json.loads(read_regular(path, LARGEST_RESULT))
     except (OSError, ValueError, RecursionError) as error:
         raise RunError(f"{RESULT_FILE} cannot be read: {error}") from error
     if not isinstance(result, dict):
@@ -226,14 +225,12 @@ def read_result(folder: Path) -> dict[str, Any]:
 
 def read_picture(folder: Path, name: str) -> bytes:
     """A picture that an event of this folder names; raises RunError for anything that is not one inside of it."""
-    inside = (folder / PICTURES_FOLDER).resolve()
     try:
+        inside = folder.resolve() / PICTURES_FOLDER  # not resolved itself: it may be a link that leads elsewhere
         path = (folder / name).resolve()
         if not path.is_relative_to(inside) or path.suffix.lower() not in PICTURE_SUFFIXES:
             raise RunError("the run names a file that is no picture of its own")
-        if path.stat().st_size > LARGEST_PICTURE:
-            raise RunError(f"a picture of more than {LARGEST_PICTURE} bytes")
-        return path.read_bytes()
+        return read_regular(path, LARGEST_PICTURE)
     except (OSError, ValueError) as error:
         raise RunError(f"the picture cannot be read: {error}") from error
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import get_args
 
 from bestman_bt.engine import Tree
 from bestman_bt.engine.logs.btlog import BtLogWriter
@@ -20,6 +21,7 @@ from bestman_bt.monitor.events import (
     Event,
     EventError,
     ImageEvent,
+    Level,
     LogEvent,
     RobotEvent,
     RunEvent,
@@ -37,6 +39,8 @@ KEEP_EVENTS, KEEP_LOG = 64 << 20, 16 << 20
 LONGEST_SEGMENT = 4 * SEGMENT
 KEPT_EVERY = {"robot": 0.19, "scan": 1.9}
 """Seconds between those that are kept: of robot states that come each 0.1 s every other."""
+
+_LEVELS = get_args(Level)
 
 
 class RunLogWriter:
@@ -108,15 +112,18 @@ def read_log(folder: Path) -> Iterator[LogEvent]:
     for number, line in _lines(folder / LOG_FILE):
         try:
             document = json.loads(line)
+            level = document["level"]
+            if level not in _LEVELS:
+                raise ValueError(f"the level {level!r}")
             yield LogEvent(
                 float(document["time"]),
-                document["level"],
+                level,
                 str(document["event"]),
                 str(document.get("node", "")),
                 str(document.get("code", "")),
                 str(document.get("logger", "tree")),
             )
-        except (ValueError, TypeError, KeyError, RecursionError) as error:
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             raise EventError(f"{folder / LOG_FILE}: line {number}: no line of a log: {error!r}") from error
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import math
 import time
 from collections.abc import Awaitable, Callable
@@ -27,6 +28,8 @@ MOST_CONTROLS = 16
 """Controls that an executor has not answered yet; a stop is always passed on."""
 REQUESTS_A_SECOND = 200
 """Of one page on average; beyond it requests are read later."""
+
+_LOG = logging.getLogger(__name__)
 
 
 class Viewer:
@@ -78,7 +81,7 @@ class Viewer:
             if self._runs_version != self._runs.version:
                 await self._tell({"type": "runs"} | self._list())
             for updates in list(self._open.values()):
-                for message in updates.messages(time.monotonic()):
+                for message in self._news(updates):
                     await self._tell(message)
             await asyncio.sleep(PERIOD)
             try:
@@ -87,6 +90,13 @@ class Viewer:
             except TimeoutError:
                 continue
             self._wake.clear()
+
+    def _news(self, updates: Updates) -> list[Message]:
+        try:
+            return updates.messages(time.monotonic())
+        except Exception as error:  # noqa: BLE001 - a run that cannot be told is closed, not the page with all others
+            self._close(updates.run.id)
+            return [{"type": "problem", "message": _unexpected(error)}]
 
     def _list(self) -> Message:
         self._runs_version = self._runs.version
@@ -131,10 +141,14 @@ class Viewer:
         try:
             answer = await self._carried_out(asked)
         except RunError as error:
-            if number is None:
-                return {"type": "problem", "message": str(error)}
-            return {"type": "answer", "for": number, "ok": False, "error": str(error)}
-        return answer if answer is not None else {"type": "answer", "for": number, "ok": True}
+            why = str(error)
+        except Exception as error:  # noqa: BLE001 - whatever one request meets, the page goes on
+            why = _unexpected(error)
+        else:
+            return answer if answer is not None else {"type": "answer", "for": number, "ok": True}
+        if number is None:
+            return {"type": "problem", "message": why}
+        return {"type": "answer", "for": number, "ok": False, "error": why}
 
     async def _carried_out(self, asked: Message) -> Message | None:
         what = asked.get("do")
@@ -212,6 +226,11 @@ def _parsed(text: str) -> Message:
     except (ValueError, RecursionError):
         return {}
     return asked if isinstance(asked, dict) and isinstance(asked.get("do"), str) else {}
+
+
+def _unexpected(error: Exception) -> str:
+    _LOG.error("a page could not be answered", exc_info=error)
+    return f"the monitor met what it did not expect: {error!r}"[:500]
 
 
 def _seconds(value: Any) -> float:

@@ -17,6 +17,7 @@ from bestman_bt.monitor.events import (
     to_line,
     topic_of,
 )
+from tests.monitor.conftest import run_event, states_event
 
 
 @pytest.mark.parametrize(
@@ -32,6 +33,22 @@ def test_an_event_comes_back_from_its_line(event: StatesEvent) -> None:
     line = to_line(event)
     assert line.count(b"\n") == 1
     assert from_line(line) == event
+
+
+@pytest.mark.parametrize(
+    "number",
+    [{"tick_rate": 1e308}, {"tick_rate": -1.0}, {"tick_rate": "NaN"}, {"started": 1e18}, {"started": "Infinity"}],
+)
+def test_a_run_whose_numbers_mean_nothing_is_refused(number: dict[str, object]) -> None:
+    line = json.dumps(run_event() | number).replace('"NaN"', "NaN").replace('"Infinity"', "Infinity")
+    with pytest.raises(EventError, match="|".join(number)):
+        from_line(line)
+
+
+@pytest.mark.parametrize("tick", [-1, 1 << 64])
+def test_a_tick_that_no_executor_counts_is_refused(tick: int) -> None:
+    with pytest.raises(EventError, match="tick"):
+        from_line(json.dumps(states_event(1.0) | {"tick": tick}))
 
 
 def test_a_line_says_its_kind_and_has_plain_json() -> None:

@@ -202,6 +202,34 @@ def test_pictures_come_only_from_the_runs_own_folder(folder: Path, name: str) ->
     assert read_picture(folder, "pictures/0001.jpg") == b"\xff\xd8jpeg"
 
 
+def test_a_pictures_folder_that_is_a_link_does_not_leave_the_run(folder: Path) -> None:
+    elsewhere = folder.parent / "elsewhere"
+    (folder / "pictures").rename(elsewhere)
+    (folder / "pictures").symlink_to(elsewhere)
+    with pytest.raises(RunError, match="no picture of its own"):
+        read_picture(folder, "pictures/0001.jpg")
+
+
+def test_a_run_folder_that_is_itself_reached_by_a_link_shows_its_pictures(folder: Path) -> None:
+    link = folder.parent / "link"
+    link.symlink_to(folder)
+    assert read_picture(link, "pictures/0001.jpg") == b"\xff\xd8jpeg"
+
+
+@pytest.mark.parametrize("name", ["events.0001.jsonl.xz", "log.0001.jsonl", "transitions.0001.btlog.xz"])
+def test_a_pipe_among_the_segments_holds_nobody_up(folder: Path, name: str) -> None:
+    os.mkfifo(folder / name)
+    RecordedRun("run-1", folder).look()
+    with pytest.raises(RunError, match="no regular file"):
+        history_of(folder)
+
+
+def test_a_pipe_for_a_picture_is_refused_at_once(folder: Path) -> None:
+    os.mkfifo(folder / "pictures" / "pipe.jpg")
+    with pytest.raises(RunError, match="no regular file"):
+        read_picture(folder, "pictures/pipe.jpg")
+
+
 def test_a_damaged_result_is_told_in_the_log(folder: Path, start_monitor: StartMonitor) -> None:
     (folder / "result.json").write_text("{")
     with start_monitor(folder).page() as page:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import base64
+import os
 import socket
+import subprocess
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.timeline import Timeline
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, Page, states_event, wait_until
 
 StartMonitor = Callable[..., Monitor]
@@ -371,3 +377,51 @@ def test_a_page_that_does_not_read_delays_no_other(executor: FakeExecutor, start
                 states_event(tick / 20, (2, tick % 2), messages={str(uid): f"{tick}{text}" for uid in (1, 2, 3)})
             )
         assert page.next("delta", lambda delta: delta["time"] == 15.0)["id"] == ID
+
+
+def test_an_executor_that_was_killed_is_lost_within_seconds_and_its_socket_removed(
+    start_monitor: StartMonitor,
+) -> None:
+    """``kill -9`` leaves the socket's file behind, at which nobody listens any more."""
+    code = (
+        "import time\nfrom tests.monitor.conftest import FakeExecutor\n"
+        f"FakeExecutor({ID!r})\nprint('ready', flush=True)\ntime.sleep(600)"
+    )
+    search = {"PYTHONPATH": str(Path(__file__).parents[2])}
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=os.environ | search)
+    try:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"ready\n"
+        path = socket_folder() / f"{ID}.sock"
+        monitor = start_monitor()
+        with monitor.page() as page:
+            opened(page)
+            process.kill()
+            process.wait()
+            assert path.exists()
+            (run,) = page.next("runs", lambda message: message["runs"][0]["state"] == "lost", seconds=5.0)["runs"]
+            page.ask("pause", id=ID, n=1)
+            assert page.next("answer", lambda answer: answer["for"] == 1)["error"] == "the run is over"
+    finally:
+        process.kill()
+        process.communicate()
+    assert run["id"] == ID
+    assert not path.exists()
+    wait_until(lambda: monitor.server.runs.is_idle, "the monitor may end", seconds=5.0)
+
+
+def test_a_request_that_meets_a_mistake_of_ours_is_answered_and_the_page_goes_on(
+    executor: FakeExecutor, start_monitor: StartMonitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise OverflowError("too large")
+
+    monkeypatch.setattr(Timeline, "document", broken)
+    with start_monitor().page() as page:
+        opened(page)
+        page.ask("timeline", id=ID, n=1)
+        assert "did not expect: OverflowError" in page.next("answer", lambda answer: answer["for"] == 1)["error"]
+        page.ask("timeline", id=ID)
+        assert "did not expect: OverflowError" in page.next("problem")["message"]
+        page.ask("live", id=ID)
+        assert page.next("state")["live"]

@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+from bestman_bt.engine.logs.regular_file import open_regular
+
 COMPRESSED = ".xz"
 """At its quickest preset three times as small as gzip makes such records, in a third of the time."""
 UNPACKING_MEMORY = 64 << 20
@@ -53,6 +55,7 @@ class SegmentedFile:
     def _begun(self) -> BinaryIO:
         file = self.path.open("wb")
         file.write(self._head())
+        file.flush()  # a log without its head cannot be read
         self._size = 0
         return file
 
@@ -91,9 +94,9 @@ def read_segment(path: Path, limit: int) -> bytes:
     """The bytes of a segment, at most ``limit`` of them; one that is cut off or damaged ends early.
 
     Raises:
-        OSError: it cannot be read.
+        OSError: it cannot be read, or is no regular file.
     """
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         if path.suffix != COMPRESSED:
             return file.read(limit)
         unpacker = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=UNPACKING_MEMORY)
