@@ -58,7 +58,7 @@ def pick() -> Node:
         "from_one_stand",
         [
             BelievedSurface(object="{object}", otherwise="{surface}", surface="{where}"),
-            FindStandPose(object="{object}", surface="{where}", stand="{stand}"),
+            FindStandPose(object="{object}", surface="{where}", stand="{stand}", error_code="{stand_error}"),
             MoveArm(posture="carry"),
             NavigateTo(goal="{stand}"),
             RetryUntilSuccessful("try_looks", [look_and_grasp], num_attempts=2),
@@ -119,7 +119,7 @@ def put_aside() -> Node:
     at_a_free_place = Sequence(
         "at_a_free_place",
         [
-            FindStandPose(surface="{surface}", stand="{stand}"),
+            FindStandPose(surface="{surface}", stand="{stand}", error_code="{stand_error}"),
             MoveArm(posture="carry"),
             carry(),
             LookAt(surface="{surface}"),
@@ -159,7 +159,7 @@ def survey() -> Node:
             Sequence(
                 "survey",
                 [
-                    FindStandPose(surface="{surface}", stand="{stand}"),
+                    FindStandPose(surface="{surface}", stand="{stand}", error_code="{stand_error}"),
                     MoveArm(posture="carry"),
                     NavigateTo(goal="{stand}"),
                     ScanScene(surface="{surface}", views=3),

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
 
 from behaviours.push import STANDOFF, push_tool_poses
 from behaviours.skill import Declaration, SkillFailure
-from behaviours.stand import FindStandPose
+from behaviours.stand import FindStandPose, StandTarget
 from bestman_bt.messages import Pose
 
 
@@ -21,7 +18,7 @@ class FindPushStand(FindStandPose):
 
     DECLARATION = Declaration(pre=("visible({object})",), effects=("stand_known({surface})",))
 
-    def _alternatives(self) -> tuple[Sequence[Sequence[Pose]], NDArray[np.float64]]:
+    def _targets(self) -> list[StandTarget]:
         name: str = self.get_input("object") or ""
         goal: Pose | None = self.get_input("goal")
         belief = self.skills.world.objects.get(name)
@@ -34,4 +31,4 @@ class FindPushStand(FindStandPose):
         for behind in push_tool_poses(belief.model, belief.pose, direction):
             last = Pose(behind.position + way + STANDOFF * direction, behind.quaternion)
             ends.append((behind, last))
-        return ends, belief.pose.position[:2]
+        return [StandTarget(ends, belief.pose.position[:2])]

@@ -33,7 +33,7 @@ HAND_ABOVE = 0.08
 
 
 @dataclass(frozen=True, eq=False)
-class _Target:
+class StandTarget:
     """``tool_poses``: in the map frame, each a sequence of which all are to be reached. ``at``: (2,) what for."""
 
     tool_poses: Sequence[Sequence[Pose]]
@@ -79,7 +79,7 @@ class FindStandPose(Skill):
         self.set_output("stand", best)
         self.feedback_message = f"stand at {best.x:.2f}, {best.y:.2f}, {np.degrees(best.theta):.0f}°"
 
-    def _first_reached(self, furniture: MapFurniture, targets: Sequence[_Target]) -> StepsTo[tuple[StandPose, ...]]:
+    def _first_reached(self, furniture: MapFurniture, targets: Sequence[StandTarget]) -> StepsTo[tuple[StandPose, ...]]:
         """Stands, best first, from where one of the targets is reached, those of the first one that is."""
         for target in targets:
             stands: tuple[StandPose, ...] = yield self.compute("stand_planning", self._rank, furniture, target)
@@ -87,7 +87,7 @@ class FindStandPose(Skill):
                 return stands
         return ()
 
-    def _targets(self) -> list[_Target]:
+    def _targets(self) -> list[StandTarget]:
         """What would do, the best first."""
         skills = self.skills
         goal: Pose | None = self.get_input("goal")
@@ -95,18 +95,18 @@ class FindStandPose(Skill):
         belief = skills.world.objects.get(name)
         if goal is not None and skills.world.held is not None:
             on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
-            return [_Target(place_tool_poses(skills.world.held, on_surface), goal.position[:2])]
+            return [StandTarget(place_tool_poses(skills.world.held, on_surface), goal.position[:2])]
         if belief is not None:
             candidates = grasp_candidates(self.skills, belief)[:8]
             map_from_base = skills.map_from_base
             grasps = [(map_from_base @ c.pre_grasp, map_from_base @ c.grasp) for c in candidates]
-            return [_Target(grasps, belief.pose.position[:2])]
+            return [StandTarget(grasps, belief.pose.position[:2])]
         furniture, surface = find_surface(skills, self.get_input("surface"))
         height = self._middle()[2] + HAND_ABOVE
         points = goal.position[None, :2] if goal is not None else self._parts(furniture, surface)
         within = furniture.is_inside(surface) and surface.leaf is None
         hands = partial(_from_front, heading=furniture.pose.theta) if within else _top_down
-        return [_Target(hands(np.array([*point, height])), point) for point in points]
+        return [StandTarget(hands(np.array([*point, height])), point) for point in points]
 
     def _parts(self, furniture: MapFurniture, surface: MapSurface) -> NDArray[np.float64]:
         """Points (N, 2) of a surface in the map frame, the middle first, then others nearer to its front."""
@@ -124,7 +124,7 @@ class FindStandPose(Skill):
         assert held is not None
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
-    def _rank(self, furniture: MapFurniture, target: _Target) -> tuple[StandPose, ...]:
+    def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
         skills = self.skills
         corners = np.array(skills.base.description.footprint)
         costmap = skills.seen_costmap(DRIVEN)

@@ -94,8 +94,10 @@ class Debugged:
 
 
 @pytest.fixture
-def debugged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Debugged]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+def debugged(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Debugged]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))  # the path of a socket is short
     with Debugged(tmp_path) as debugged:
         debugged.ask("pause")
         yield debugged
