@@ -9,6 +9,7 @@ import { steps } from "./scripted_trees.mjs";
 const { chromium } = PACKAGES("playwright-core");
 const CHROMIUM = process.env.CHROMIUM ?? "/usr/bin/chromium";
 const PATIENCE = 15_000; // ms; reached only on a busy machine, or where the page is wrong
+const SETTLES = 3_000; // ms
 
 let browser;
 let opened = [];
@@ -58,7 +59,15 @@ async function visit(url, server, { width = 1440, height = 900, theme = "light",
   page.on("pageerror", (error) => record.errors.push(String(error)));
   opened.push(record);
   await page.goto(url);
+  await settled(page);
   return record;
+}
+
+/** Waits until the page listens to its keys: a run is open, or, where none is, a moment has passed. */
+async function settled(page) {
+  const open = page.getByRole("tab").first();
+  await open.waitFor({ timeout: SETTLES }).catch(() => undefined);
+  await page.evaluate(() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done))));
 }
 
 /** Waits until `read` gives `expected`; the message of a failure tells what it gave at last. */
