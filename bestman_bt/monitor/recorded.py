@@ -13,12 +13,12 @@ from dataclasses import replace
 from itertools import groupby
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import LoggedNode, logged_nodes, read_btlog
 from bestman_bt.engine.logs.regular_file import read_regular
-from bestman_bt.engine.logs.segmented_file import read_segment, segments_to_read
+from bestman_bt.engine.logs.segmented_file import first_segment, read_segment
 from bestman_bt.monitor.events import (
     MAIN_TREE,
     Category,
@@ -43,6 +43,8 @@ LONGEST_FIRST_LINE = 64 << 10
 LARGEST_RESULT = 1 << 20
 LARGEST_PICTURE = 8 << 20
 _CATEGORIES: dict[str, Category] = {name: name for name in get_args(Category)}
+Told = TypeVar("Told", bound=Event)
+MOST_FAULTS = 20
 PICTURE_SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
@@ -145,46 +147,89 @@ class RecordedRun(MonitoredRun):
 
 
 def read_into(history: RunHistory, folder: Path) -> None:
-    """Add all that a run folder tells to ``history``; raises RunError where it cannot be read."""
+    """Add all that a run folder tells to ``history``; what is damaged or missing is told in its log.
+
+    Raises:
+        RunError: it is no run folder, or nothing in it can be read.
+    """
     if not _is_run(folder):
         raise RunError(f"{folder} is no run folder: it has neither {STATES_FILE} nor {EVENTS_FILE}")
-    for file in (STATES_FILE, EVENTS_FILE, LOG_FILE):
-        _refuse_large(folder / file)
+    faults = _Faults()
+    told = list(faults.until(EVENTS_FILE, read_events(folder))) if _has(folder, EVENTS_FILE, faults) else []
+    log = list(faults.until(LOG_FILE, read_log(folder))) if _has(folder, LOG_FILE, faults) else []
+    states: Iterable[Event] = ()
+    gaps: list[Event] = []
+    rates = [event.tick_rate for event in told if isinstance(event, RunEvent)]
+    if _has(folder, STATES_FILE, faults):
+        try:
+            tree, states, gaps = _states(folder, rates[0] if rates else 0.0)
+        except (OSError, EngineError) as error:
+            faults.add(f"{STATES_FILE} cannot be read: {error}")
+        else:
+            if not any(isinstance(event, TreeEvent) and event.tree == MAIN_TREE for event in told):
+                told.insert(0, tree)
+    if faults.words and not (told or log):
+        raise RunError(f"{folder.name} cannot be read: {'; '.join(faults.words)}")
+    for _, event in heapq.merge(_timed(told), _timed(states), _timed(gaps), _timed(log), key=itemgetter(0)):
+        try:
+            history.take(replace(event, folder=str(folder)) if isinstance(event, RunEvent) else event)
+        except (ValueError, TypeError, OverflowError) as error:
+            faults.add(f"an event does not fit the run: {error}")
+    for words in faults.words:
+        history.take(LogEvent(history.last, "warning", words, logger="monitor"))
+
+
+class _Faults:
+    """``words``: what could not be read, the first ones."""
+
+    def __init__(self) -> None:
+        self.words: list[str] = []
+
+    def add(self, words: str) -> None:
+        if len(self.words) < MOST_FAULTS:
+            self.words.append(words)
+
+    def until(self, name: str, events: Iterator[Told]) -> Iterator[Told]:
+        """The events up to a damaged one."""
+        try:
+            yield from events
+        except (OSError, EngineError, EventError) as error:
+            self.add(f"{name} cannot be read to its end: {error}")
+
+
+def _has(folder: Path, name: str, faults: _Faults) -> bool:
+    """Whether there is such a log, of a size that is read."""
+    path = folder / name
     try:
-        told = _told(folder)
-        trees = [event for event in told if isinstance(event, TreeEvent)]
-        rates = [event.tick_rate for event in told if isinstance(event, RunEvent)]
-        states, tree = _states(folder, rates[0] if rates else 0.0)
-        if tree is not None and not any(event.tree == MAIN_TREE for event in trees):
-            told.insert(0, tree)
-        log = list(read_log(folder)) if (folder / LOG_FILE).is_file() else []
-        for _, event in heapq.merge(_timed(told), _timed(states), _timed(log), key=itemgetter(0)):
-            history.take(event)
-    except (OSError, EngineError, ValueError, TypeError, OverflowError) as error:
-        raise RunError(f"{folder.name} cannot be read: {error}") from error
+        size = (path if path.exists() else first_segment(path)).stat().st_size
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        faults.add(f"{name} cannot be read: {error}")
+        return False
+    if size > LARGEST_FILE:
+        faults.add(f"{name} has {size} bytes; at most {LARGEST_FILE} are read")
+    return size <= LARGEST_FILE
 
 
-def _told(folder: Path) -> list[Event]:
-    return list(read_events(folder)) if (folder / EVENTS_FILE).is_file() else []
-
-
-def _states(folder: Path, tick_rate: float) -> tuple[Iterator[Event], TreeEvent | None]:
-    """The states of the main tree, one event for all changes of one moment, and the tree itself.
+def _states(folder: Path, tick_rate: float) -> tuple[TreeEvent, Iterator[Event], list[Event]]:
+    """The main tree, its states, one event for all changes of one moment, and warnings of where some are missing.
 
     Logs do not number ticks: where the rate is known, they are reckoned from the time.
     """
-    path = folder / STATES_FILE
-    if not path.is_file():
-        return iter(()), None
-    log = read_btlog(path)
-    nodes = [_described(node) for node in logged_nodes(log.xml, path.name)]
+    log = read_btlog(folder / STATES_FILE)
+    nodes = [_described(node) for node in logged_nodes(log.xml, STATES_FILE)]
+    gaps: list[Event] = [
+        LogEvent(begin, "warning", f"the states from {begin:.1f} s to {end:.1f} s were not read", logger="monitor")
+        for begin, end in log.gaps
+    ]
 
     def states() -> Iterator[Event]:
         for number, (stamp, group) in enumerate(groupby(log.transitions, key=attrgetter("time")), 1):
             tick = round(stamp * tick_rate) + 1 if tick_rate > 0 else number
             yield StatesEvent(stamp, tick, [(change.uid, change.status) for change in group])
 
-    return states(), TreeEvent(nodes, log.xml, "")
+    return TreeEvent(nodes, log.xml, ""), states(), gaps
 
 
 def _described(node: LoggedNode) -> DescribedNode:
@@ -203,7 +248,7 @@ def _timed(events: Iterable[Event]) -> Iterator[tuple[float, Event]]:
 
 def _first_event(folder: Path) -> Event | None:
     try:
-        line, newline, _ = read_segment(segments_to_read(folder / EVENTS_FILE)[0], LONGEST_FIRST_LINE).partition(b"\n")
+        line, newline, _ = read_segment(first_segment(folder / EVENTS_FILE), LONGEST_FIRST_LINE).partition(b"\n")
         return from_line(line) if newline else None
     except (OSError, EventError):
         return None
@@ -233,11 +278,6 @@ def read_picture(folder: Path, name: str) -> bytes:
         return read_regular(path, LARGEST_PICTURE)
     except (OSError, ValueError) as error:
         raise RunError(f"the picture cannot be read: {error}") from error
-
-
-def _refuse_large(path: Path) -> None:
-    if path.is_file() and path.stat().st_size > LARGEST_FILE:
-        raise RunError(f"{path.name} has {path.stat().st_size} bytes; at most {LARGEST_FILE} are read")
 
 
 def _modified(folder: Path) -> float:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.engine import IDLE, ManualClock, load_tree
-from bestman_bt.engine.logs.btlog import BtLogWriter, read_btlog
-from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment
+from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, ManualClock, load_tree
+from bestman_bt.engine.logs.btlog import BtLog, BtLogWriter, read_btlog
+from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment, read_segments
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Repeat num_cycles="-1"><Sequence>
   <AlwaysSuccess name="a"/><Sleep msec="100" name="b"/></Sequence></Repeat></BehaviorTree></root>"""
@@ -96,6 +96,72 @@ def test_a_btlog_in_segments_reads_as_one_in_a_single_file(tmp_path: Path) -> No
     assert read[0].transitions == read[1].transitions
     alone = read_btlog(_only(tmp_path / "cut.btlog", tmp_path / "alone"))
     assert {transition.status for transition in alone.transitions[:3]} != {IDLE}  # how all stood at its beginning
+
+
+def _states_at_end(log: BtLog) -> dict[int, int]:
+    states = {change.uid: change.status for change in log}
+    return {uid: state for uid, state in states.items() if state != IDLE}
+
+
+def _record(microseconds: int, uid: int, status: int) -> bytes:
+    return microseconds.to_bytes(6, "little") + uid.to_bytes(2, "little") + bytes([status])
+
+
+def _write_segments(folder: Path, *segments: tuple[str, list[bytes]]) -> Path:
+    """Logs of the same tree, one a segment."""
+    with BtLogWriter(load_tree(TREE, clock=ManualClock()), folder / "head.btlog", start=1000.0):
+        pass
+    head = (folder / "head.btlog").read_bytes()
+    for name, records in segments:
+        (folder / name).write_bytes(head + b"".join(records))
+    return folder / "run.btlog"
+
+
+def test_nodes_that_do_not_stand_after_missing_segments_are_idle_and_the_gap_is_told(tmp_path: Path) -> None:
+    first = [_record(0, 1, RUNNING), _record(0, 2, RUNNING), _record(5_000_000, 3, FAILURE)]
+    after = [_record(60_000_000, 1, RUNNING), _record(60_000_000, 4, RUNNING), _record(61_000_000, 4, SUCCESS)]
+    log = read_btlog(_write_segments(tmp_path, ("run.0001.btlog", first), ("run.btlog", after)))
+    assert log.gaps == ()
+    (tmp_path / "run.btlog").rename(tmp_path / "run.0005.btlog")
+    (tmp_path / "run.btlog").write_bytes(b"")  # killed before its head was written
+    log = read_btlog(tmp_path / "run.btlog")
+    assert log.gaps == ((5.0, 60.0),)
+    assert [(change.time, change.uid, change.status) for change in log][3:] == [
+        (60.0, 2, IDLE),
+        (60.0, 3, IDLE),
+        (60.0, 4, RUNNING),
+        (61.0, 4, SUCCESS),
+    ]
+    assert _states_at_end(log) == {1: RUNNING, 4: SUCCESS}
+
+
+def test_a_segment_that_is_no_log_is_a_gap(tmp_path: Path) -> None:
+    path = _write_segments(
+        tmp_path, ("run.0001.btlog", [_record(0, 1, RUNNING)]), ("run.btlog", [_record(9_000_000, 1, RUNNING)])
+    )
+    (tmp_path / "run.0002.btlog").write_bytes(b"no log")
+    assert read_btlog(path).gaps == ((0.0, 9.0),)
+
+
+def test_a_log_is_read_up_to_a_total_limit_the_first_and_the_newest_segments(tmp_path: Path) -> None:
+    path = tmp_path / "log.jsonl"
+    for number in range(1, 6):
+        (tmp_path / f"log.{number:04}.jsonl").write_bytes(bytes([number]) * (100 << 10))
+    path.write_bytes(b"\x06")
+    segments = read_segments(path, 350 << 10, 200 << 10)
+    assert [(segment.path.name, segment.is_after_gap) for segment in segments] == [
+        ("log.0001.jsonl", False),
+        ("log.0004.jsonl", True),
+        ("log.0005.jsonl", False),
+        ("log.jsonl", False),
+    ]
+    path.unlink()  # the process ended between two segments
+    assert [segment.path.name for segment in read_segments(path, 1 << 20, 1 << 20)][-1] == "log.0005.jsonl"
+
+
+def test_the_head_of_a_btlog_is_there_at_once(tmp_path: Path) -> None:
+    with BtLogWriter(load_tree(TREE, clock=ManualClock()), tmp_path / "run.btlog"):
+        assert len(read_btlog(tmp_path / "run.btlog").transitions) == 0
 
 
 def _only(path: Path, folder: Path) -> Path:

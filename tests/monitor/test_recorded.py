@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import lzma
 import os
+import re
 import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
@@ -14,10 +15,10 @@ import pytest
 
 from bestman_bt.engine import ManualClock, NodeRegistry, load_tree
 from bestman_bt.engine.logs import BtLogWriter
-from bestman_bt.engine.logs.segmented_file import segments_to_read
 from bestman_bt.monitor.history import RunHistory
 from bestman_bt.monitor.recorded import LARGEST_FILE, RecordedRun, read_into, read_picture, run_folders
 from bestman_bt.monitor.run import RunError
+from bestman_bt.monitor.run_log import MOST_READ, read_events
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, run_event, states_event, tree_event
 
 EVIL = "<script>alert(1)</script>"
@@ -64,6 +65,10 @@ def history_of(folder: Path) -> RunHistory:
     history = RunHistory()
     read_into(history, folder)
     return history
+
+
+def warnings_of(history: RunHistory) -> list[str]:
+    return [line["message"] for line in history.lines_since(-1, 100) if line["level"] == "warning"]
 
 
 def test_a_finished_run_is_read_whole(folder: Path) -> None:
@@ -137,9 +142,10 @@ def test_a_damaged_btlog_is_told_to_the_page(folder: Path, start_monitor: StartM
     with start_monitor(folder).page() as page:
         (run,) = page.next("hello")["runs"]
         page.ask("open", id=run["id"], n=1)
-        answer = page.next("answer")
-        assert not answer["ok"]
-        assert "transitions.btlog" in answer["error"]
+        assert page.next("answer")["ok"]
+        (line,) = page.next("log", lambda log: bool(log["lines"]))["lines"][-1:]
+    assert (line["level"], line["logger"]) == ("warning", "monitor")
+    assert "transitions.btlog cannot be read" in line["message"]
 
 
 @pytest.mark.parametrize(
@@ -153,39 +159,48 @@ def test_a_damaged_btlog_is_told_to_the_page(folder: Path, start_monitor: StartM
         json.dumps({**tree_event(), "nodes": []}),
     ],
 )
-def test_damaged_events_give_a_clear_error(folder: Path, line: str) -> None:
+def test_a_damaged_event_is_told_in_the_log_and_the_rest_is_shown(folder: Path, line: str) -> None:
     (folder / "events.jsonl").write_text(json.dumps(run_event()) + "\n" + line + "\n")
+    history = history_of(folder)
+    assert history.about["task"] == "fetch"
+    assert re.search("cannot be read to its end: .* line 2|does not fit the run", warnings_of(history)[-1])
+    assert next(line["message"] for line in history.lines_since(-1, 10)) == EVIL
+
+
+def test_a_folder_in_which_nothing_can_be_read_is_refused(folder: Path) -> None:
+    for name in ("events.jsonl", "log.jsonl"):
+        (folder / name).unlink()
+    (folder / "transitions.btlog").write_bytes(b"\x7fELF")
     with pytest.raises(RunError, match="cannot be read"):
         history_of(folder)
+
+
+def test_a_run_that_was_moved_is_shown_with_the_folder_where_it_is_now(folder: Path, tmp_path: Path) -> None:
+    moved = folder.rename(tmp_path / "elsewhere")
+    assert history_of(moved).about["folder"] == str(moved)
 
 
 def test_a_tree_with_external_entities_is_refused(folder: Path) -> None:
     path = folder / "transitions.btlog"
     xml = b'<!DOCTYPE root [<!ENTITY x SYSTEM "file:///etc/passwd">]><root BTCPP_format="4">&x;</root>'
     path.write_bytes(b"BTCPP4-FileLogger2\x01" + len(xml).to_bytes(4, "little") + xml + bytes(8))
-    with pytest.raises(RunError, match="cannot be read"):
-        history_of(folder)
+    assert "transitions.btlog cannot be read" in warnings_of(history_of(folder))[-1]
 
 
 def test_files_that_are_too_large_are_refused_before_they_are_read(folder: Path) -> None:
     with (folder / "transitions.btlog").open("r+b") as file:
         file.truncate(LARGEST_FILE + 1)  # a hole: it takes no room
-    with pytest.raises(RunError, match=r"transitions\.btlog has \d+ bytes"):
-        history_of(folder)
+    assert re.match(r"transitions\.btlog has \d+ bytes", warnings_of(history_of(folder))[-1])
 
 
 def test_compressed_segments_cannot_fill_the_memory(folder: Path) -> None:
     bomb = lzma.compress(b"x\n" + bytes(64 << 20), preset=0)
     for number in range(1, 40):
         (folder / f"events.{number:04}.jsonl.xz").write_bytes(bomb)
-    assert [path.name for path in segments_to_read(folder / "events.jsonl")] == [
-        f"events.{name}" for name in ("0001.jsonl.xz", "0037.jsonl.xz", "0038.jsonl.xz", "0039.jsonl.xz", "jsonl")
-    ]
     tracemalloc.start()
     try:
-        with pytest.raises(RunError, match="line 1: no event"):
-            history_of(folder)
-        assert tracemalloc.get_traced_memory()[1] < 100 << 20
+        assert "line 1: no event" in warnings_of(history_of(folder))[-1]
+        assert tracemalloc.get_traced_memory()[1] < 3 * MOST_READ
     finally:
         tracemalloc.stop()
 
@@ -220,8 +235,29 @@ def test_a_run_folder_that_is_itself_reached_by_a_link_shows_its_pictures(folder
 def test_a_pipe_among_the_segments_holds_nobody_up(folder: Path, name: str) -> None:
     os.mkfifo(folder / name)
     RecordedRun("run-1", folder).look()
-    with pytest.raises(RunError, match="no regular file"):
-        history_of(folder)
+    assert "no regular file" in warnings_of(history_of(folder))[-1]
+
+
+def test_events_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
+    write_lines(folder / "events.0001.jsonl", [run_event(), states_event(0.1)])
+    write_lines(folder / "events.0003.jsonl", [states_event(0.3)])
+    told = list(read_events(folder))
+    assert [(event.event, getattr(event, "time", None)) for event in told[:4]] == [
+        ("run", None),
+        ("states", 0.1),
+        ("log", 0.1),
+        ("states", 0.3),
+    ]
+    assert warnings_of(history_of(folder)) == ["a part of events.jsonl that follows here was not read"]
+
+
+def test_states_that_are_missing_in_the_middle_are_told(folder: Path) -> None:
+    btlog = folder / "transitions.btlog"
+    (folder / "transitions.0001.btlog").write_bytes(btlog.read_bytes()[:-18])
+    btlog.rename(folder / "transitions.0003.btlog")
+    history = history_of(folder)
+    assert re.fullmatch(r"the states from 0\.\d s to 0\.0 s were not read", warnings_of(history)[0])
+    assert [mark["kind"] for mark in history.timeline.document(1.0)["marks"]].count("warning") == 1
 
 
 def test_a_pipe_for_a_picture_is_refused_at_once(folder: Path) -> None:

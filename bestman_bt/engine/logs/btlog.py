@@ -16,43 +16,43 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+import numpy.typing as npt
+
 from bestman_bt.engine.errors import EngineError
-from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segment, segments_to_read
+from bestman_bt.engine.logs.segmented_file import SegmentedFile, read_segments
+from bestman_bt.engine.logs.transitions import Transition, Transitions
 from bestman_bt.engine.status import IDLE, SKIPPED
 from bestman_bt.engine.tree import StateChanges, Tree
 from bestman_bt.engine.xml.writer import full_tree_xml
 
 MAGIC = b"BTCPP4-FileLogger2"
 PROTOCOL = 1
-RECORD = 9
+_RECORD = np.dtype([("time", "<u4"), ("time_high", "<u2"), ("uid", "<u2"), ("status", "u1")])
 SEGMENT = 8 << 20
 """Bytes of transitions, about 900,000, after which a new segment begins."""
 KEEP = 64 << 20
 """Compressed bytes of full segments that are kept."""
 LONGEST_SEGMENT = 4 * SEGMENT
-"""Bytes that are read of one."""
+MOST_READ = 128 << 20
+"""Bytes that are read of one full segment, and of all together: about 15 million state changes."""
 
 
 class LogError(EngineError):
     """A log file is not what it should be."""
 
 
-@dataclass(frozen=True, slots=True)
-class Transition:
-    """One node's new status; ``time`` in seconds since the start of the log."""
-
-    time: float
-    uid: int
-    status: int
-
-
 @dataclass(frozen=True)
 class BtLog:
-    """A log that was read: the tree's XML, the start (seconds since the epoch), and the transitions."""
+    """A log that was read: the tree's XML, the start (seconds since the epoch), and the transitions.
+
+    ``gaps``: from when to when, in seconds since the start, it does not tell what happened.
+    """
 
     xml: str
     start: float
-    transitions: list[Transition]
+    transitions: Transitions
+    gaps: tuple[tuple[float, float], ...] = ()
 
     def __iter__(self) -> Iterator[Transition]:
         return iter(self.transitions)
@@ -147,23 +147,51 @@ class BtLogWriter:
 def read_btlog(path: str | Path) -> BtLog:
     """Read a ``.btlog`` file, ours with its earlier segments or one of BehaviorTree.CPP, but for a torn last record.
 
+    Of a log that is longer than ``MOST_READ``, what its first segment and its newest ones tell.
+
     Raises:
         LogError: it is no such file.
+        OSError: it cannot be read.
     """
     path = Path(path)
-    segments = segments_to_read(path)
-    logs = [_decoded(segment, read_segment(segment, LONGEST_SEGMENT)) for segment in segments[:-1]]
-    logs.append(_decoded(path, path.read_bytes()))
-    if len(logs) == 1:
-        return logs[0]
-    states: dict[int, int] = {}
-    transitions: list[Transition] = []
-    for log in logs:
-        for transition in log.transitions:
-            if states.get(transition.uid, IDLE) != transition.status:
-                states[transition.uid] = transition.status
-                transitions.append(transition)
-    return BtLog(logs[0].xml, logs[0].start, transitions)
+    segments = read_segments(path, MOST_READ, LONGEST_SEGMENT)
+    first = _decoded(segments[0].path, segments[0].data)
+    if len(segments) == 1:
+        return first
+    parts, gaps = [first.transitions], []
+    states = np.full(1 << 16, IDLE, dtype=np.uint8)
+    states[first.transitions.uids] = first.transitions.statuses
+    end, is_gap = first.transitions[-1].time if len(first.transitions) else 0.0, False
+    for segment in segments[1:]:
+        is_gap |= segment.is_after_gap
+        if segment.path == path and segments[0].data.startswith(segment.data):
+            continue  # torn within its head
+        try:
+            news = _decoded(segment.path, segment.data).transitions
+        except LogError:
+            is_gap = True
+            continue
+        if not len(news):
+            continue
+        if is_gap:
+            gaps.append((end, float(news.times[0])))
+        parts += [_fallen(states, news), news]
+        states[news.uids] = news.statuses
+        end, is_gap = float(news.times[-1]), False
+    if is_gap:
+        gaps.append((end, end))
+    return BtLog(first.xml, first.start, Transitions.joined(parts).without_repetitions(), tuple(gaps))
+
+
+def _fallen(states: npt.NDArray[np.uint8], segment: Transitions) -> Transitions:
+    """The nodes that stood so before a segment, but do not stand at its beginning: they have become IDLE."""
+    standing: set[int] = set()
+    for change in segment:
+        if change.time != segment.times[0] or change.status == IDLE or change.uid in standing:
+            break
+        standing.add(change.uid)
+    uids = np.array([uid for uid in np.flatnonzero(states != IDLE) if uid not in standing], dtype=np.uint16)
+    return Transitions(np.full(len(uids), segment.times[0]), uids, np.full(len(uids), IDLE, dtype=np.uint8))
 
 
 def _decoded(path: Path, data: bytes) -> BtLog:
@@ -181,11 +209,10 @@ def _decoded(path: Path, data: bytes) -> BtLog:
         (start,) = struct.unpack_from("<q", data, offset + length)
     except (struct.error, UnicodeDecodeError) as error:
         raise LogError(f"{path} is damaged: {error}") from error
-    records = data[offset + length + 8 :]
-    transitions = []
-    for at in range(0, len(records) - RECORD + 1, RECORD):
-        uid, status = struct.unpack_from("<HB", records, at + 6)
-        if status > SKIPPED:
-            raise LogError(f"{path} is damaged: record {at // RECORD} has the status {status}")
-        transitions.append(Transition(int.from_bytes(records[at : at + 6], "little") * 1e-6, uid, status))
-    return BtLog(xml, start * 1e-6, transitions)
+    offset += length + 8
+    records = np.frombuffer(data, _RECORD, count=(len(data) - offset) // _RECORD.itemsize, offset=offset)
+    wrong = np.flatnonzero(records["status"] > SKIPPED)
+    if len(wrong):
+        raise LogError(f"{path} is damaged: record {wrong[0]} has the status {records['status'][wrong[0]]}")
+    times = (records["time"] + records["time_high"] * 2.0**32) * 1e-6
+    return BtLog(xml, start * 1e-6, Transitions(times, records["uid"].copy(), records["status"].copy()))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import lzma
 import shutil
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -18,8 +19,17 @@ COMPRESSED = ".xz"
 """At its quickest preset three times as small as gzip makes such records, in a third of the time."""
 UNPACKING_MEMORY = 64 << 20
 """Bytes that unpacking a segment may take."""
-NEWEST_READ = 3
-"""Full segments that readers take besides the first: a log of many hours, or a hostile one, fits no memory."""
+SMALLEST = 64 << 10
+"""Bytes that a segment counts for at least, so that a folder with many empty ones is not read for ever."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One that was read. ``is_after_gap``: segments between it and the one before are missing or were left out."""
+
+    path: Path
+    data: bytes
+    is_after_gap: bool
 
 
 class SegmentedFile:
@@ -84,10 +94,41 @@ def full_segments(path: Path) -> list[Path]:
     return [numbered[name] for name in sorted(numbered)]
 
 
-def segments_to_read(path: Path) -> list[Path]:
-    """The file and its earlier segments, oldest first; of a very long log only the first and the newest ones."""
+def read_segments(path: Path, limit: int, longest: int) -> list[Segment]:
+    """The file and its earlier segments, oldest first, with at most ``limit`` bytes together.
+
+    Of a longer log the first segment and the newest ones. ``longest``: bytes that are read of one full segment.
+
+    Raises:
+        OSError: one cannot be read, or is no regular file.
+    """
     full = full_segments(path)
-    return [*full[:1], *full[1:][-NEWEST_READ:], path]
+    try:
+        newest = [(_number(path, full[-1]) + 1 if full else 1, path, read_segment(path, limit))]
+    except FileNotFoundError:
+        if not full:
+            raise
+        newest = []  # the process ended between two segments
+    first = [(_number(path, found), found, read_segment(found, longest)) for found in full[:1]]
+    left = limit - sum(len(data) for _, _, data in first + newest)
+    for found in reversed(full[1:]):
+        data = read_segment(found, longest)
+        left -= max(SMALLEST, len(data))
+        if left < 0:
+            break
+        newest.append((_number(path, found), found, data))
+    read = first + newest[::-1]
+    before = [number for number, _, _ in read[:1]] + [number + 1 for number, _, _ in read[:-1]]
+    return [Segment(found, data, number != due) for (number, found, data), due in zip(read, before, strict=True)]
+
+
+def first_segment(path: Path) -> Path:
+    """The one that begins the log."""
+    return [*full_segments(path)[:1], path][0]
+
+
+def _number(path: Path, segment: Path) -> int:
+    return int(segment.name[len(path.stem) + 1 : len(path.stem) + 5])
 
 
 def read_segment(path: Path, limit: int) -> bytes:
