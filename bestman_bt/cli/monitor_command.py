@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ipaddress
+import socket
 import sys
 import webbrowser
 from pathlib import Path
@@ -20,7 +22,12 @@ def command(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 for any free one.")] = MONITOR_PORT,
     host: Annotated[str, typer.Option(help="Address to listen on; any but loopback demands a token.")] = "127.0.0.1",
     token: Annotated[
-        str | None, typer.Option(help="The token to demand; made up where --host needs one.", show_default=False)
+        str | None,
+        typer.Option(
+            help="The token to demand; made up where --host needs one.",
+            show_default=False,
+            envvar="BESTMAN_BT_MONITOR_TOKEN",
+        ),
     ] = None,
     read_only: Annotated[bool, typer.Option("--read-only", help="Show only: no pause, stop, set, breakpoint.")] = False,
     no_browser: Annotated[bool, typer.Option("--no-browser", help="Only print the address.")] = False,
@@ -31,7 +38,7 @@ def command(
 ) -> None:
     """Show running executors, and recorded runs, in the browser."""
     from bestman_bt.monitor.recorded import identity_of, run_folders
-    from bestman_bt.monitor.security import SHORTEST_TOKEN, is_loopback, new_token
+    from bestman_bt.monitor.security import SHORTEST_TOKEN, is_loopback, new_token, page_address
     from bestman_bt.monitor.server import MonitorServer, ServerConfig, bind
 
     recorded = []
@@ -50,7 +57,7 @@ def command(
         raise _wrong(f"--host {host} --port {port}", f"cannot listen there: {error.strerror or error}") from error
     port = listening.getsockname()[1]
     config = ServerConfig(host, port, token, read_only, tuple(folders or ()), end_when_idle)
-    address = f"http://{f'[{host}]' if ':' in host else host}:{port}/" + (f"?token={token}" if token else "")
+    address = page_address(socket.gethostname() if _is_any(host) else host, port, token)
     if len(recorded) in (1, 2):  # the page opens one at once, or two side by side
         address += "#" + "&".join(identity_of(folder) for folder in recorded)
 
@@ -61,6 +68,14 @@ def command(
 
     MonitorServer(config).run(listening, started)
     sys.exit(0)
+
+
+def _is_any(host: str) -> bool:
+    """Whether it means all addresses of this machine, and is none that a browser can open."""
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False
 
 
 def _wrong(source: str, message: str) -> ConfigurationError:

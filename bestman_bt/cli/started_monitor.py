@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import selectors
 import subprocess
 import sys
+from typing import Any
 from urllib.error import URLError
-from urllib.request import ProxyHandler, build_opener
+from urllib.request import ProxyHandler, Request, build_opener
 
 from bestman_bt.configuration import ConfigurationError, Problem
 from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.security import SERVICE, TOKEN_VARIABLE, page_address
 
 IDLE_END = 600
 """Seconds after which a monitor that was started so ends, once nothing runs and no page is open."""
@@ -21,22 +24,31 @@ LARGEST_ANSWER = 10_000
 
 def show_in_monitor(port: int) -> None:
     """Print the address of a monitor, starting one where none serves; raises ConfigurationError where that fails."""
-    address = f"http://127.0.0.1:{port}/"
-    if not _serves(address):
+    token = os.environ.get(TOKEN_VARIABLE) or None
+    served = _health(port, token)
+    if served.get("service") != SERVICE:
         address = _start(port)
+    elif "sockets" not in served:
+        raise _wrong(
+            f"the monitor at port {port} demands another token: set {TOKEN_VARIABLE} to its own, or --monitor-port"
+        )
+    elif served["sockets"] != str(socket_folder()):
+        raise _wrong(f"the monitor at port {port} serves another user: choose another --monitor-port")
+    else:
+        address = page_address("127.0.0.1", port, token)
     print(f"monitor: {address}", file=sys.stderr, flush=True)
 
 
-def _serves(address: str) -> bool:
-    """Whether a monitor answers there that sees our executors."""
-    opener = build_opener(ProxyHandler({}))
+def _health(port: int, token: str | None) -> dict[str, Any]:
+    """What a monitor that answers there says of itself; empty where none does."""
+    headers = {"Authorization": f"Bearer {token}"} if token else {}
+    asked = Request(page_address("127.0.0.1", port, None) + "health", headers=headers)
     try:
-        with opener.open(f"{address}health", timeout=HEALTH_WAIT) as answer:
+        with build_opener(ProxyHandler({})).open(asked, timeout=HEALTH_WAIT) as answer:
             told = json.loads(answer.read(LARGEST_ANSWER))
     except (URLError, OSError, ValueError):
-        return False
-    expected = {"service": "bestman-bt monitor", "sockets": str(socket_folder())}
-    return isinstance(told, dict) and told.items() >= expected.items()
+        return {}
+    return told if isinstance(told, dict) else {}
 
 
 def _start(port: int) -> str:
@@ -57,5 +69,9 @@ def _start(port: int) -> str:
     if told != "monitor:":
         process.terminate()
         why = line.removeprefix("bestman-bt: ") or f"it does not answer within {START_WAIT:g} s"
-        raise ConfigurationError([Problem("--monitor", None, "", f"the monitor does not start: {why}")])
+        raise _wrong(f"the monitor does not start: {why}")
     return address
+
+
+def _wrong(message: str) -> ConfigurationError:
+    return ConfigurationError([Problem("--monitor", None, "", message)])

@@ -8,12 +8,16 @@ import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, quote, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+SERVICE = "bestman-bt monitor"
+"""What the server says it is, to everybody."""
+TOKEN_VARIABLE = "BESTMAN_BT_MONITOR_TOKEN"
+"""Of the environment: a token on the command line is seen by all users of the machine."""
 SHORTEST_TOKEN = 16
 HEADERS = {
     "Content-Security-Policy": (
@@ -43,6 +47,12 @@ def is_loopback(host: str) -> bool:
 def new_token() -> str:
     """A token that nobody guesses."""
     return secrets.token_urlsafe(24)
+
+
+def page_address(host: str, port: int, token: str | None) -> str:
+    """The address that opens the page."""
+    query = f"?token={quote(token, safe='')}" if token else ""
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}/{query}"
 
 
 @dataclass(frozen=True)
@@ -101,8 +111,10 @@ class Guard:
         headers = Headers(scope=scope)
         if not self._is_our_host(headers):
             return PlainTextResponse("this server does not go by that name\n", 403)
-        if scope["path"] == "/health" or self._is_known(headers):
+        if self._is_known(headers):
             return None
+        if scope["path"] == "/health":
+            return JSONResponse({"service": SERVICE})
         token = parse_qs(scope["query_string"].decode("latin-1")).get("token", [""])[0]
         if scope["path"] == "/" and self._is_token(token):
             answer = RedirectResponse("/", 303)
@@ -124,7 +136,10 @@ class Guard:
 
     def _is_our_origin(self, headers: Headers) -> bool:
         """Whether a page of this server asks; who is no browser says so by naming the server as its origin."""
-        origin = urlsplit(headers.get("origin", ""))
+        try:
+            origin = urlsplit(headers.get("origin", ""))
+        except ValueError:
+            return False
         return origin.scheme in ("http", "https") and origin.netloc.lower() == headers.get("host", "").lower()
 
     def _is_known(self, headers: Headers) -> bool:

@@ -19,11 +19,10 @@ from starlette.types import ASGIApp
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import RunList
-from bestman_bt.monitor.security import AccessRules, Guard
+from bestman_bt.monitor.security import SERVICE, AccessRules, Guard
 from bestman_bt.monitor.viewer import Viewer
 
 STATIC = Path(__file__).parent / "static"
-SERVICE = "bestman-bt monitor"
 LARGEST_REQUEST = 64 << 10
 """Bytes of one message from a page."""
 MOST_VIEWERS = 32

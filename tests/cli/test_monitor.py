@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.error import HTTPError
-from urllib.request import urlopen
+from urllib.request import Request, urlopen
 
 import pytest
 
@@ -71,16 +71,20 @@ def test_what_cannot_be_shown_is_told_before_anything_starts(tmp_path: Path, fre
         assert f"--port {free_port}: cannot listen there" in refusal(tmp_path, "--port", free_port)
 
 
-def test_another_host_than_loopback_prints_a_token_that_opens_the_page(tmp_path: Path) -> None:
+def test_another_host_than_loopback_prints_a_token_and_a_name_that_open_the_page(tmp_path: Path) -> None:
     program = Program("monitor", "--host", "0.0.0.0", "--port", 0, "--no-browser", folder=tmp_path)
     try:
         address = address_of(program)
-        found = re.fullmatch(r"http://0\.0\.0\.0:(\d+)/\?token=([\w-]{32})", address)
+        found = re.fullmatch(r"http://([^/:]+):(\d+)/\?token=([\w-]{32})", address)
         assert found is not None
+        assert found[1] == socket.gethostname()
+        local = f"http://127.0.0.1:{found[2]}/"
         with pytest.raises(HTTPError, match="401"):
-            urlopen(f"http://127.0.0.1:{found[1]}/")
-        with urlopen(f"http://127.0.0.1:{found[1]}/health") as answer:
-            assert json.load(answer)["sockets"].startswith(str(tmp_path))
+            urlopen(local)
+        with urlopen(f"{local}health") as answer:
+            assert json.load(answer) == {"service": "bestman-bt monitor"}
+        with urlopen(Request(f"{local}health", headers={"Authorization": f"Bearer {found[3]}"})) as answer:
+            assert json.load(answer)["sockets"].startswith(os.environ["XDG_RUNTIME_DIR"])
     finally:
         program.interrupt()
     answer_ = program.answer()
@@ -100,6 +104,20 @@ def test_a_monitor_is_started_once_and_found_again(free_port: int, capsys: pytes
     show_in_monitor(free_port)
     assert time.monotonic() - begin < 2.0
     assert capsys.readouterr().err == f"monitor: http://127.0.0.1:{free_port}/\n" * 2
+
+
+@pytest.mark.usefixtures("ended")
+def test_a_monitor_with_a_token_is_found_by_who_knows_it_and_told_to_who_does_not(
+    free_port: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BESTMAN_BT_MONITOR_TOKEN", "sixteen & more #s")
+    for _ in range(2):
+        show_in_monitor(free_port)
+    told = f"monitor: http://127.0.0.1:{free_port}/?token=sixteen%20%26%20more%20%23s\n"
+    assert capsys.readouterr().err == told * 2
+    monkeypatch.delenv("BESTMAN_BT_MONITOR_TOKEN")
+    with pytest.raises(ConfigurationError, match="demands another token: set BESTMAN_BT_MONITOR_TOKEN"):
+        show_in_monitor(free_port)
 
 
 def test_a_port_that_another_program_has_is_told(free_port: int) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from bestman_bt.monitor.security import AccessRules, is_loopback, new_token
+from bestman_bt.monitor.security import AccessRules, is_loopback, new_token, page_address
 from bestman_bt.monitor.server import LARGEST_REQUEST, STATIC
 from tests.monitor.conftest import Monitor
 
@@ -48,7 +48,9 @@ def test_tokens_are_long_and_never_the_same() -> None:
     assert min(len(new_token()) for _ in range(100)) >= 32
 
 
-@pytest.mark.parametrize("origin", ["http://evil.org", "null", "", "http://127.0.0.1:1", "https://127.0.0.1.evil.org"])
+@pytest.mark.parametrize(
+    "origin", ["http://evil.org", "null", "", "http://127.0.0.1:1", "https://127.0.0.1.evil.org", "http://["]
+)
 def test_a_page_of_somebody_else_cannot_open_the_socket(open_monitor: Monitor, origin: str) -> None:
     assert refused(open_monitor, Origin=origin) == 403
 
@@ -91,7 +93,8 @@ def test_without_the_token_nothing_is_served(guarded: Monitor) -> None:
         assert http.get("/", params={"token": "wrong"}).status_code == 401
         assert http.get("/", params={"token": TOKEN[:-1]}).status_code == 401
         assert http.get("/assets/x.js", params={"token": TOKEN}).status_code == 401
-        assert http.get("/health").json()["service"] == "bestman-bt monitor"
+        assert http.get("/health").json() == {"service": "bestman-bt monitor"}
+        assert "sockets" in http.get("/health", headers={"Authorization": f"Bearer {TOKEN}"}).json()
     assert refused(guarded) == 403
     assert refused(guarded, Authorization="Bearer wrong") == 403
     assert refused(guarded, Cookie=f"bestman_bt_monitor_{guarded.port}={TOKEN}") == 403
@@ -114,6 +117,11 @@ def test_the_token_is_changed_for_a_cookie_that_scripts_cannot_read(guarded: Mon
 def test_programs_may_show_the_token_in_a_header(guarded: Monitor) -> None:
     with guarded.page(Authorization=f"Bearer {TOKEN}") as page:
         assert page.next("hello")["runs"] == []
+
+
+def test_addresses_quote_what_a_token_holds() -> None:
+    assert page_address("robot", 8750, "a&b#c d/é") == "http://robot:8750/?token=a%26b%23c%20d%2F%C3%A9"
+    assert page_address("::1", 1, None) == "http://[::1]:1/"
 
 
 def test_a_message_that_is_too_long_ends_the_connection(open_monitor: Monitor) -> None:
