@@ -12,8 +12,8 @@ MAX_SPANS = 20_000
 MAX_MARKS = 2_000
 FINEST = 0.02
 """Seconds."""
-_WEIGHT = {SKIPPED: 0, SUCCESS: 1, RUNNING: 2, FAILURE: 3}
-"""Which state a merged span shows: the one that matters most."""
+_WEIGHT = {SKIPPED: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
+"""Which state a merged span shows: what it came to, and a failure before all."""
 
 
 @dataclass
@@ -21,6 +21,7 @@ class _Span:
     state: int
     begin: float
     end: float
+    is_merged: bool = False
 
 
 class Timeline:
@@ -63,9 +64,10 @@ class Timeline:
             del self._marks[1 : MAX_MARKS // 2 : 2]
 
     def document(self, now: float) -> dict[str, Any]:
-        """``spans`` and ``marks``; a span that is not over ends now."""
+        """``spans`` and ``marks``; a span that is not over ends now, one of several that became one is ``merged``."""
         spans = [
             {"uid": uid, "state": span.state, "from": round(span.begin, 3), "to": round(end, 3)}
+            | ({"merged": True} if span.is_merged else {})
             for uid, mine in self._spans.items()
             for span, end in [(span, span.end) for span in mine] + self._unfinished(uid, now)
         ]
@@ -95,4 +97,4 @@ class Timeline:
 
 def _merged(first: _Span, second: _Span) -> _Span:
     state = max(first.state, second.state, key=_WEIGHT.__getitem__)
-    return _Span(state, first.begin, second.end)
+    return _Span(state, first.begin, second.end, is_merged=True)
