@@ -13,6 +13,7 @@ import typer
 
 from bestman_bt.cli.options import MONITOR_PORT
 from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.monitor.address import TOKEN_VARIABLE, page_address
 
 
 def command(
@@ -26,7 +27,7 @@ def command(
         typer.Option(
             help="The token to demand; made up where --host needs one.",
             show_default=False,
-            envvar="BESTMAN_BT_MONITOR_TOKEN",
+            envvar=TOKEN_VARIABLE,
         ),
     ] = None,
     read_only: Annotated[bool, typer.Option("--read-only", help="Show only: no pause, stop, set, breakpoint.")] = False,
@@ -38,7 +39,7 @@ def command(
 ) -> None:
     """Show running executors, and recorded runs, in the browser."""
     from bestman_bt.monitor.recorded import identity_of, run_folders
-    from bestman_bt.monitor.security import SHORTEST_TOKEN, is_loopback, new_token, page_address
+    from bestman_bt.monitor.security import SHORTEST_TOKEN, is_loopback, new_token
     from bestman_bt.monitor.server import MonitorServer, ServerConfig, bind
 
     recorded = []

@@ -8,16 +8,14 @@ import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, quote, urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-SERVICE = "bestman-bt monitor"
-"""What the server says it is, to everybody."""
-TOKEN_VARIABLE = "BESTMAN_BT_MONITOR_TOKEN"
-"""Of the environment: a token on the command line is seen by all users of the machine."""
+from bestman_bt.monitor.address import SERVICE
+
 SHORTEST_TOKEN = 16
 HEADERS = {
     "Content-Security-Policy": (
@@ -47,12 +45,6 @@ def is_loopback(host: str) -> bool:
 def new_token() -> str:
     """A token that nobody guesses."""
     return secrets.token_urlsafe(24)
-
-
-def page_address(host: str, port: int, token: str | None) -> str:
-    """The address that opens the page."""
-    query = f"?token={quote(token, safe='')}" if token else ""
-    return f"http://{f'[{host}]' if ':' in host else host}:{port}/{query}"
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,11 @@ from fastapi.staticfiles import StaticFiles
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.types import ASGIApp
 
+from bestman_bt.monitor.address import SERVICE
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import RunList
-from bestman_bt.monitor.security import SERVICE, AccessRules, Guard
+from bestman_bt.monitor.security import AccessRules, Guard
 from bestman_bt.monitor.viewer import Viewer
 
 STATIC = Path(__file__).parent / "static"

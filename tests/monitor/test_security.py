@@ -8,7 +8,8 @@ from collections.abc import Callable
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from bestman_bt.monitor.security import AccessRules, is_loopback, new_token, page_address
+from bestman_bt.monitor.address import page_address
+from bestman_bt.monitor.security import AccessRules, is_loopback, new_token
 from bestman_bt.monitor.server import LARGEST_REQUEST, STATIC
 from tests.monitor.conftest import Monitor
 
