@@ -19,16 +19,11 @@ from bestman_bt.manipulation.collision import (
     planning_scene_from_world_model,
 )
 from bestman_bt.manipulation.kinematics import IsFreeAt
-from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
+from bestman_bt.messages import PlacedShape, Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf, Obstacle, WorldModel
 
 MEASURED = 0.01
 """Metres of a piece's position error up to which its doors are where they are believed to be, for the palm too."""
-
-AROUND = 0.02
-"""Metres around the boards of a leaf within which what was seen is taken for it, or for what is in it."""
-
-_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of a box's corners
 
 Touching = Literal["free", "nothing", "fingers", "hand"]
 """What may touch the furniture that is worked at: fingers its leaf, or the hand all of it.
@@ -140,18 +135,14 @@ def _scene_at_leaf(
         ignore=ignore,
         allowed_pairs=allowed,
         hollow=[leaf.furniture.name],
-        explained=[_believed_hull(skills.world, leaf, world.base.pose.to_pose().inverse())],
+        explained=[_seen_with(skills.world, leaf, world.base.pose.to_pose().inverse())],
     )
 
 
-def _believed_hull(world: WorldModel, leaf: Leaf, base_from_map: Pose) -> PlacedShape:
+def _seen_with(world: WorldModel, leaf: Leaf, base_from_map: Pose) -> PlacedShape:
     """A box, base frame, around the leaf and what is in it, where they are believed to be: that goes along."""
-    boards = [(placed.pose, placed.shape.size) for placed in leaf.leaf.shapes if isinstance(placed.shape, Box)]
-    corners = np.concatenate([pose.apply(_SIGNS * np.array(size) / 2) for pose, size in boards])
-    lower, upper = corners.min(axis=0) - AROUND, corners.max(axis=0) + AROUND
-    sizes = [float(size) for size in upper - lower]
     opened = base_from_map @ leaf.furniture.pose.to_pose() @ world.opening_of(leaf.furniture, leaf.leaf)
-    return PlacedShape(Box((sizes[0], sizes[1], sizes[2])), opened @ Pose((lower + upper) / 2))
+    return PlacedShape(leaf.leaf.hull.shape, opened @ leaf.leaf.hull.pose)
 
 
 def free_along(

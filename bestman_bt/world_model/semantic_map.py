@@ -9,7 +9,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.messages import JointKind, PlacedShape, Pose, Pose2D, joint_motion
+from bestman_bt.messages import Box, JointKind, PlacedShape, Pose, Pose2D, joint_motion
+
+AROUND = 0.02
+"""Metres around the boards of a door or drawer within which what was seen is taken for it, or for what is in it."""
+
+_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of a box's corners
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,15 @@ class MapLeaf:
     upper: float
     shapes: tuple[PlacedShape, ...]
     position: float = 0.0
+
+    @property
+    def hull(self) -> PlacedShape:
+        """A box around its boards and what is in it, as it is closed, in the furniture frame."""
+        boards = [(placed.pose, placed.shape.size) for placed in self.shapes if isinstance(placed.shape, Box)]
+        corners = np.concatenate([pose.apply(_SIGNS * np.array(size) / 2) for pose, size in boards])
+        lower, upper = corners.min(axis=0) - AROUND, corners.max(axis=0) + AROUND
+        x, y, z = (float(size) for size in upper - lower)
+        return PlacedShape(Box((x, y, z)), Pose((lower + upper) / 2))
 
     def moved(self, position: float) -> Pose:
         """furniture_from_closed: where the points of the closed leaf are when it is open by ``position``."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Box, Handle, ObjectModel, PlacedShape, PointCloud, Pose, Pose2D, VoxelGrid, YawSet
+from bestman_bt.messages.voxel_grid import VOXEL_FREE, VOXEL_OCCUPIED
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 
 HANDLE_STANDOFF = 0.10
@@ -183,6 +184,7 @@ class WorldModel:
         before, handles = self.opening_of(piece, leaf), self.handles_of(piece, leaf)
         if abs(position - self.articulations.get(name, 0.0)) > MOVED:
             self.blocked.clear()
+            self._free(PlacedShape(leaf.hull.shape, frame @ before @ leaf.hull.pose))
         self.articulations[name] = position
         moved = frame @ self.opening_of(piece, leaf) @ before.inverse() @ frame.inverse()
         boards = {f"{piece_name}/{surface.name}" for surface in piece.surfaces if surface.leaf == part}
@@ -197,6 +199,18 @@ class WorldModel:
                 shapes = tuple(PlacedShape(placed.shape, moved @ placed.pose) for placed in measured.shapes)
                 self.obstacles[measured.name] = replace(measured, shapes=shapes)
         return tuple(belief.name for belief in carried)
+
+    def _free(self, hull: PlacedShape) -> None:
+        """What was seen in a box of the map has gone from there."""
+        grid = self.occupancy
+        if grid is None or not isinstance(hull.shape, Box):
+            return
+        occupied = np.argwhere(grid.states == VOXEL_OCCUPIED)
+        centres = grid.frame_from_grid.apply((occupied + 0.5) * grid.resolution)
+        inside = np.abs(hull.pose.inverse().apply(centres)) <= (np.array(hull.shape.size) + grid.resolution) / 2
+        states = np.array(grid.states)
+        states[tuple(occupied[inside.all(axis=1)].T)] = VOXEL_FREE
+        self.occupancy = replace(grid, states=states)
 
     def handles_of(self, furniture: MapFurniture, leaf: MapLeaf) -> tuple[HandleBelief, ...]:
         """The believed handles on the front of a door or drawer."""
