@@ -158,6 +158,8 @@ export class FakeRun {
       this.spans.push({ ...before, to: this.time });
       if (this.spans.length > 8000) this.spans.splice(0, 4000);
     }
+    // Within one tick a node may return and be reset: what it returned is a moment of its own.
+    if (before?.state === RUNNING && state === 0 && this.tree.results[uid] !== 0) this.spans.push({ uid, state: this.tree.results[uid], from: this.time, to: this.time });
     const node = this.tree.records[uid - 1];
     if (state === 0 || (node.category !== "action" && node.category !== "condition" && node.category !== "subtree")) this.openSpans.delete(uid);
     else this.openSpans.set(uid, { uid, state, from: this.time });

@@ -1,7 +1,7 @@
 // The dialogs of the page: all runs, the keys, and the question before what cannot be undone.
 
 import { useSignal } from "@preact/signals";
-import { ago, seconds } from "./describe";
+import { calendar, seconds } from "./describe";
 import { Dialog } from "./Dialog";
 import { Icon } from "./Icon";
 import { KEYS, TREE_KEYS } from "./keyboard";
@@ -84,8 +84,9 @@ function Line({ run }: { run: RunSummary }) {
         <strong>{run.task ?? run.tree ?? run.id}</strong>
         <span class="run-details">
           {[run.robot, run.scene, run.seed === null || run.seed === undefined ? null : `seed ${run.seed}`].filter(Boolean).join(" · ")}
+          {run.folder && <span class="run-folder" title={run.folder}>{run.folder.split("/").findLast(Boolean)}</span>}
         </span>
-        <span class="numbers run-when">{[run.time ? seconds(run.time) : null, run.started ? ago(run.started) : null].filter(Boolean).join(", ")}</span>
+        <span class="numbers run-when">{[run.time ? seconds(run.time) : null, run.started ? calendar(run.started) : null].filter(Boolean).join(", ")}</span>
       </button>
       {ids.length > 0 && !open && (
         <button type="button" class="button" aria-label={`Compare with ${run.task ?? run.id}, seed ${run.seed ?? "unknown"}`} onClick={() => choose([ids[0]!, run.id])}>

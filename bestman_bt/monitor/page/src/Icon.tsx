@@ -39,6 +39,15 @@ export function Icon({ name }: { name: string }) {
   );
 }
 
+/** Of a run that was broken off: no node is ever in such a state. */
+export function BrokenShape() {
+  return (
+    <svg class="shape broken" viewBox="0 0 16 16" aria-hidden="true">
+      <path class="outer" d="M6.8 1.1A7 7 0 0 0 5.6 14.6L7.7 9.4 5.3 7.3zM9.6 1.2A7 7 0 0 1 8.4 15L10.9 8.7 8.5 6.6z" />
+    </svg>
+  );
+}
+
 /** The shape of a state; with `named`, its name is there for readers. */
 export function StateShape({ state, named = false, faint = false }: { state: number; named?: boolean; faint?: boolean }) {
   const { shape, sign } = STATE_SHAPES[state] ?? STATE_SHAPES[0]!;

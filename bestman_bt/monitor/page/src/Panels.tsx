@@ -24,10 +24,16 @@ const SHARED: Record<number, Panel[][]> = {
 /** Beside two trees there is room for one column. */
 const wide = computed(() => (shown.value.length > 1 ? 1 : columns.value));
 
+/** Which of two runs the panels speak of. */
+function letter(run: Run): "A" | "B" | null {
+  if (shown.value.length < 2) return null;
+  return shown.value[0] === run ? "A" : "B";
+}
+
 export function Panels({ run }: { run: Run }) {
   const shared = SHARED[wide.value]!;
   return (
-    <aside class={`panels columns-${shared.length}`} aria-label="Details">
+    <aside class={`panels columns-${shared.length}`} aria-label={letter(run) === null ? "Details" : `Details of run ${letter(run)}`}>
       {shared.map((panels) => <Column key={panels.join()} run={run} panels={panels} />)}
     </aside>
   );
@@ -59,6 +65,7 @@ function Column({ run, panels }: { run: Run; panels: Panel[] }) {
   return (
     <div class="column">
       <div class="tabs" role="tablist" aria-label="Details">
+        {letter(run) !== null && <span class="letter" role="presentation">{letter(run)}</span>}
         {panels.map((id) => {
           const chosen = panel.value === id;
           return (

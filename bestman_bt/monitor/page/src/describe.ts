@@ -1,5 +1,6 @@
 // Nodes and times in words.
 
+import type { Entry } from "./protocol";
 import type { Run } from "./run";
 import { stateName } from "./states";
 import type { TreeNode } from "./tree";
@@ -31,10 +32,16 @@ export function seconds(time: number): string {
   return minutes < 60 ? `${sign}${minutes}:${rest}` : `${sign}${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}:${rest}`;
 }
 
-export function ago(epoch: number): string {
-  const passed = Date.now() / 1000 - epoch;
-  if (passed < 90) return "just now";
-  if (passed < 5400) return `${Math.round(passed / 60)} min ago`;
-  if (passed < 129600) return `${Math.round(passed / 3600)} h ago`;
-  return new Date(epoch * 1000).toLocaleDateString();
+/** An empty text is told apart from an entry that has no value. */
+export function shownText(entry: Entry): string {
+  if (entry.text !== "") return entry.text;
+  return entry.value === "" ? '""' : "none";
+}
+
+/** A moment by calendar and clock, as folders of runs are named. */
+export function calendar(epoch: number): string {
+  const date = new Date(epoch * 1000);
+  const two = (number: number): string => String(number).padStart(2, "0");
+  const day = `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())}`;
+  return `${day} ${two(date.getHours())}:${two(date.getMinutes())}:${two(date.getSeconds())}`;
 }

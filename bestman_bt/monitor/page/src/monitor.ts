@@ -125,9 +125,19 @@ function receive(message: ServerMessage): void {
       case "extent": run.takeExtent(message.first, message.last); break;
       case "image": run.takePicture(message); break;
       case "series": run.joints.replace(message.joints); run.beat.value++; break;
-      case "timeline": run.takeTimeline(message.first, message.last, message.spans, message.marks); break;
+      case "timeline":
+        run.takeTimeline(message.first, message.last, message.spans, message.marks);
+        begin(run);
+        break;
     }
   });
+}
+
+/** Runs that are over are opened where they tell most; one that ends while it is looked at stays where it is. */
+function begin(run: Run): void {
+  if (run.opened) return;
+  run.opened = true;
+  if (!isLive(run)) seek(run, run.telling);
 }
 
 function takeRuns(list: RunSummary[]): void {

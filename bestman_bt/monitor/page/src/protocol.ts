@@ -70,6 +70,8 @@ export interface ScanRecord {
 export interface Entry {
   type: string;
   text: string;
+  /** Where it is plain and short. */
+  value?: unknown;
   changed_at?: number;
 }
 
@@ -150,6 +152,8 @@ export interface Span {
   state: number;
   from: number;
   to: number;
+  /** Several, of which this is the state that matters most. */
+  merged?: boolean;
 }
 
 export interface Mark {

@@ -32,7 +32,7 @@ export class Run {
   readonly log = signal<LogLine[]>([]);
   readonly pictures = signal<Picture[]>([]);
   readonly map = signal<MapRecord | null>(null);
-  readonly timeline = signal<{ spans: Span[]; marks: Mark[] }>({ spans: [], marks: [] });
+  readonly timeline = signal<{ spans: Span[]; marks: Mark[]; last: number }>({ spans: [], marks: [], last: 0 });
   readonly selected = signal(-1);
   readonly collapsed = signal<ReadonlySet<number>>(new Set());
 
@@ -53,6 +53,9 @@ export class Run {
   path: [number, number][] = [];
   readonly trail = new Trail();
   readonly joints = new JointHistory();
+
+  /** Whether a moment to begin with has been chosen. */
+  opened = false;
 
   private beatDue = 0;
 
@@ -144,8 +147,19 @@ export class Run {
   }
 
   takeTimeline(first: number, last: number, spans: Span[], marks: Mark[]): void {
-    this.timeline.value = { spans, marks };
+    this.timeline.value = { spans, marks, last };
     this.takeExtent(first, Math.max(last, this.live.value ? this.time : last));
+  }
+
+  /** What one wants to see first of a run that is over: its first failure, else its end. */
+  get telling(): number {
+    const failure = this.timeline.peek().marks.find((mark) => ["error", "failure", "warning"].includes(mark.kind));
+    return failure?.time ?? this.last;
+  }
+
+  /** Why a run that is over did not succeed: the last failure that its log tells. */
+  get lastFailure(): LogLine | undefined {
+    return this.log.value.findLast((line) => line.node && (line.level === "error" || line.level === "warning"));
   }
 
   /** The state to show: an idle node that was reset after it returned shows that, faintly (see `isFaint`). */

@@ -4,6 +4,7 @@ import { useEffect, useMemo, useRef } from "preact/hooks";
 import { useSignalEffect } from "@preact/signals";
 import { describe } from "../describe";
 import { Icon } from "../Icon";
+import { shown } from "../monitor";
 import type { Run } from "../run";
 import { palette } from "../theme";
 import type { Tree } from "../tree";
@@ -22,7 +23,7 @@ export function TreeGraph({ run }: { run: Run }) {
   useEffect(() => {
     const box = host.current!;
     const marker = (): HTMLElement | null => box.querySelector("[aria-selected=true]");
-    const made = new GraphView(run, box, canvas.current!, map.current!, marker, () => (following.value = false));
+    const made = new GraphView(run, box, canvas.current!, map.current!, marker, () => (following.value = false), () => shown.peek().length > 1);
     view.current = made;
     return () => {
       made.close();

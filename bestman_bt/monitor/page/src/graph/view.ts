@@ -9,6 +9,7 @@ import { edgePath, paint } from "./paint";
 
 const CLICK_SLACK = 4;
 const READABLE = 0.9;
+const NARROW = 600;
 
 export class GraphView {
   readonly camera = new Camera();
@@ -19,6 +20,7 @@ export class GraphView {
   private hovered = -1;
   private due = 0;
   private fitted = false;
+  private besideBefore = false;
   private followed = -1;
   private readonly minimap: Minimap;
   private readonly pointers = new Map<number, { x: number; y: number }>();
@@ -32,6 +34,7 @@ export class GraphView {
     map: HTMLCanvasElement,
     private readonly marker: () => HTMLElement | null,
     private readonly stopFollowing: () => void,
+    private readonly beside: () => boolean,
   ) {
     this.minimap = new Minimap(map);
     this.watching = new ResizeObserver(() => this.resize());
@@ -76,12 +79,13 @@ export class GraphView {
     this.redraw();
   }
 
-  /** The first view: the whole tree where it stays readable, else its root at a readable size. */
+  /** The first view: the whole tree where it stays readable or is to be compared, else its root at a readable size. */
   private open(): void {
     if (this.layout === null || this.camera.width < 10) return;
     this.fitted = true;
+    this.besideBefore = this.beside();
     this.camera.fit(this.layout, 0);
-    if (this.camera.zoom >= 0.62) return;
+    if (this.camera.zoom >= 0.62 || this.beside()) return;
     const root = this.layout.cards[0]!;
     const right = this.layout.orientation === "right";
     this.camera.centre(root.x, root.y, 0, 0.85);
@@ -164,7 +168,7 @@ export class GraphView {
       palette.peek(),
       now,
     );
-    const behind = this.minimap.paint(this.layout, this.run.states, this.camera, palette.peek(), now);
+    const behind = this.camera.width >= NARROW && this.minimap.paint(this.layout, this.run.states, this.camera, palette.peek(), now);
     this.placeMarker();
     if (moving || glowing || behind) this.redraw();
   }
@@ -187,7 +191,7 @@ export class GraphView {
     this.camera.height = clientHeight;
     this.canvas.width = Math.round(clientWidth * devicePixelRatio);
     this.canvas.height = Math.round(clientHeight * devicePixelRatio);
-    if (!this.fitted) this.open();
+    if (!this.fitted || this.besideBefore !== this.beside()) this.open();
     this.draw(performance.now());
   }
 

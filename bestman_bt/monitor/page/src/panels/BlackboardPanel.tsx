@@ -3,7 +3,7 @@
 import { useEffect, useRef } from "preact/hooks";
 import { useSignal } from "@preact/signals";
 import { barred, setEntry } from "../actions";
-import { seconds } from "../describe";
+import { seconds, shownText } from "../describe";
 import { Icon } from "../Icon";
 import type { Entry } from "../protocol";
 import type { Run } from "../run";
@@ -54,9 +54,9 @@ function Row({ run, scope, name, entry }: { run: Run; scope: string; name: strin
         ) : (
           <button
             type="button" class="value-button" disabled={reason !== null} title={reason ?? "Set this entry"}
-            aria-label={`${name}: ${entry.text}${reason === null ? "; set this entry" : ""}`} onClick={() => (editing.value = true)}
+            aria-label={`${name}: ${shownText(entry)}${reason === null ? "; set this entry" : ""}`} onClick={() => (editing.value = true)}
           >
-            <span>{entry.text}</span>
+            <span class={entry.text === "" ? "nothing" : undefined}>{shownText(entry)}</span>
             {reason === null && <Icon name="edit" />}
           </button>
         )}

@@ -2,9 +2,11 @@
 
 import { useSignal } from "@preact/signals";
 import { barred, breakpointAt, force, toggleBreakpoint } from "../actions";
-import { seconds } from "../describe";
 import { Icon, StateShape } from "../Icon";
+import { isLive, seek, summary } from "../monitor";
+import { seconds, shownText } from "../describe";
 import type { Run } from "../run";
+import { RunChip } from "../RunChip";
 import { FAILURE, kindSign, stateName } from "../states";
 import type { Tree, TreeNode } from "../tree";
 
@@ -22,6 +24,7 @@ function Overview({ run, tree }: { run: Run; tree: Tree }) {
   const failed = [...run.messages].filter(([index]) => run.shownState(index) === FAILURE).slice(-8).reverse();
   return (
     <div class="node-panel">
+      <Ending run={run} tree={tree} />
       <h3>Runs now</h3>
       {running.length === 0 && <p class="hint">Nothing runs at this moment.</p>}
       <ul class="node-list">{running.map((index) => <NodeLink key={index} run={run} node={tree.nodes[index]!} />)}</ul>
@@ -32,6 +35,29 @@ function Overview({ run, tree }: { run: Run; tree: Tree }) {
       </ul>
       <p class="hint">Choose a node in the tree to see its ports, counts and breakpoints.</p>
     </div>
+  );
+}
+
+/** How a run that is over came out, and why. */
+function Ending({ run, tree }: { run: Run; tree: Tree }) {
+  const info = summary(run);
+  if (info === undefined || isLive(run)) return null;
+  const failure = info.outcome === "success" ? undefined : run.lastFailure;
+  return (
+    <section class="ending" aria-label="How it came out">
+      <h3>How it came out</h3>
+      <RunChip run={info} />
+      {failure !== undefined && (
+        <div class="why failed">
+          <h4>{failure.code || "Last failure"}, at {seconds(failure.time)}</h4>
+          <p>{failure.message}</p>
+          <button type="button" class="button" onClick={() => {
+            seek(run, failure.time);
+            run.show(tree.find(failure.node));
+          }}>Show {String(failure.node).split("/").at(-1)}</button>
+        </div>
+      )}
+    </section>
   );
 }
 
@@ -115,7 +141,7 @@ function resolved(run: Run, node: TreeNode, text: string): string {
   const scopes = key.startsWith("@") ? [] : [node.scope ?? ""];
   for (const scope of [...scopes, "", ...Object.keys(run.blackboard)]) {
     const entry = run.blackboard[scope]?.[name];
-    if (entry !== undefined) return entry.text;
+    if (entry !== undefined) return shownText(entry);
   }
   return "not set";
 }

@@ -4,9 +4,9 @@ import { useEffect, useMemo, useRef } from "preact/hooks";
 import { useSignal, useSignalEffect } from "@preact/signals";
 import { seconds } from "../describe";
 import { Icon } from "../Icon";
-import { goLive, isLive, seek } from "../monitor";
+import { goLive, isLive, seek, summary } from "../monitor";
 import type { Run } from "../run";
-import { stateName } from "../states";
+import { IDLE, stateName } from "../states";
 import { palette } from "../theme";
 import { tallTimeline } from "../view_options";
 import { laneByNode, packed } from "./lanes";
@@ -23,10 +23,11 @@ export function Timeline({ run, follow }: { run: Run; follow: Run | null }) {
   const tip = useSignal<{ x: number; words: string } | null>(null);
   const tall = tallTimeline.value;
   const tree = run.tree.value;
-  const { spans, marks } = run.timeline.value;
+  const { spans, marks, last } = run.timeline.value;
+  const over = summary(run)?.state === "ended";
   const lanes = useMemo(
-    () => (tree === null ? [] : tall ? laneByNode(spans, tree) : packed(spans, tree)),
-    [tree, spans, tall],
+    () => (tree === null ? [] : (tall ? laneByNode : packed)(spans, tree, last, over)),
+    [tree, spans, tall, last, over],
   );
   const height = tall ? Math.max(120, AXIS + 20 + lanes.length * TALL_LANE) : SLIM_HEIGHT;
   const gutter = tall && innerWidth > 720 ? GUTTER : 12;
@@ -89,7 +90,9 @@ export function Timeline({ run, follow }: { run: Run; follow: Run | null }) {
     const time = timeAt(event);
     const row = lanes[Math.floor((event.offsetY - AXIS - 14) / (tall ? TALL_LANE : SLIM_LANE))];
     const item = row?.spans.find(({ span }) => time >= span.from && time <= span.to);
-    return item === undefined ? seconds(time) : `${seconds(time)} · ${tree!.nodes[item.index]!.name}: ${stateName(item.span.state)}`;
+    if (item === undefined) return seconds(time);
+    const came = item.shown === IDLE ? "halted" : stateName(item.shown).toLowerCase();
+    return `${seconds(time)} · ${tree!.nodes[item.index]!.name}: ${came}`;
   };
 
   void run.beat.value;

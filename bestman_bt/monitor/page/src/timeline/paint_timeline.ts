@@ -10,6 +10,10 @@ export const AXIS = 18;
 export const TALL_LANE = 18;
 export const SLIM_LANE = 15;
 const MARKS = 12;
+const SIGNED = 13;
+const NAMED = 26;
+const HATCH = 5;
+const SIGNS = ["◌", "", "✓", "✕", "↷"];
 export const RIGHT = 16;
 
 export interface TimelinePicture {
@@ -81,24 +85,31 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
       context.fillText(row.name, 10, y + lane / 2, gutter - 20);
     }
     let drawnTo = -1;
-    for (const { span, index } of row.spans) {
+    for (const { span, index, worked, shown } of row.spans) {
       const x = at(span.from);
       const wide = Math.max(2, at(span.to) - x - 0.5);
       // Of many spans within one pixel, one is drawn.
       if (x + wide <= drawnTo + 0.5) continue;
       drawnTo = x + wide;
-      context.fillStyle = span.state === IDLE ? colours.faint : colours.states[span.state]!;
-      context.globalAlpha = span.state === RUNNING ? 0.92 : tall ? 0.32 : 0.6;
+      const halted = shown === IDLE;
+      context.fillStyle = halted ? colours.surface : colours.states[shown]!;
+      context.globalAlpha = worked ? 0.92 : tall ? 0.32 : 0.6;
       context.beginPath();
       context.roundRect(x, y + 2, wide, lane - 4, Math.min(3, wide / 2));
       context.fill();
       context.globalAlpha = 1;
-      if (tall || wide < 26) continue;
-      context.fillStyle = colours.signs[span.state]!;
+      if (halted) hatch(context, x, y + 2, wide, lane - 4, colours.faint);
+      context.fillStyle = halted ? colours.ink : colours.signs[shown]!;
+      const signed = worked && wide >= SIGNED;
+      if (signed) {
+        context.textAlign = "right";
+        context.fillText(SIGNS[shown]!, x + wide - 3, y + lane / 2 + 0.5);
+      }
+      if (tall || wide < NAMED) continue;
       context.textAlign = "left";
       context.save();
       context.beginPath();
-      context.rect(x, y, wide - 4, lane);
+      context.rect(x, y, wide - (signed ? SIGNED + 2 : 4), lane);
       context.clip();
       context.fillText(picture.nameOf(index), x + 5, y + lane / 2 + 0.5);
       context.restore();
@@ -122,6 +133,22 @@ export function paintTimeline(context: CanvasRenderingContext2D, picture: Timeli
   context.lineTo(x - 6, 11);
   context.closePath();
   context.fill();
+}
+
+/** Fills the path that was begun last: work that was halted before its end. */
+function hatch(context: CanvasRenderingContext2D, x: number, y: number, wide: number, high: number, colour: string): void {
+  context.strokeStyle = colour;
+  context.lineWidth = 1;
+  context.stroke();
+  context.save();
+  context.clip();
+  context.beginPath();
+  for (let at = x - high; at < x + wide; at += HATCH) {
+    context.moveTo(at, y + high);
+    context.lineTo(at + high, y);
+  }
+  context.stroke();
+  context.restore();
 }
 
 /** Failures as squares, warnings as triangles, all else as small discs. */
