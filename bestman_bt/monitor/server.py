@@ -11,10 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import uvicorn
-from fastapi import FastAPI, WebSocket, WebSocketDisconnect
-from fastapi.staticfiles import StaticFiles
+from starlette.applications import Starlette
+from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from bestman_bt.monitor.address import SERVICE
 from bestman_bt.monitor.control_client import socket_folder
@@ -49,40 +52,35 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
     """The application; ``runs`` is started and stopped with it."""
 
     @contextlib.asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
         await runs.start()
         try:
             yield
         finally:
             await runs.stop()
 
-    app = FastAPI(title=SERVICE, docs_url=None, redoc_url=None, openapi_url=None, lifespan=lifespan)
     viewers = 0
 
-    @app.get("/health")
-    async def health() -> Response:
+    async def health(_: Request) -> Response:
         return JSONResponse({"service": SERVICE, "sockets": str(socket_folder()), "read_only": config.read_only})
 
-    @app.get("/")
-    async def page() -> Response:
+    async def page(_: Request) -> Response:
         index = STATIC / "index.html"
         if not index.is_file():
             return PlainTextResponse("this installation has no built page: bestman_bt/monitor/static is empty\n", 404)
         return FileResponse(index, headers={"Cache-Control": "no-cache"})
 
-    @app.get("/runs/{identity}/images/{number}.jpg")
-    async def image(identity: str, number: int) -> Response:
-        run = runs.get(identity)
+    async def image(request: Request) -> Response:
+        run = runs.get(request.path_params["identity"])
         if run is None:
             return PlainTextResponse("there is no such run\n", 404)
         try:
-            content = await run.picture(number)
+            content = await run.picture(request.path_params["number"])
         except RunError as error:
             return PlainTextResponse(f"{error}\n", 404)
         kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
         return Response(content, media_type=kind, headers={"Cache-Control": "private, max-age=3600"})
 
-    @app.websocket("/ws")
     async def viewer(websocket: WebSocket) -> None:
         nonlocal viewers
         await websocket.accept()
@@ -99,8 +97,14 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
         finally:
             viewers -= 1
 
-    app.mount("/", StaticFiles(directory=STATIC, check_dir=False))
-    return Guard(app, AccessRules.of(config.host, config.port, config.token))
+    routes = [
+        Route("/health", health),
+        Route("/", page),
+        Route("/runs/{identity}/images/{number:int}.jpg", image),
+        WebSocketRoute("/ws", viewer),
+        Mount("/", StaticFiles(directory=STATIC, check_dir=False)),
+    ]
+    return Guard(Starlette(routes=routes, lifespan=lifespan), AccessRules.of(config.host, config.port, config.token))
 
 
 class MonitorServer:

@@ -206,7 +206,7 @@ def test_a_stop_waits_for_nothing_that_was_asked_before(executor: FakeExecutor, 
         answers = [page.next("answer", lambda answer: answer["for"] == "stop")]
         assert not [message for message in page.seen if message["type"] == "answer" and message["for"] in range(40)]
     assert answers[0]["ok"]
-    assert executor.asked[-1] == {"do": "stop"}
+    assert executor.asked.count({"do": "stop"}) == 1
 
 
 def test_what_the_executor_refuses_is_told(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
