@@ -6,12 +6,13 @@ REAL_TIME_JOBS ?= 4
 
 PAGE := bestman_bt/monitor/page
 
-.PHONY: help install demo test test-all eval eval-full gallery lint format docs lock page page-packages dist clean
+.PHONY: help install demo test test-all mutants eval eval-full gallery lint format docs lock page page-packages dist clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
 	@echo "make test      install, then lint, types, import contracts and the quick tests (about 5 minutes)"
 	@echo "make test-all  every test, as CI runs them (about 20 minutes)"
+	@echo "make mutants   seed known faults one by one and see that the tests find them (hours; resumes)"
 	@echo "make eval      20 seeds of every judged task, and the controls (about an hour; goes on where it stopped)"
 	@echo "make eval-full the same with 50 seeds"
 	@echo "make gallery   pictures and a short film of every task into docs/gallery"
@@ -38,6 +39,9 @@ test: lint page-packages
 test-all: install page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
 	$(BIN)/python -m pytest -n $(REAL_TIME_JOBS) --dist loadfile -m real_time
+
+mutants: install
+	$(BIN)/python scripts/mutants.py --jobs $(JOBS)
 
 eval: install
 	$(BIN)/bestman-bt eval manipulation --jobs $(JOBS)
