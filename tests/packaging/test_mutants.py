@@ -63,7 +63,9 @@ def test_the_faults_are_many_and_spread_over_the_packages(mutants: ModuleType, i
         ({"tests": ("tests/no_such_test.py",)}, "there is no tests/no_such_test.py"),
     ],
 )
-def test_a_fault_that_no_longer_applies_is_an_error(mutants: ModuleType, change: dict[str, object], words: str) -> None:
+def test_a_fault_that_no_longer_applies_is_an_error(
+    mutants: ModuleType, index: Any, change: dict[str, object], words: str
+) -> None:
     fields = {
         "origin": "here",
         "fault": "the suggestion is lost",
