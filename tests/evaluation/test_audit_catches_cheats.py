@@ -12,7 +12,7 @@ from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.api import Arm, MobileBase
-from hal.pybullet import ContactIncident, GroundTruth, HonestyRecord, PyBulletRobot
+from hal.pybullet import GroundTruth, PyBulletRobot
 from hal.pybullet.client import _FUNCTIONS, ReadPurpose
 
 
@@ -303,19 +303,6 @@ def _unguarded(name: str) -> Callable:
 
 def _fix(create: Callable, robot: int, hand: int, body: int) -> None:
     create(robot, hand, body, -1, pybullet.JOINT_FIXED, [0, 0, 0], [0, 0, 0.3], [0, 0, 0])
-
-
-def test_allowed_pairs_are_no_collisions() -> None:
-    contacts = (
-        ContactIncident("panda_leftfinger", "cup", ("fingers", "cup"), 1.0, 2.0, 40.0),
-        ContactIncident("cup", "table", ("cup", "table"), 1.0, 1.1, 2.0),
-        ContactIncident("panda_hand", "cup", ("robot", "cup"), 1.0, 1.1, 2.0),
-        ContactIncident("cup", "can", ("cup", "can"), 1.5, 1.6, 3.0),
-    )
-    record = HonestyRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), contacts, ())
-    judged = audit(record, [("cup", "fingers"), ("table", "cup")])
-    assert [(c.first, c.second) for c in judged.collisions] == [("panda_hand", "cup"), ("cup", "can")]
-    assert len(audit(record).collisions) == 4
 
 
 def test_a_monitor_that_was_switched_off_is_noticed(robot, cup, judge) -> None:

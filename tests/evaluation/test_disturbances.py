@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -15,7 +14,6 @@ from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, open_session
-from bestman_bt.scene import planar_radius
 from bestman_bt.world_model import HeldObject, ObjectBelief
 from hal.pybullet import Disturber, GroundTruth, PyBulletRobot
 
@@ -93,24 +91,6 @@ def test_what_the_robot_has_had_in_its_hand_is_not_moved_any_more(table: Stage) 
     table.believe("cup")
     table.wait(3.0)
     assert table.told() == []
-
-
-def test_places_are_on_the_surface_clear_of_others_and_of_goals_and_equal_for_equal_seeds(table: Stage) -> None:
-    places = table.script._places
-    drawn = [places.beside("cup", (0.1, 0.3), np.random.default_rng(seed)) for seed in (*range(30), 0)]
-    assert all(place is not None for place in drawn)
-    assert np.allclose(drawn[0].pose.position, drawn[-1].pose.position)
-    piece = next(p for p in table.session.setup.world.furniture if p.name == "table")
-    (surface,) = piece.model.surfaces
-    objects = table.session.setup.world.objects
-    radius = planar_radius(next(o.model for o in objects if o.name == "cup"))
-    for place in drawn:
-        x, y, _ = (piece.surface_pose(surface).inverse() @ place.pose).position
-        assert abs(x) + radius < surface.size[0] / 2
-        assert abs(y) + radius < surface.size[1] / 2
-        others = [o for o in objects if o.name != "cup"]
-        assert all(math.dist(place.pose.position[:2], o.pose.position[:2]) > 0.1 for o in others)
-        assert math.dist(place.pose.position[:2], table.session.setup.world.goals["place"].position[:2]) > 0.1
 
 
 def test_an_object_is_put_on_another_surface() -> None:

@@ -8,11 +8,13 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError, load_run, load_task
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
-from bestman_bt.messages import Pose2D
+from bestman_bt.evaluation.predicates.at_goal import at_goal
+from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.runtime.drive_goals import base_footprint, true_costmap
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.scene import SceneError
+from tests.evaluation.predicates.scripted import ScriptedEnd
 from tests.evaluation.predicates.staged import Staged, judged, why
 
 DRIVE = {"scene": "kitchen", "predicate": "at_goal", "drive": {"distance": "2 m"}}
@@ -35,11 +37,53 @@ def test_a_base_that_stayed_where_it_was_is_told_by_how_much_it_is_off(tmp_path:
     assert "path_ratio" not in result.metrics
 
 
-def test_the_heading_is_asked_for_only_where_the_task_has_a_tolerance_of_yaw(tmp_path: Path) -> None:
-    anywhere = {**DRIVE, "tolerances": {"position": "20 m"}}
-    assert judged(tmp_path, anywhere, Staged()).success
-    turned = judged(tmp_path, {**anywhere, "tolerances": {"position": "20 m", "yaw": "0.1 deg"}}, Staged())
-    assert "turned away by" in why(turned)
+@pytest.mark.parametrize("seed", [2, 5, 9])
+@pytest.mark.parametrize("share", [0.99, 1.01])
+@pytest.mark.parametrize("direction", [0.0, 2.0, -2.0])
+def test_the_tolerance_of_position_is_that_of_the_task(seed: int, share: float, direction: float) -> None:
+    end = ScriptedEnd("navigate_kitchen", seed=seed)
+    goal, tolerance = goal_of(end.setup), end.setup.config.task.tolerances.position
+    off = share * tolerance
+    end.truth.base = Pose2D(goal.x + off * math.cos(direction), goal.y + off * math.sin(direction), goal.theta)
+    verdict = at_goal(end.evidence())
+    assert verdict.metrics["final_error_mm"] == pytest.approx(1e3 * off)
+    assert verdict.metrics["final_yaw_deg"] == pytest.approx(0.0, abs=1e-9)
+    assert verdict.holds is (share < 1.0)
+    assert verdict.why == ("" if share < 1.0 else f"the base is {1e3 * off:.0f} mm from the goal")
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("turns", [0, 1])
+@pytest.mark.parametrize("share", [0.99, 1.01])
+def test_the_tolerance_of_yaw_holds_both_ways_round(sign: float, turns: int, share: float) -> None:
+    end = ScriptedEnd("navigate_kitchen", seed=2)
+    goal, tolerance = goal_of(end.setup), end.setup.config.task.tolerances.yaw
+    assert tolerance is not None
+    off = share * tolerance
+    end.truth.base = Pose2D(goal.x, goal.y, wrap_angle(goal.theta + sign * off) - turns * 2 * math.pi * sign)
+    verdict = at_goal(end.evidence())
+    assert verdict.metrics["final_yaw_deg"] == pytest.approx(math.degrees(off))
+    assert verdict.holds is (share < 1.0)
+    assert verdict.why == ("" if share < 1.0 else f"the base is turned away by {math.degrees(off):.1f}°")
+
+
+def test_the_heading_is_asked_for_only_where_the_task_has_a_tolerance_of_yaw() -> None:
+    end = ScriptedEnd("navigate_kitchen", "tolerances.yaw=null", seed=2)
+    goal = goal_of(end.setup)
+    end.truth.base = Pose2D(goal.x, goal.y, goal.theta + 3.0)
+    verdict = at_goal(end.evidence())
+    assert verdict.holds
+    assert verdict.metrics["final_yaw_deg"] == pytest.approx(math.degrees(3.0))
+
+
+def test_the_way_driven_is_told_as_a_multiple_of_the_shortest_one() -> None:
+    end = ScriptedEnd("navigate_kitchen", seed=2)
+    goal, start = goal_of(end.setup), end.setup.world.robot_start
+    end.truth.base = goal
+    ratio = at_goal(end.evidence(driven=6.0)).metrics["path_ratio"]
+    assert at_goal(end.evidence(driven=3.0)).metrics["path_ratio"] == pytest.approx(ratio / 2)
+    assert goal.distance_to(start) <= 6.0 / ratio * (1 + 1e-9)
+    assert 6.0 / ratio < 1.5 * goal.distance_to(start)
 
 
 def test_a_drive_is_measured_against_the_shortest_way(tmp_path: Path) -> None:

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,90 +11,143 @@ import yaml
 from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.predicates.facts import facts
-from bestman_bt.evaluation.predicates.verdict import Evidence
 from bestman_bt.messages import Pose
-from bestman_bt.runtime import Session
-from bestman_bt.task_planning.symbolic import parse_goal
-from tests.evaluation.predicates.staged import Staged, judged, why
+from bestman_bt.world_model import leaf_called, openness_of
+from tests.evaluation.predicates.scripted import ScriptedEnd
+from tests.evaluation.predicates.staged import Staged, judged
 
 DRAWER = "drawer_chest/drawer_3"
 
 
-def asked(goal: str, **more: object) -> dict[str, Any]:
-    """A task that wants facts, in a room with a cup on a table and a chest of drawers."""
-    return {"scene": "put_away", "plan": {"goal": goal, **more}, "predicate": "facts"}
+def end_of(goal: str, opened: float = 0.0, **held: tuple[str, ...]) -> ScriptedEnd:
+    """A room with a chest that stands askew and a cup on a table, at the end of a plan for ``goal``.
+
+    ``opened``: metres of the upper drawer. ``held``: objects in the hand and what they touch beside it.
+    """
+    end = ScriptedEnd("plan_put_away", "scene.furniture.drawer_chest.at=[1.4, 0.3, 115 deg]", f"plan.goal={goal}")
+    end.truth.opened[DRAWER] = opened
+    end.truth.on["cup"] = ("table",)
+    for name, touching in held.items():
+        end.truth.touched.add(name)
+        end.truth.on[name] = touching
+    return end
 
 
-def in_drawer(opened: float, upright: bool = True) -> Staged:
-    """The cup in the middle of the top drawer, which is open so far."""
+def put_in_drawer(end: ScriptedEnd, drawer: str = DRAWER, upright: bool = True) -> ScriptedEnd:
+    """The cup in the middle of a drawer, which is open as far as it is."""
+    piece = next(piece for piece in end.setup.world.furniture if piece.name == "drawer_chest")
+    out = -end.truth.opened.get(drawer, 0.0) * piece.pose.rotation[:, 0]
+    roll = 0.0 if upright else np.pi / 2
+    pose = end.surface(drawer) @ Pose.from_xyz_rpy((0.0, 0.0, 0.05), (roll, 0.0, 0.0))
+    end.put("cup", Pose(pose.position + out, pose.quaternion), "drawer_chest")
+    return end
 
-    def where(session: Session) -> Pose:
-        chest = next(p for p in session.setup.world.furniture if p.name == "drawer_chest")
-        surface = next(s for s in chest.model.all_surfaces if s.name == "drawer_3")
-        tilted = Pose.from_xyz_rpy((0.0, 0.0, 0.0501 if upright else 0.0335), (0.0 if upright else np.pi / 2, 0.0, 0.0))
-        return chest.pose @ Pose(np.array([-opened, 0.0, 0.0])) @ surface.pose @ tilted
 
-    return Staged(opened={DRAWER: opened}, moved={"cup": where})
+def says(end: ScriptedEnd) -> str:
+    """What keeps the goal from being true; empty where it is."""
+    verdict = facts(end.evidence())
+    assert verdict.holds is (verdict.why == "")
+    return verdict.why
 
 
 def test_what_stands_where_the_goal_says_is_there(tmp_path: Path) -> None:
-    result = judged(tmp_path, asked("on(cup, table) and closed(drawer_3) and hand_empty"), Staged())
+    """In physics, whatever the tree has done."""
+    goal = {"goal": "on(cup, table) and closed(drawer_3) and hand_empty"}
+    result = judged(tmp_path, {"scene": "put_away", "plan": goal, "predicate": "facts"}, Staged())
     assert result.predicate is True
     assert result.metrics == {"facts_judged": 3, "facts_share": 1.0}
 
 
-def test_a_fact_that_cannot_be_judged_leaves_the_others_to_the_judge(tmp_path: Path) -> None:
-    result = judged(tmp_path, asked(f"on(cup, {DRAWER}) and tucked"), Staged())
-    assert "not on" in why(result)
-    assert result.metrics == {"facts_judged": 1, "facts_share": 0.0}
+def test_a_fact_that_cannot_be_judged_leaves_the_others_to_the_judge() -> None:
+    verdict = facts(end_of(f"on(cup, {DRAWER}) and located(cup)").evidence())
+    assert "not on" in verdict.why
+    assert verdict.metrics == {"facts_judged": 1, "facts_share": 0.0}
 
 
-def test_each_fact_that_is_not_true_is_told(tmp_path: Path) -> None:
-    result = judged(tmp_path, asked(f"on(cup, {DRAWER}) and open(drawer_3) and hand_empty"), Staged())
-    assert why(result) == (f"the cup is not on {DRAWER}, not standing on the drawer_chest; the {DRAWER} is not open")
-    assert result.metrics["facts_share"] == pytest.approx(1 / 3, abs=1e-4)
+def test_each_fact_that_is_not_true_is_told() -> None:
+    verdict = facts(end_of(f"on(cup, {DRAWER}) and open(drawer_3) and hand_empty").evidence())
+    assert verdict.why == f"the cup is not on {DRAWER}, not standing on the drawer_chest; the {DRAWER} is not open"
+    assert verdict.metrics["facts_share"] == pytest.approx(1 / 3)
 
 
-@pytest.mark.parametrize(("opened", "holds"), [(0.0, True), (0.3, False)])
-def test_the_drawer_has_to_be_shut_where_that_is_asked(tmp_path: Path, opened: float, holds: bool) -> None:
-    result = judged(tmp_path, asked(f"on(cup, {DRAWER}) and closed(drawer_3)"), in_drawer(opened))
-    assert result.predicate is holds
+def test_a_drawer_is_open_from_where_skills_can_work_in_it_and_shut_up_to_a_centimetre() -> None:
+    leaf = openness_of(leaf_called(end_of("hand_empty").setup.world_model, DRAWER))
+    for opened, is_open, is_shut in (
+        (0.0, False, True),
+        (leaf.shut - 1e-4, False, True),
+        (leaf.shut + 1e-4, False, False),
+        (leaf.enough - 1e-4, False, False),
+        (leaf.enough + 1e-4, True, False),
+    ):
+        assert says(end_of("open(drawer_3)", opened)) == ("" if is_open else f"the {DRAWER} is not open")
+        assert says(end_of("not open(drawer_3)", opened)) == (f"the {DRAWER} is open" if is_open else "")
+        assert says(end_of("closed(drawer_3)", opened)) == ("" if is_shut else f"the {DRAWER} is not shut")
+        assert says(end_of("not closed(drawer_3)", opened)) == (f"the {DRAWER} is shut" if is_shut else "")
 
 
-def test_in_a_drawer_things_may_lie_on_a_table_they_stand(tmp_path: Path) -> None:
-    assert judged(tmp_path, asked(f"on(cup, {DRAWER})"), in_drawer(0.3, upright=False)).predicate is True
-
-    def lying(session: Session) -> Pose:
-        table = next(p for p in session.setup.world.furniture if p.name == "table")
-        return table.pose @ table.model.all_surfaces[0].pose @ Pose.from_xyz_rpy((0.0, 0.0, 0.0335), (np.pi / 2, 0, 0))
-
-    told = why(judged(tmp_path, asked("on(cup, table)"), Staged(moved={"cup": lying})))
-    assert "tilted by 90°" in told
-    told = why(judged(tmp_path, asked("not on(cup, table)"), Staged(moved={"cup": lying})))
-    assert told == "the cup is on table/top"
-
-
-def test_what_shall_not_be_is_judged_too(tmp_path: Path) -> None:
-    assert judged(tmp_path, asked("not on(cup, table)"), in_drawer(0.0)).predicate is True
-    assert why(judged(tmp_path, asked("not on(cup, table)"), Staged())) == "the cup is on table/top"
-    assert why(judged(tmp_path, asked("not closed(drawer_3)"), Staged())) == f"the {DRAWER} is shut"
-    assert why(judged(tmp_path, asked("not open(drawer_3)"), in_drawer(0.3))) == f"the {DRAWER} is open"
+@pytest.mark.parametrize("opened", [0.0, 0.3])
+def test_what_is_in_a_drawer_has_gone_with_it_and_may_lie_there_but_on_a_table_it_stands(opened: float) -> None:
+    goal = f"on(cup, {DRAWER})"
+    assert says(put_in_drawer(end_of(goal, opened))) == ""
+    assert says(put_in_drawer(end_of(goal, opened), upright=False)) == ""
+    left_behind = put_in_drawer(end_of(goal, 0.0))
+    left_behind.truth.opened[DRAWER] = 0.3
+    assert says(left_behind) == f"the cup is not on {DRAWER}"
+    lying = Pose.from_xyz_rpy((0.0, 0.0, 0.0335), (np.pi / 2, 0.0, 0.0))
+    for goal, words in (
+        ("on(cup, table)", "the cup is tilted by 90°"),
+        ("not on(cup, table)", "the cup is on table/top"),
+    ):
+        end = end_of(goal)
+        end.put("cup", end.surface("table/top") @ lying, "table")
+        assert says(end) == words
 
 
-def test_what_is_in_a_drawer_is_not_on_the_top_of_the_same_chest(tmp_path: Path) -> None:
-    assert judged(tmp_path, asked("not on(cup, drawer_chest/top)"), in_drawer(0.0)).predicate is True
+def test_a_thing_is_off_a_surface_only_where_it_is_held_or_elsewhere() -> None:
+    on_top = "not on(cup, drawer_chest/top)"
+    assert says(end_of("not on(cup, table)")) == "the cup is on table/top"
+    assert says(put_in_drawer(end_of("not on(cup, table)"))) == ""
+    assert says(put_in_drawer(end_of(on_top))) == "", "what is in a drawer is not on the top of the same chest"
+    assert says(end_of("not on(cup, table)", cup=())) == "", "what is held above the table is not on it"
+    assert says(end_of("not on(cup, table)", cup=("table",))) == "the cup is on table/top"
+    leaning = end_of(on_top)
+    pose = leaning.surface("drawer_chest/top")
+    leaning.put("cup", pose @ Pose(np.array([-0.6, 0.0, -0.3])), "drawer_chest")
+    assert says(leaning) == "the cup touches the drawer_chest"
 
 
-@pytest.mark.parametrize("goal", ["not holding(cup)", "hand_empty"])
-def test_the_hand_is_not_empty_while_the_robot_presses_on_what_stands(tmp_path: Path, goal: str) -> None:
-    assert judged(tmp_path, asked(goal), Staged()).predicate is True
-    truth = SimpleNamespace(object_names=("cup",), touches_robot=lambda _: True, supports=lambda _: ("table",))
-    session = SimpleNamespace(setup=SimpleNamespace(plan_goal=parse_goal(goal)))
-    assert facts(Evidence(session, truth, {"cup": (0.0, 0.0, 0.0)})).why == "the robot presses on the cup"  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    ("goal", "touching", "told"),
+    [
+        ("holding(cup)", None, "the cup is not in the hand"),
+        ("holding(cup)", (), ""),
+        ("holding(cup)", ("table",), "the cup is not in the hand"),
+        ("not holding(cup)", None, ""),
+        ("not holding(cup)", (), "the hand holds the cup"),
+        ("not holding(cup)", ("table",), "the robot presses on the cup"),
+        ("hand_empty", None, ""),
+        ("hand_empty", (), "the hand holds the cup"),
+        ("hand_empty", ("table",), "the robot presses on the cup"),
+        ("not hand_empty", None, "the hand holds nothing"),
+        ("not hand_empty", (), ""),
+        ("not hand_empty", ("table",), "the hand holds nothing"),
+    ],
+)
+def test_the_hand_holds_what_it_touches_and_nothing_else_bears(
+    goal: str, touching: tuple[str, ...] | None, told: str
+) -> None:
+    assert says(end_of(goal, **({} if touching is None else {"cup": touching}))) == told
 
 
-def test_what_the_hand_does_not_hold_is_not_held(tmp_path: Path) -> None:
-    assert why(judged(tmp_path, asked("holding(cup)"), Staged())) == "the cup is not in the hand"
+def test_of_a_thing_that_is_not_there_only_what_shall_not_be_is_true() -> None:
+    for goal, told in (
+        ("on(cup, table)", "there is no cup in the scene"),
+        ("holding(cup)", "there is no cup in the scene"),
+        ("not on(cup, table)", ""),
+        ("not holding(cup)", ""),
+    ):
+        end = end_of(goal)
+        assert facts(dataclasses.replace(end.evidence(), before={})).why == told
 
 
 @pytest.mark.parametrize(

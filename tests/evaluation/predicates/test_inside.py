@@ -5,9 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bestman_bt.evaluation.predicates.inside import inside
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
-from tests.evaluation.predicates.staged import Staged, judged, why
+from tests.evaluation.predicates.scripted import ScriptedEnd
+from tests.evaluation.predicates.staged import Staged, judged
 
 PUT_AWAY = {
     "scene": "put_away",
@@ -15,40 +17,62 @@ PUT_AWAY = {
     "opening": {"articulation": "drawer_chest/drawer_3", "at_most": "2 cm"},
     "predicate": ["inside", "opened"],
 }
+DRAWER = "drawer_chest/drawer_3"
+IN_THE_MIDDLE = Pose(np.array([0.0, 0.0, 0.05]))
 
 
-def in_drawer(drawer: str, opened: float) -> Staged:
-    """The cup in the middle of a drawer, which is open so far."""
+@pytest.fixture(scope="module")
+def prepared() -> ScriptedEnd:
+    """A chest that stands askew in the room."""
+    return ScriptedEnd("put_away", "scene.furniture.drawer_chest.at=[1.4, 0.3, 115 deg]")
 
-    def where(session: Session) -> Pose:
+
+@pytest.fixture
+def chest(prepared: ScriptedEnd) -> ScriptedEnd:
+    prepared.truth.opened, prepared.truth.touched = {}, set()
+    prepared.put("cup", prepared.surface(DRAWER) @ IN_THE_MIDDLE, "drawer_chest")
+    return prepared
+
+
+def opened_by(chest: ScriptedEnd, metres: float) -> Pose:
+    """How the map sees what an open drawer has done to what is in it."""
+    piece = next(piece for piece in chest.setup.world.furniture if piece.name == "drawer_chest")
+    return Pose(-metres * piece.pose.rotation[:, 0])
+
+
+def test_a_cup_in_the_closed_drawer_is_put_away_and_in_the_open_one_it_is_not(tmp_path: Path) -> None:
+    """In physics, by both predicates of the task."""
+
+    def in_the_drawer(session: Session) -> Pose:
         chest = next(p for p in session.setup.world.furniture if p.name == "drawer_chest")
-        surface = next(s for s in chest.model.all_surfaces if s.name == drawer)
-        return chest.pose @ Pose(np.array([-opened, 0.0, 0.0])) @ surface.pose @ Pose(np.array([0.0, 0.0, 0.0501]))
+        surface = next(s for s in chest.model.all_surfaces if s.name == "drawer_3")
+        return chest.pose @ surface.pose @ Pose(np.array([0.0, 0.0, 0.0501]))
 
-    return Staged(opened={f"drawer_chest/{drawer}": opened}, moved={"cup": where})
-
-
-def test_a_cup_in_the_closed_drawer_is_put_away(tmp_path: Path) -> None:
-    assert judged(tmp_path, PUT_AWAY, in_drawer("drawer_3", 0.0)).predicate is True
+    assert judged(tmp_path, PUT_AWAY, Staged(moved={"cup": in_the_drawer})).predicate is True
 
 
-def test_a_cup_that_is_still_on_the_table_is_not(tmp_path: Path) -> None:
-    told = why(judged(tmp_path, PUT_AWAY, Staged()))
-    assert told == "the cup is not inside drawer_chest/drawer_3, not standing on the drawer_chest"
+def test_a_cup_that_is_still_on_the_table_is_not(chest: ScriptedEnd) -> None:
+    chest.put("cup", chest.surface("table/top") @ IN_THE_MIDDLE, "table")
+    assert inside(chest.evidence()).why == f"the cup is not inside {DRAWER}, not standing on the drawer_chest"
 
 
-def test_the_drawer_has_to_be_closed(tmp_path: Path) -> None:
-    told = why(judged(tmp_path, PUT_AWAY, in_drawer("drawer_3", 0.25)))
-    assert told == "the drawer_chest/drawer_3 is open by 250.0 mm, at most 20 mm are asked"
+@pytest.mark.parametrize("opened", [0.0, 0.25])
+def test_an_open_drawer_is_where_it_is_and_not_where_it_was(chest: ScriptedEnd, opened: float) -> None:
+    chest.truth.opened[DRAWER] = 0.25
+    moved = opened_by(chest, opened)
+    chest.truth.poses["cup"] = Pose(chest.truth.poses["cup"].position + moved.position)
+    assert inside(chest.evidence()).holds is (opened == 0.25)
 
 
-def test_an_open_drawer_is_where_it_is_and_not_where_it_was(tmp_path: Path) -> None:
-    either = {**PUT_AWAY, "predicate": "inside"}
-    assert judged(tmp_path, either, in_drawer("drawer_3", 0.25)).predicate is True
+def test_in_a_drawer_a_cup_may_lie(chest: ScriptedEnd) -> None:
+    lying = chest.truth.poses["cup"] @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (1.5, 0.0, 0.0))
+    chest.truth.poses["cup"] = lying
+    assert inside(chest.evidence()).holds
+    chest.truth.touched.add("cup")
+    assert inside(chest.evidence()).why == "the cup is not let go"
 
 
-@pytest.mark.parametrize("drawer", ["drawer_2", "top"])
-def test_another_drawer_or_the_top_is_not_the_drawer(tmp_path: Path, drawer: str) -> None:
-    end = in_drawer(drawer, 0.0)
-    end = end if drawer != "top" else Staged(moved=end.moved)
-    assert why(judged(tmp_path, PUT_AWAY, end)) == "the cup is not inside drawer_chest/drawer_3"
+@pytest.mark.parametrize("other", ["drawer_2", "top"])
+def test_another_drawer_or_the_top_is_not_the_drawer(chest: ScriptedEnd, other: str) -> None:
+    chest.put("cup", chest.surface(f"drawer_chest/{other}") @ IN_THE_MIDDLE, "drawer_chest")
+    assert inside(chest.evidence()).why == f"the cup is not inside {DRAWER}"

@@ -5,17 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.evaluation.predicates.opened import opened
+from tests.evaluation.predicates.scripted import ScriptedEnd
 from tests.evaluation.predicates.staged import Staged, judged, why
 
 DRAWER = {
     "scene": "chest_room",
     "predicate": "opened",
     "opening": {"articulation": "drawer_chest/drawer_3", "at_least": "20 cm"},
-}
-FRIDGE = {
-    "scene": "fridge_room",
-    "predicate": "opened",
-    "opening": {"articulation": "fridge/upper_door", "at_least": "80 deg"},
 }
 
 
@@ -27,26 +24,39 @@ def test_a_drawer_that_nobody_touched_is_not_open(tmp_path: Path) -> None:
     assert result.metrics == {"opening_mm": pytest.approx(0.0, abs=0.1)}
 
 
-@pytest.mark.parametrize(("position", "holds"), [(0.19, False), (0.21, True)])
-def test_twenty_centimetres_are_enough(tmp_path: Path, position: float, holds: bool) -> None:
-    result = judged(tmp_path, DRAWER, Staged(opened={"drawer_chest/drawer_3": position}))
-    assert result.predicate is holds
-    assert result.metrics["opening_mm"] == pytest.approx(1e3 * position, abs=1.0)
+def test_another_drawer_does_not_count_and_an_open_one_may_be_asked_to_be_shut() -> None:
+    end = ScriptedEnd("close_drawer")
+    opening = end.setup.config.task.opening
+    assert opening is not None
+    other = "drawer_chest/drawer_1" if opening.articulation != "drawer_chest/drawer_1" else "drawer_chest/drawer_2"
+    end.truth.opened = {other: 0.3}
+    assert opened(end.evidence()).holds
+    end.truth.opened = {opening.articulation: 0.3}
+    assert not opened(end.evidence()).holds
 
 
-def test_another_drawer_does_not_count(tmp_path: Path) -> None:
-    assert judged(tmp_path, DRAWER, Staged(opened={"drawer_chest/drawer_2": 0.3})).predicate is False
-
-
-@pytest.mark.parametrize(("degrees", "holds"), [(78.0, False), (82.0, True)])
-def test_doors_are_judged_in_degrees(tmp_path: Path, degrees: float, holds: bool) -> None:
-    result = judged(tmp_path, FRIDGE, Staged(opened={"fridge/upper_door": math.radians(degrees)}))
-    assert result.predicate is holds
-    assert result.metrics["angle_deg"] == pytest.approx(degrees, abs=0.5)
-
-
-@pytest.mark.parametrize(("position", "holds"), [(0.0, True), (0.05, False)])
-def test_closed_is_asked_as_at_most(tmp_path: Path, position: float, holds: bool) -> None:
-    closed = {**DRAWER, "opening": {"articulation": "drawer_chest/drawer_3", "at_most": "2 cm"}}
-    result = judged(tmp_path, closed, Staged(opened={"drawer_chest/drawer_3": position}))
-    assert result.predicate is holds
+@pytest.mark.parametrize(
+    ("task", "asked", "unit", "metric"),
+    [
+        ("open_drawer", "[20 cm, 25 cm]", 1e-3, "opening_mm"),
+        ("open_fridge", "[60 deg, 80 deg]", math.radians(1.0), "angle_deg"),
+    ],
+)
+def test_an_opening_between_two_limits_is_held_to_both(task: str, asked: str, unit: float, metric: str) -> None:
+    least, most = asked.strip("[]").split(", ")
+    end = ScriptedEnd(task, f"opening.at_least={least}", f"opening.at_most={most}")
+    opening = end.setup.config.task.opening
+    assert opening is not None
+    assert opening.at_least is not None
+    assert opening.at_most is not None
+    for position, words in (
+        (opening.at_least - unit / 2, "at least"),
+        (opening.at_least + unit / 2, ""),
+        (opening.at_most - unit / 2, ""),
+        (opening.at_most + unit / 2, "at most"),
+    ):
+        end.truth.opened = {opening.articulation: position}
+        verdict = opened(end.evidence())
+        assert verdict.holds is (words == "")
+        assert words in verdict.why
+        assert verdict.metrics == {metric: pytest.approx(position / unit)}

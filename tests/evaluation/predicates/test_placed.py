@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import load_run
+from bestman_bt.evaluation.predicates.placed import placed
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, prepare
-from tests.evaluation.predicates.staged import NOTHING, Staged, judged, why
+from tests.evaluation.predicates.scripted import ScriptedEnd, shifted, turned
+from tests.evaluation.predicates.staged import NOTHING, Staged, judged
 
 SET_TABLE = {
     "scene": "set_table",
@@ -20,11 +22,6 @@ SET_TABLE = {
     ],
     "predicate": "placed",
     "tolerances": {"position": "2 cm", "yaw": "10 deg"},
-}
-IN_DRAWER = {
-    "scene": "put_away",
-    "goal": {"name": "place", "object": "cup", "source": "table", "surface": "drawer_chest/drawer_3"},
-    "predicate": "placed",
 }
 
 
@@ -52,35 +49,6 @@ def test_a_laid_table_is_a_success_and_each_things_error_is_told(tmp_path: Path)
     assert "yaw_error_deg_plate" not in result.metrics
 
 
-@pytest.mark.parametrize(
-    ("off", "message"),
-    [
-        ({"mug": (0.025, 0.0)}, "the mug is 25 mm from the goal"),
-        ({"fork": (0.0, math.radians(20))}, "the fork is turned by 20°"),
-        ({"mug": (0.0, math.pi)}, "the mug is turned by 180°"),
-    ],
-)
-def test_one_thing_that_is_off_spoils_it(tmp_path: Path, off: dict, message: str) -> None:
-    assert why(judged(tmp_path, SET_TABLE, laid(**off))) == message
-
-
-def test_a_table_that_nobody_laid_is_none(tmp_path: Path) -> None:
-    told = why(judged(tmp_path, SET_TABLE, Staged()))
-    assert told.count("not standing on the table") == 3
-
-
-@pytest.mark.parametrize(("left_behind", "holds"), [(0.0, True), (0.03, False)])
-def test_a_goal_in_a_drawer_goes_with_the_drawer(tmp_path: Path, left_behind: float, holds: bool) -> None:
-    def where(session: Session) -> Pose:
-        chest = next(p for p in session.setup.world.furniture if p.name == "drawer_chest")
-        along = chest.pose.rotation @ np.array([-0.25 + left_behind, 0.0, 0.0])
-        return Pose(session.setup.goals[0].pose.position + along + np.array([0.0, 0.0, 1e-4]))
-
-    result = judged(tmp_path, IN_DRAWER, Staged({"drawer_chest/drawer_3": 0.25}, {"cup": where}))
-    assert result.predicate is holds
-    assert result.metrics["place_error_mm"] == pytest.approx(1e3 * left_behind, abs=0.6)
-
-
 def test_of_several_objects_the_seed_chooses_one_that_is_there(tmp_path: Path) -> None:
     (tmp_path / "nothing.xml").write_text(NOTHING)
     goal = "{name: place, object: [cup, can, box, soup_can], source: table, surface: table}"
@@ -98,3 +66,83 @@ def test_of_several_objects_the_seed_chooses_one_that_is_there(tmp_path: Path) -
         again = prepare(load_run(tmp_path / "task.yaml", seed=seed)).goals[0]
         assert again.object == goal_of_seed.object
     assert len(set(chosen)) >= 3
+
+
+@pytest.fixture(scope="module")
+def prepared() -> ScriptedEnd:
+    return ScriptedEnd("set_table")
+
+
+@pytest.fixture
+def laid_table(prepared: ScriptedEnd) -> ScriptedEnd:
+    """Each thing exactly at its goal."""
+    for goal in prepared.setup.goals:
+        prepared.put(goal.object, goal.pose, "table")
+    prepared.truth.touched.clear()
+    return prepared
+
+
+def off(end: ScriptedEnd, name: str, change: Callable[[Pose], Pose]) -> tuple[str, dict[str, float]]:
+    """What the judge says with one thing changed, and what it measures."""
+    end.truth.poses[name] = change(end.truth.poses[name])
+    verdict = placed(end.evidence())
+    assert verdict.holds is (verdict.why == "")
+    return verdict.why, verdict.metrics
+
+
+@pytest.mark.parametrize("name", ["plate", "mug", "fork"])
+@pytest.mark.parametrize("direction", [0.0, 2.5, -1.0])
+def test_the_tolerance_of_position_is_that_of_the_task(laid_table: ScriptedEnd, name: str, direction: float) -> None:
+    for distance, words in ((0.0198, ""), (0.0202 - 0.0198, f"the {name} is 20 mm from the goal")):
+        way = distance * np.array([math.cos(direction), math.sin(direction)])
+        told, metrics = off(laid_table, name, lambda pose, way=way: shifted(pose, float(way[0]), float(way[1])))
+        assert told == words
+    assert metrics[f"place_error_mm_{name}"] == pytest.approx(20.2)
+    assert metrics["place_error_mm"] == pytest.approx(20.2), "the largest of all"
+    assert min(metrics[f"place_error_mm_{other}"] for other in ("plate", "mug", "fork")) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(("degrees", "fork", "mug"), [(9.9, True, True), (10.1, False, False), (175.0, True, False)])
+def test_the_turn_is_measured_to_the_nearest_pose_that_looks_the_same(
+    laid_table: ScriptedEnd, sign: float, degrees: float, fork: bool, mug: bool
+) -> None:
+    for name, holds, order in (("fork", fork, 2), ("mug", mug, 1)):
+        stood = laid_table.truth.poses[name]
+        told, metrics = off(laid_table, name, lambda pose: turned(pose, sign * math.radians(degrees)))
+        error = min(degrees % (360 / order), 360 / order - degrees % (360 / order))
+        assert metrics[f"yaw_error_deg_{name}"] == pytest.approx(error)
+        assert (told == "") is holds
+        laid_table.truth.poses[name] = stood
+    assert off(laid_table, "plate", lambda pose: turned(pose, 1.0))[0] == "", "a plate is the same from all sides"
+
+
+def test_a_thing_that_is_held_or_tilted_or_gone_is_not_placed_and_the_others_do_not_make_up_for_it(
+    laid_table: ScriptedEnd,
+) -> None:
+    laid_table.truth.touched.add("mug")
+    assert placed(laid_table.evidence()).why == "the mug is not let go"
+    laid_table.truth.touched.clear()
+    laid_table.truth.on["fork"] = ("counter", "plate")
+    assert placed(laid_table.evidence()).why == "the fork is not standing on the table"
+    laid_table.truth.on["fork"] = ("table", "plate")
+    tilted = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (math.radians(11), 0.0, 0.0))
+    told, metrics = off(laid_table, "plate", lambda pose: pose @ tilted)
+    assert told == "the plate is tilted by 11°"
+    assert metrics["tilt_deg"] == pytest.approx(11.0)
+    stood = laid_table.truth.poses.pop("plate")
+    assert placed(laid_table.evidence()).why == "there is no plate in the scene"
+    laid_table.truth.poses["plate"] = stood
+
+
+@pytest.mark.parametrize("error", [0.0, 0.03])
+def test_in_an_open_drawer_of_a_chest_that_stands_askew_the_goal_has_gone_with_the_drawer(error: float) -> None:
+    end = ScriptedEnd("put_away", "scene.furniture.drawer_chest.at=[1.4, 0.3, 115 deg]")
+    (goal,) = end.setup.goals
+    end.truth.opened["drawer_chest/drawer_3"] = 0.2
+    piece = next(piece for piece in end.setup.world.furniture if piece.name == "drawer_chest")
+    out = -piece.pose.rotation[:, 0]
+    end.put("cup", Pose(goal.pose.position + (0.2 - error) * out, goal.pose.quaternion), "drawer_chest")
+    verdict = placed(end.evidence())
+    assert verdict.metrics["place_error_mm"] == pytest.approx(1e3 * error, abs=1e-6)
+    assert verdict.holds is (error == 0.0)

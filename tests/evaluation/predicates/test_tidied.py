@@ -1,14 +1,17 @@
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bestman_bt.evaluation.predicates.tidied import tidied
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session
 from bestman_bt.scene import draw_world, load_scene
+from tests.evaluation.predicates.scripted import ScriptedEnd
 from tests.evaluation.predicates.staged import Staged, judged, why
 
 NAMES = ("cup", "can", "box", "soup_can")
@@ -58,13 +61,58 @@ def test_one_that_was_left_on_the_table_is_named(tmp_path: Path, present: tuple[
     assert result.metrics["tidied_share"] == pytest.approx(1 - 1 / len(present), abs=1e-3)
 
 
-def test_on_the_counter_but_outside_the_region_is_not_tidy(tmp_path: Path, present: tuple[str, ...]) -> None:
-    result = judged(tmp_path, TIDY, brought(*present, x=0.10), SEED)
-    assert result.predicate is False
-    assert result.metrics["outside_mm"] == pytest.approx(100.0, abs=2.0)
+@pytest.fixture(scope="module")
+def counter() -> ScriptedEnd:
+    """A task whose region lies askew in the room: x -25 to 0 cm and y -60 to 60 cm of the counter's top."""
+    return ScriptedEnd("tidy_table", "tidy.x=[-25 cm, -5 cm]", "tidy.y=[-60 cm, 40 cm]")
 
 
-def test_a_table_that_nobody_tidied_is_not_tidy(tmp_path: Path) -> None:
-    result = judged(tmp_path, TIDY, Staged(), SEED)
-    assert result.predicate is False
-    assert result.metrics["tidied_share"] == 0.0
+def stand(end: ScriptedEnd, name: str, x: float, y: float, z: float = 0.05) -> None:
+    end.put(name, end.surface("counter/top") @ Pose(np.array([x, y, z])), "counter")
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "outside"),
+    [
+        (-0.249, -0.599, 0.0),
+        (-0.051, 0.399, 0.0),
+        (-0.251, 0.0, 1.0),
+        (-0.049, 0.0, 1.0),
+        (-0.1, 0.401, 1.0),
+        (-0.1, -0.601, 1.0),
+        (-0.02, 0.44, 50.0),
+    ],
+)
+def test_a_thing_is_tidy_just_within_every_side_of_the_region_and_untidy_just_outside(
+    counter: ScriptedEnd, x: float, y: float, outside: float
+) -> None:
+    names = list(counter.truth.poses)
+    for name in names[1:]:
+        stand(counter, name, -0.1, 0.2)
+    stand(counter, names[0], x, y)
+    verdict = tidied(counter.evidence())
+    assert verdict.holds is (outside == 0.0)
+    assert verdict.metrics["outside_mm"] == pytest.approx(outside, abs=1e-6)
+    assert verdict.metrics["tidied_share"] == pytest.approx(1.0 if outside == 0.0 else 1 - 1 / len(names))
+
+
+def test_the_worst_of_several_things_is_told_and_all_that_are_wrong_are_named(counter: ScriptedEnd) -> None:
+    first, second, third = counter.truth.poses
+    stand(counter, first, -0.1, 0.5)
+    stand(counter, second, -0.1, 0.45)
+    stand(counter, third, -0.1, 0.0)
+    verdict = tidied(counter.evidence())
+    assert verdict.metrics == {"outside_mm": pytest.approx(100.0), "tidied_share": pytest.approx(1 / 3)}
+    assert verdict.why == (f"the {first} is 100 mm outside the region; the {second} is 50 mm outside the region")
+    stand(counter, first, -0.1, 0.0, z=-0.05)
+    stand(counter, second, -0.1, 0.1)
+    counter.truth.touched.add(second)
+    try:
+        assert tidied(counter.evidence()).why == f"the {first} is not above counter/top; the {second} is not let go"
+    finally:
+        counter.truth.touched.clear()
+
+
+def test_where_none_of_the_things_is_there_nothing_is_tidy(counter: ScriptedEnd) -> None:
+    nothing = dataclasses.replace(counter.evidence(), before={})
+    assert tidied(nothing).why == "none of cup, can, box, soup_can is in the scene"

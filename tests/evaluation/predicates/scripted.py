@@ -1,0 +1,105 @@
+"""Ends of runs without physics: a task as it is prepared, and a truth that a test writes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from bestman_bt.configuration import load_run
+from bestman_bt.evaluation.predicates.verdict import Evidence
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.runtime.setup import Setup, prepare
+
+
+class ScriptedTruth:
+    """Objects stand where the seed has put them, at rest and let go; what a test says is otherwise.
+
+    ``poses``: object → map_from_object. ``on``: object → what it touches beside the robot. ``touched``: what the robot
+    presses on. ``opened``: door or drawer → radians or metres. ``frames``: frame of the robot → map_from_frame.
+    ``speeds``: object → m/s and rad/s.
+    """
+
+    def __init__(self, setup: Setup) -> None:
+        self.poses = {thing.name: thing.pose for thing in setup.world.objects}
+        self.on: dict[str, tuple[str, ...]] = {}
+        self.touched: set[str] = set()
+        self.opened: dict[str, float] = {}
+        self.frames: dict[str, Pose] = {}
+        self.speeds: dict[str, tuple[float, float]] = {}
+        self.base = setup.world.robot_start
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        return tuple(self.poses)
+
+    def object_pose(self, name: str) -> Pose:
+        return self.poses[name]
+
+    def object_speed(self, name: str) -> tuple[float, float]:
+        return self.speeds.get(name, (0.0, 0.0))
+
+    def articulation_position(self, name: str) -> float:
+        return self.opened.get(name, 0.0)
+
+    def base_pose(self) -> Pose:
+        return self.base.to_pose()
+
+    def frame_pose(self, frame: str) -> Pose:
+        return self.frames[frame]
+
+    def touches_robot(self, name: str) -> bool:
+        return name in self.touched
+
+    def supports(self, name: str) -> tuple[str, ...]:
+        return self.on.get(name, ())
+
+
+class ScriptedEnd:
+    """A prepared task, ``truth`` to be written, and what a predicate says of it.
+
+    ``setup``, ``session``: as a judge gets them.
+    """
+
+    def __init__(self, task: str, *settings: str, seed: int = 3) -> None:
+        self.setup = prepare(load_run(task, seed=seed, settings=settings))
+        self.truth = ScriptedTruth(self.setup)
+        arm = next(iter(self.setup.robot_model.arms.values()))
+        self.tool_frame = arm.tool_frame
+        skills = SimpleNamespace(world=self.setup.world_model, arm_model=arm)
+        self.session = SimpleNamespace(setup=self.setup, skills=skills)
+
+    def evidence(self, driven: float = 0.0, **before: Pose) -> Evidence:
+        """``before``: objects that were elsewhere when the rest began."""
+        stood = {**self.truth.poses, **before}
+        session: Any = self.session
+        truth: Any = self.truth
+        positions = {name: tuple(float(x) for x in pose.position) for name, pose in stood.items()}
+        return Evidence(session, truth, {name: (x, y, z) for name, (x, y, z) in positions.items()}, driven)
+
+    def surface(self, name: str) -> Pose:
+        """map_from_surface of ``furniture/name``, with doors and drawers shut, as it really is."""
+        wanted, _, part = name.partition("/")
+        piece = next(piece for piece in self.setup.world.furniture if piece.name == wanted)
+        return piece.pose @ next(one for one in piece.model.all_surfaces if one.name == part).pose
+
+    def put(self, name: str, pose: Pose, *on: str) -> None:
+        """The object is there, and touches ``on``."""
+        self.truth.poses[name] = pose
+        self.truth.on[name] = on
+
+
+def turned(pose: Pose, yaw: float) -> Pose:
+    """Turned about its own vertical axis by ``yaw``, radians."""
+    return pose @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+
+
+def shifted(pose: Pose, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Pose:
+    """Moved along the axes of the map, metres."""
+    return Pose(pose.position + np.array([x, y, z]), pose.quaternion)
+
+
+def ahead(pose: Pose2D, metres: float, turn: float = 0.0) -> Pose2D:
+    """So far ahead of ``pose``, and turned by ``turn``, radians."""
+    return pose @ Pose2D(metres, 0.0, turn)
