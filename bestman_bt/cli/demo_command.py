@@ -14,6 +14,7 @@ from bestman_bt.cli.run_command import execute, exit_code
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.extras import is_installed
 
 DEMO_SEED = 7
 
@@ -29,7 +30,7 @@ def command(
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
     with json_output(as_json) as tell:
-        setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
+        setup = prepare_episode(load_run("fetch_cup", seed=seed, record=is_installed("rerun")))
         if monitor:
             show_in_monitor(monitor_port)
         result = execute(setup, runs, pictures=True, groot2_port=groot2_port, live=live)

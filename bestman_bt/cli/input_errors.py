@@ -26,7 +26,7 @@ def _is_wrong_input(error: Exception) -> bool:
         names
         & {
             *("ConfigurationError", "TreeLoadError", "SceneError", "MapFileError", "UnknownNameError", "RegistryError"),
-            *("ConnectionFailedError", "GoalError", "DeclarationError"),
+            *("ConnectionFailedError", "GoalError", "DeclarationError", "MissingExtraError"),
         }
     )
 

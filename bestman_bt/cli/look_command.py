@@ -12,6 +12,7 @@ from PIL import Image
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Robot, Scene, Seed, Settings
 from bestman_bt.configuration import ConfigurationError, Problem
+from bestman_bt.extras import is_installed
 from bestman_bt.registry import suggestion
 from bestman_bt.runtime import Setup, prepare
 from bestman_bt.runtime.looking import Look, furniture_to_look_at, look_at, standing_before, unseen
@@ -80,12 +81,14 @@ def _make_folder(path: Path) -> None:
 
 
 def _save(look: Look, folder: Path) -> list[Path]:
-    """An annotated picture of each view, and one recording of all."""
+    """An annotated picture of each view, and one recording of all where rerun is installed."""
     files = []
     for number, view in enumerate(look.views):
         picture = annotated_image(view.image, view.in_map.frame_from_camera, look.marks)
         files.append(folder / f"{look.furniture}_{number}.png")
         Image.fromarray(picture).save(files[-1])
+    if not is_installed("rerun"):
+        return files
     files.append(folder / f"{look.furniture}.rrd")
     looks = [
         RecordedLook("head_camera", view.image, view.in_map.frame_from_camera, view.in_map.cloud())

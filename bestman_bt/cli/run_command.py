@@ -49,6 +49,7 @@ from bestman_bt.engine.validation import validate_file
 from bestman_bt.evaluation.episode import Watcher, prepare_episode, run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
+from bestman_bt.extras import require_extra
 from bestman_bt.runtime import Session, Setup
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.hardware import ConnectionFailedError
@@ -116,6 +117,8 @@ def execute(
     live: bool = False,
 ) -> RunResult:
     """Run with a live view, print the summary, and return the result."""
+    if live:
+        require_extra("--live", "rerun")
     with ExitStack() as stack:
         watchers = [stack.enter_context(RunView(setup.config.name)).watch]
         if groot2_port is not None:

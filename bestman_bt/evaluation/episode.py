@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
 from behaviours.failure import Failure
-from bestman_bt.configuration import ConfigurationError, ProblemCollector, RunConfig
+from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.disturbances import Disturbances
@@ -19,6 +19,7 @@ from bestman_bt.evaluation.predicates import Verdict, find_judge
 from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
+from bestman_bt.extras import is_installed, missing_extra
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
@@ -80,12 +81,20 @@ def prepare_episode(config: RunConfig) -> Setup:
     faults = ProblemCollector()
     with faults.step():
         find_judge(config)
+    faults.problems += _missing_extras(config)
     try:
         setup = prepare(config)
     except ConfigurationError as error:
         faults.problems += error.problems
     faults.raise_if_any()
     return setup
+
+
+def _missing_extras(config: RunConfig) -> Iterable[Problem]:
+    if config.driver == "pybullet" and not is_installed("sim"):
+        yield Problem("driver", None, "", str(missing_extra("simulation", "sim")))
+    if config.record and not is_installed("rerun"):
+        yield Problem("record", None, "", str(missing_extra("a recording", "rerun")))
 
 
 def run_episode(

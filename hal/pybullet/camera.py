@@ -7,7 +7,6 @@ from enum import Enum
 from functools import cached_property
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 from scipy import ndimage
 
@@ -16,6 +15,7 @@ from bestman_bt.robot_model import CameraModel
 from hal.api import Camera, NoDataError
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.lens import Lens
+from hal.pybullet.package import pybullet
 from hal.pybullet.reading_line import ReadingLine
 from hal.pybullet.simulation import Simulation
 

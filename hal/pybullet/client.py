@@ -9,9 +9,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-import pybullet
-
 from hal.api import NotConnectedError, RobotError
+from hal.pybullet.package import pybullet
 
 RESETS = frozenset(
     {
@@ -129,8 +128,9 @@ class PhysicsClient:
         return self._sealed
 
     def connect(self, gui: bool = False) -> None:
-        """Start a physics server; SimulationError if there is none to be had."""
-        self._id = _FUNCTIONS["connect"](pybullet.GUI if gui else pybullet.DIRECT)
+        """Start a physics server; SimulationError if there is none to be had, MissingExtraError without pybullet."""
+        mode = pybullet.GUI if gui else pybullet.DIRECT
+        self._id = _FUNCTIONS["connect"](mode)
         if self._id < 0:
             raise SimulationError(f"pybullet gave no {'GUI' if gui else 'DIRECT'} physics server")
 

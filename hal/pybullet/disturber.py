@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 
 from bestman_bt.messages import Pose
 from hal.pybullet.client import ReadPurpose, SimulationError
 from hal.pybullet.contact_renewal import DEFAULT_FILTER, EVERYTHING
 from hal.pybullet.honesty_record import Deed, Finding
 from hal.pybullet.leaf_push import Hand, Push
+from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 
 KEEPS_AWAY = 0.10

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
 from hal.parts import GripperCommandChecks, PartMotion
 from hal.pybullet.contact_renewal import ContactRenewal
+from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pybullet
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model import ArmModel, JointGroupModel
 from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
 from hal.parts import Brake, BrakeThenMove, Drift, Hold, JointCommandChecks, PartMotion, Reach, Setpoints
 from hal.pybullet.encoders import EncoderReading, Encoders
+from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import pybullet
-
 from bestman_bt.scene import LATCH_TRAVEL, World
 from hal.pybullet.client import PhysicsClient
+from hal.pybullet.package import pybullet
 
 
 @dataclass

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import pybullet
-
 from bestman_bt.messages import JointKind
 from bestman_bt.scene import LATCH_TRAVEL, Articulation
 from hal.pybullet.client import PhysicsClient
+from hal.pybullet.package import pybullet
 
 ARRIVED: dict[JointKind, float] = {"revolute": math.radians(1.0), "prismatic": 0.004}
 """Radians or metres from its goal at which it lets go; less than a latch holds on."""

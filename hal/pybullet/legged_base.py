@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose2D, Twist2D
@@ -13,6 +12,7 @@ from bestman_bt.robot_model import BaseModel, Payload
 from hal.api import Imu, NoDataError, NotConnectedError
 from hal.parts.legged import Walker, WalkerParameters
 from hal.pybullet.mobile_base import SimulatedMobileBase
+from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.simulation import Simulation
 

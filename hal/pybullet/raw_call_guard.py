@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import pybullet
-
 from hal.pybullet.client import GUARDED, JOINT_MOTORS, PhysicsClient
+from hal.pybullet.package import pybullet
 
 MOTORS = JOINT_MOTORS | {"stepSimulation"}
 
@@ -49,5 +48,5 @@ def _guard(name: str, original: Callable[..., Any]) -> Callable[..., Any]:
 # Once and for good, when this package is imported: so what a plug-in takes from the module before a robot connects
 # ("from pybullet import resetJointState") is guarded as well.
 for _name in GUARDED | MOTORS:
-    if hasattr(pybullet, _name):
+    if _name in vars(pybullet):
         setattr(pybullet, _name, _guard(_name, getattr(pybullet, _name)))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import pybullet
-
 from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
 from hal.parts import GripperCommandChecks, PartMotion
 from hal.pybullet.client import Reader, ReadPurpose
+from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.part import Connection
 from hal.pybullet.simulation import Simulation

@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.scene import Walker, World
 from hal.pybullet.client import PhysicsClient, Reader, ReadPurpose
 from hal.pybullet.honesty_record import Finding
+from hal.pybullet.package import pybullet
 
 FORCE = 120.0
 """Newtons that a walker pushes with, at most, along each axis: it walks into a robot, and does not shove it away."""

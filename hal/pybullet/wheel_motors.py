@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import BaseModel
+from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.simulation import Simulation
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import pybullet
-
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.robot_model import MimicJoint, RobotModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
@@ -15,6 +13,7 @@ from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_
 from hal.pybullet.body_urdf import Color, body_urdf
 from hal.pybullet.client import PhysicsClient, SimulationError
 from hal.pybullet.furniture_urdf import furniture_urdf, joint_name
+from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.walker_body import SLIDES, walker_urdf
 
@@ -22,10 +21,10 @@ WALL_COLOR: Color = (0.87, 0.87, 0.83, 1.0)
 FLOOR_COLOR: Color = (0.62, 0.58, 0.53, 1.0)
 FLOOR_SIZE = 30.0
 # Without this flag a cylinder becomes a prism of 32 sides, 1 mm thicker all around.
-BODY_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER
-FURNITURE_FLAGS = BODY_FLAGS | pybullet.URDF_USE_INERTIA_FROM_FILE
-OBJECT_FLAGS = BODY_FLAGS | pybullet.URDF_ENABLE_SLEEPING
-ROBOT_FLAGS = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
+BODY_FLAGS = ("URDF_USE_IMPLICIT_CYLINDER",)
+FURNITURE_FLAGS = (*BODY_FLAGS, "URDF_USE_INERTIA_FROM_FILE")
+OBJECT_FLAGS = (*BODY_FLAGS, "URDF_ENABLE_SLEEPING")
+ROBOT_FLAGS = (*BODY_FLAGS, "URDF_USE_INERTIA_FROM_FILE")
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,13 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
 
 
 def _load(
-    client: PhysicsClient, name: str, urdf: str, pose: Pose, folder: Path, fixed: bool, flags: int = BODY_FLAGS
+    client: PhysicsClient,
+    name: str,
+    urdf: str,
+    pose: Pose,
+    folder: Path,
+    fixed: bool,
+    flags: tuple[str, ...] = BODY_FLAGS,
 ) -> int:
     file = folder / f"{name}.urdf"
     file.write_text(urdf, encoding="utf-8")
@@ -99,7 +104,7 @@ def _load(
             pose.position.tolist(),
             pose.quaternion.tolist(),
             useFixedBase=fixed,
-            flags=flags,
+            flags=sum(getattr(pybullet, flag) for flag in flags),
         )
     except pybullet.error as error:
         raise SimulationError(f"pybullet cannot load {name!r}: {error}") from error

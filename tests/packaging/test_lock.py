@@ -21,7 +21,9 @@ ENTRY = re.compile(
 def direct_requirements() -> list[str]:
     groups = PROJECT["dependency-groups"]
     grouped = [item for group in groups.values() for item in group if isinstance(item, str)]
-    return [*PROJECT["project"]["dependencies"], *grouped]
+    extras = PROJECT["project"]["optional-dependencies"]
+    in_a_checkout = [item for extra in Requirement(extras["all"][0]).extras for item in extras[extra]]
+    return [*PROJECT["project"]["dependencies"], *in_a_checkout, *grouped]
 
 
 def locked() -> list[Requirement]:

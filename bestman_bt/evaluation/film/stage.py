@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from types import TracebackType
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
@@ -19,6 +18,7 @@ from bestman_bt.scene import Articulation, PlacedFurniture
 from bestman_bt.visualization import RobotSnapshot
 from hal.pybullet import PyBulletRobot, Viewpoint
 from hal.pybullet.client import ReadPurpose
+from hal.pybullet.package import pybullet
 from hal.pybullet.render import smooth_picture
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 
 from bestman_bt.messages import Mesh
-from bestman_bt.perception.errors import PerceptionError
+from bestman_bt.perception.errors import MissingExtraError, PerceptionError
 from bestman_bt.perception.object_models.closed import bodies_of, closed
 
 
@@ -55,7 +55,10 @@ def convex_parts(mesh: Mesh, parameters: ConvexPartsParameters | None = None) ->
 def _cut(body: Any, parameters: ConvexPartsParameters) -> list[Any]:
     if body.volume >= parameters.convex_share * body.convex_hull.volume:
         return [body]
-    import coacd
+    try:
+        import coacd
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("convex parts need coacd: pip install 'bestman-bt[objects]'") from error
 
     coacd.set_log_level("error")
     pieces = coacd.run_coacd(

@@ -6,6 +6,7 @@ import numpy as np
 import trimesh
 
 from bestman_bt.messages import Mesh
+from bestman_bt.perception.errors import MissingExtraError
 
 MOST_TRIANGLES = 12_000
 """Edges of about 3 mm on an object as large as a mug."""
@@ -16,5 +17,9 @@ def simplified(mesh: Mesh, most: int = MOST_TRIANGLES) -> Mesh:
     if len(mesh.faces) <= most:
         return mesh
     whole = trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), process=False)
-    smaller = whole.simplify_quadric_decimation(face_count=most)
+    try:
+        smaller = whole.simplify_quadric_decimation(face_count=most)
+    except ModuleNotFoundError as error:
+        message = f"a mesh of more than {most} triangles needs {error.name}: pip install 'bestman-bt[objects]'"
+        raise MissingExtraError(message) from error
     return Mesh(np.asarray(smaller.vertices), np.asarray(smaller.faces))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bestman_bt.extras import require_extra
 from bestman_bt.messages import PointCloud, Pose, RGBDImage
 from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.marks import HANDLE_COLOR, OPENING_COLOR, SURFACE_COLOR, SceneMarks
@@ -38,7 +39,8 @@ class RecordedLook:
 def write_look(
     path: Path, looks: Sequence[RecordedLook], marks: SceneMarks, application_id: str = "bestman_bt"
 ) -> None:
-    """Write ``path`` (``.rrd``); RecordingError where that is not possible."""
+    """Write ``path`` (``.rrd``); RecordingError where that is not possible, MissingExtraError without rerun."""
+    require_extra("a recording", "rerun")
     import rerun as rr
 
     recording = rr.RecordingStream(application_id, recording_id=path.stem)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
+from bestman_bt.extras import require_extra
 from bestman_bt.messages import LaserScan, Path2D, PointCloud, Pose, RGBDImage
 from bestman_bt.visualization.errors import RecordingError
 from bestman_bt.visualization.marks import GraspMark, ObjectMark
@@ -71,9 +72,13 @@ class RerunRecorder:
         self._open: OpenRecording | None = None
 
     def open(self) -> None:
-        """Create the file and write all that does not change; RecordingError if that is not possible."""
+        """Create the file and write all that does not change; RecordingError if that is not possible.
+
+        MissingExtraError without rerun.
+        """
         if self._open is not None:
             raise RecordingError(f"the recording {self.file} is open already")
+        require_extra("a recording", "rerun")
         import rerun as rr
 
         file = self.file.resolve()

@@ -15,6 +15,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import IO
 
+from bestman_bt.extras import require_extra
 from bestman_bt.visualization.errors import ViewerError
 
 LOOPBACK = "127.0.0.1"
@@ -50,12 +51,14 @@ class ViewerParameters:
 
 
 class Viewer:
-    """A viewer that runs; ``stop`` ends it. ViewerError where it does not start, with what it said.
+    """A viewer that runs; ``stop`` ends it. ViewerError where it does not start, with what it said,
+    MissingExtraError where there is none.
 
     ``recordings``: files that it opens. ``output``: where it says what it has to say.
     """
 
     def __init__(self, parameters: ViewerParameters, recordings: Sequence[Path], output: IO[str]) -> None:
+        require_extra("the Rerun viewer", "rerun")
         with ExitStack() as held:  # both ports at once, so that they differ
             self.port = parameters.port or _free_port(held)
             self.page_port = parameters.page_port or _free_port(held)
