@@ -95,4 +95,6 @@ def test_every_page_is_in_the_navigation() -> None:
 def test_links_of_the_top_pages_lead_somewhere() -> None:
     for page in ("README.md", "CONTRIBUTING.md"):
         for target in re.findall(r"\]\(([^)#]+)\)", (CHECKOUT / page).read_text()):
+            if target.startswith("docs/images/") and not (DOCS / "images").exists():
+                continue  # the source archive has no pictures
             assert target.startswith("https://") or (CHECKOUT / target).exists(), f"{page}: {target}"
