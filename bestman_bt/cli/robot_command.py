@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,13 +10,13 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Png
-from bestman_bt.configuration import ConfigurationError, Problem, own_parts
+from bestman_bt.configuration import ConfigurationError, Problem, own_parts, pybullet_data
 
 verbs = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     no_args_is_help=True,
-    help="Show, check and import robots and their parts.",
+    help="Show, check and import robots and their parts, bring what describes them.",
     epilog=__doc__,
 )
 Name = Annotated[str, typer.Argument(help="A robot's name or YAML file, or BASE+ARM+HAND of three parts.")]
@@ -99,6 +100,26 @@ def postures(
             print("postures:")
             for posture, of_arms in found.items():
                 print(f"  {posture}: {{{', '.join(f'{arm}: {values}' for arm, values in of_arms.items())}}}")
+
+
+@verbs.command()
+def descriptions(
+    wheel: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A wheel of PyBullet that is here already; default: downloaded.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Bring the robot models that PyBullet's wheel holds (pybullet_data), without the simulator."""
+    from bestman_bt.runtime.descriptions import REQUIREMENT, bring_pybullet_data
+
+    with json_output(as_json) as write:
+        there = pybullet_data()
+        if there is None and wheel is None:
+            print(f"downloading {REQUIREMENT} (100 MB) for the models in it ...", file=sys.stderr, flush=True)
+        facts = {"folder": str(there or bring_pybullet_data(wheel)), "brought": there is None}
+        write(facts)
+        if not as_json:
+            print(f"{'unpacked into' if facts['brought'] else 'here already:'} {facts['folder']}")
 
 
 @verbs.command(name="import")

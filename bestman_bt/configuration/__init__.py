@@ -1,7 +1,18 @@
 """YAML to checked frozen dataclasses, and where shipped data lies."""
 
 from bestman_bt.configuration.checked import check, override, salvage
-from bestman_bt.configuration.data import beside, data_names, data_root, find_data, own_objects, own_parts, user_folders
+from bestman_bt.configuration.data import (
+    NO_PYBULLET_DATA,
+    beside,
+    data_names,
+    data_root,
+    find_data,
+    own_objects,
+    own_parts,
+    own_pybullet_data,
+    pybullet_data,
+    user_folders,
+)
 from bestman_bt.configuration.disturbance import DisturbanceConfig
 from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
@@ -18,6 +29,7 @@ from bestman_bt.configuration.task import (
 )
 
 __all__ = [
+    "NO_PYBULLET_DATA",
     "ConfigurationError",
     "DisturbanceConfig",
     "Document",
@@ -42,9 +54,11 @@ __all__ = [
     "override",
     "own_objects",
     "own_parts",
+    "own_pybullet_data",
     "parse_document",
     "parse_settings",
     "parse_value",
+    "pybullet_data",
     "read_document",
     "read_run",
     "salvage",

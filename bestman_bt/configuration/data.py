@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 from pathlib import Path
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
@@ -22,6 +23,12 @@ _FOLDERS = {
 }
 
 _OF_USERS = ("object", "part", "robot")
+
+NO_PYBULLET_DATA = (
+    "is in pybullet_data, which is not here: `bestman-bt robot descriptions` brings it without the simulator, "
+    "pip install 'bestman-bt[sim]' with it"
+)
+"""What is said of a file of PyBullet's models where they are missing."""
 
 
 def data_root() -> Path:
@@ -45,6 +52,23 @@ def own_parts() -> Path:
     if (data_root() / "pyproject.toml").is_file():
         return data_root() / _FOLDERS["part"][0]
     return _user_folder("part")
+
+
+def pybullet_data() -> Path | None:
+    """The folder of models in PyBullet's wheel: installed with it, else where ``bestman-bt robot descriptions`` put it.
+
+    None where it is neither.
+    """
+    installed = find_spec("pybullet_data")
+    if installed is not None and installed.submodule_search_locations:
+        return Path(installed.submodule_search_locations[0])
+    unpacked = own_pybullet_data()
+    return unpacked if unpacked.is_dir() else None
+
+
+def own_pybullet_data() -> Path:
+    """Where the models lie that come without PyBullet: ``$XDG_DATA_HOME/bestman-bt/pybullet_data``."""
+    return _user_data() / "pybullet_data"
 
 
 def data_names(kind: str) -> list[str]:
@@ -97,4 +121,8 @@ def _folders(kind: str) -> list[Path]:
 
 
 def _user_folder(kind: str) -> Path:
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "bestman-bt" / f"{kind}s"
+    return _user_data() / f"{kind}s"
+
+
+def _user_data() -> Path:
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local/share") / "bestman-bt"

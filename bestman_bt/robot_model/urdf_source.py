@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
+from bestman_bt.configuration import NO_PYBULLET_DATA, pybullet_data
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
@@ -36,7 +37,10 @@ def locate_urdf(source: str, folder: Path) -> Path:
     elif package == EXAMPLE_ROBOTS:
         path = _example_robots() / inside
     elif package == "pybullet_data":
-        path = Path(import_module("pybullet_data").getDataPath()) / inside
+        models = pybullet_data()
+        if models is None:
+            raise UrdfError(f"{inside} {NO_PYBULLET_DATA}")
+        path = models / inside
     else:
         try:
             module = import_module(package)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from bestman_bt.configuration import NO_PYBULLET_DATA, pybullet_data
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.messages import Mesh
 from bestman_bt.scene.generated_shapes import convex_hull
@@ -46,15 +47,24 @@ def locate_mesh(file: str, folder: Path) -> Path:
     """The file behind a path relative to ``folder`` or ``package://python_package/path``. Raises MeshError."""
     if file.startswith(_PACKAGE):
         package, _, inside = file.removeprefix(_PACKAGE).partition("/")
-        spec = find_spec(package) if package.isidentifier() else None
-        if spec is None or not spec.submodule_search_locations:
-            raise MeshError(f"the package {package!r} of {file!r} is not installed")
-        path = Path(spec.submodule_search_locations[0]) / inside
+        path = _package_folder(package, file) / inside
     else:
         path = folder / file
     if not path.is_file():
         raise MeshError(f"no such mesh: {file}")
     return path
+
+
+def _package_folder(package: str, file: str) -> Path:
+    if package == "pybullet_data":
+        models = pybullet_data()
+        if models is None:
+            raise MeshError(f"{file} {NO_PYBULLET_DATA}")
+        return models
+    spec = find_spec(package) if package.isidentifier() else None
+    if spec is None or not spec.submodule_search_locations:
+        raise MeshError(f"the package {package!r} of {file!r} is not installed")
+    return Path(spec.submodule_search_locations[0])
 
 
 def read_mesh(config: MeshConfig, folder: Path) -> Mesh:
