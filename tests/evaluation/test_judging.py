@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from bestman_bt.configuration import load_run
+from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.runtime import Session
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
 GOAL_IN_THE_MIDDLE = (
@@ -91,3 +94,67 @@ def test_too_deep_a_contact_fails_a_run_that_was_a_success_otherwise(tmp_path: P
     assert result.failure is not None
     assert result.failure.node == "audit"
     assert "overlap by" in result.failure.why
+
+
+LEAVES = '''
+import os
+import signal
+
+from behaviours.skill import InstantSkill, SkillFailure
+from bestman_bt.engine import RUNNING, StatefulAction
+
+
+class Fail(InstantSkill):
+    """Fails with its own name."""
+
+    def act(self) -> None:
+        raise SkillFailure(f"code_of_{self.name}", f"words of {self.name}")
+
+
+class Stop(StatefulAction):
+    """Asks for the end of the run."""
+
+    def on_start(self) -> int:
+        os.kill(os.getpid(), signal.SIGINT)
+        return RUNNING
+
+    def on_running(self) -> int:
+        return RUNNING
+'''
+
+
+def with_leaves(folder: Path, leaf: str, *settings: str) -> RunResult:
+    (folder / "leaves.py").write_text(LEAVES)
+    return judged(leaf, folder, f"plugins=[{folder / 'leaves.py'}]", *settings)
+
+
+def test_of_several_failures_the_last_one_is_to_blame(tmp_path: Path) -> None:
+    result = with_leaves(tmp_path, '<Fallback><Fail name="first"/><Fail name="second"/></Fallback>')
+    assert result.failure is not None
+    assert (result.failure.error_code, result.failure.why) == ("code_of_second", "words of second")
+    assert result.failure.node.endswith("second")
+
+
+def test_a_run_that_somebody_stops_is_cancelled_and_not_judged(tmp_path: Path) -> None:
+    result = with_leaves(tmp_path, "<Stop/>", *cup_at(-0.12, 0.0))
+    assert (result.outcome, result.success, result.predicate, result.metrics) == (Outcome.CANCELLED, False, None, {})
+    assert result.failure is not None
+    assert result.failure.error_code == "cancelled"
+    assert result.audit["teleports"] == 0
+
+
+def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tmp_path: Path) -> None:
+    assert judged("<AlwaysSuccess/>", tmp_path, "predicate=null").success
+    tree = tmp_path / "tree.xml"
+
+    def cheat(session: Session, _: Tree) -> Callable[[], None]:
+        client = session.robot.simulation.client  # type: ignore[attr-defined]
+        cup = session.robot.simulation.built.objects["cup"]  # type: ignore[attr-defined]
+        return lambda: client.resetBaseVelocity(cup, [0.0, 0.0, 0.0])
+
+    config = load_run("fetch_cup", tree=tree, seed=1, settings=["predicate=null"])
+    result = run_episode(config, watch=cheat)
+    assert (result.tree_status, result.predicate, result.success) == ("SUCCESS", None, False)
+    assert result.failure is not None
+    assert (result.failure.node, result.failure.error_code) == ("audit", "audit")
+    assert "resetBaseVelocity was called" in result.failure.why

@@ -1,9 +1,12 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.interval import wilson_interval
@@ -32,9 +35,20 @@ def result(seed: int, *, tree: str = "SUCCESS", predicate: bool | None = True, t
 def test_wilson_interval_agrees_with_the_textbook():
     low, high = wilson_interval(48, 50)
     assert (low, high) == pytest.approx((0.8654, 0.9890), abs=1e-4)
+    assert wilson_interval(2, 50) == pytest.approx((1 - 0.9890, 1 - 0.8654), abs=1e-4)
     assert wilson_interval(0, 0) == (0.0, 1.0)
-    with pytest.raises(ValueError, match="trials = 3"):
-        wilson_interval(4, 3)
+    for successes in (4, -1):
+        with pytest.raises(ValueError, match=f"trials = 3 but is {successes}"):
+            wilson_interval(successes, 3)
+
+
+@given(st.integers(1, 200).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_an_interval_holds_its_share_and_more_of_the_same_makes_it_narrower(counted):
+    successes, trials = counted
+    low, high = wilson_interval(successes, trials)
+    assert 0.0 <= low <= successes / trials <= high <= 1.0
+    narrow_low, narrow_high = wilson_interval(4 * successes, 4 * trials)
+    assert narrow_high - narrow_low < high - low
 
 
 def test_a_tree_that_claims_success_against_the_judge_is_a_false_success():
@@ -44,6 +58,39 @@ def test_a_tree_that_claims_success_against_the_judge_is_a_false_success():
     assert [failure["seed"] for failure in document["failures"]] == [8]
 
 
+def test_every_count_of_a_batch_is_of_its_own_kind():
+    """Two successes, a failure, a false success, an error and one that nobody judged."""
+    error = replace(result(12, tree="IDLE", predicate=None), outcome=Outcome.ERROR, failure=None, sim_time_s=0.0)
+    unjudged = replace(result(13, predicate=None), success=True, outcome=Outcome.SUCCESS, failure=None)
+    failed = result(9, tree="FAILURE", predicate=False)
+    results = [result(7), result(8), failed, result(10, predicate=False), error, unjudged]
+    document = summarize("fetch_cup", 7, results, 9.0)
+    assert (document["task"], document["first_seed"], document["episodes"]) == ("fetch_cup", 7, 6)
+    assert (document["succeeded"], document["success_rate"]) == (3, 0.5)
+    assert document["interval"] == [round(bound, 4) for bound in wilson_interval(3, 6)]
+    assert (document["errors"], document["false_successes"]) == (1, 1)
+    assert [failure["seed"] for failure in document["failures"]] == [9, 10, 12]
+    assert document["failures"][-1] == {
+        "seed": 12, "node": "", "error_code": "error", "why": "the run was not judged a success",
+    }  # fmt: skip
+    assert document["causes"] == {"missed": 2, "error": 1}
+    assert (document["sim_time_s"], document["wall_time_s"]) == (200.0, 9.0)
+    assert document["real_time_factor"] == round(200.0 / 24.0, 3), "per process, not of the whole batch"
+
+
+def test_a_batch_of_nothing_has_no_share_and_no_slowest():
+    document = summarize("t", 0, [], 0.0)
+    assert (document["success_rate"], document["interval"], document["slowest"]) == (0.0, [0.0, 1.0], None)
+    assert (document["real_time_factor"], document["metrics"], document["causes"]) == (0.0, {}, {})
+
+
+@pytest.mark.parametrize("cheat", CHEATS)
+def test_any_cheat_makes_the_audit_of_a_batch_unclean(cheat):
+    cheated = replace(result(1), audit={**result(1).audit, cheat: 1})
+    document = summarize("t", 0, [result(0), cheated, result(2)], 1.0)
+    assert (document["audit_clean"], document["unclean_seeds"]) == (False, [1])
+
+
 def test_one_teleport_in_one_episode_makes_the_audit_unclean_and_a_collision_does_not():
     assert summarize("t", 0, [result(0), result(1)], 1.0)["audit_clean"] is True
     assert summarize("t", 0, [result(0), result(1, teleports=1)], 1.0)["audit_clean"] is False
@@ -51,7 +98,7 @@ def test_one_teleport_in_one_episode_makes_the_audit_unclean_and_a_collision_doe
 
 def test_metrics_are_medians_and_95th_percentiles():
     document = summarize("t", 0, [result(seed) for seed in range(101)], 1.0)
-    assert document["metrics"]["place_error_mm"] == {"median": 50.0, "p95": 95.0}
+    assert document["metrics"] == {"place_error_mm": {"median": 50.0, "p95": 95.0}}, "a tilt of NaN was not measured"
     assert document["real_time_factor"] == 10.0
 
 
@@ -82,6 +129,15 @@ def test_causes_are_counted_the_most_frequent_first_and_the_slowest_run_is_named
 
 def test_the_seeds_of_unclean_audits_are_named():
     assert summarize("t", 0, [result(0), result(1, teleports=1)], 1.0)["unclean_seeds"] == [1]
+
+
+def test_a_metric_that_was_not_measured_stays_so_when_it_is_read_back():
+    read = RunResult.from_document(json.loads(json.dumps(result(1).to_document())))
+    assert math.isnan(read.metrics["tilt_deg"])
+    assert read.metrics["place_error_mm"] == 1.0
+    assert (read.outcome, read.failure) == (Outcome.SUCCESS, None)
+    assert read.real_time_factor == 10.0
+    assert replace(read, wall_time_s=0.0).real_time_factor == 0.0
 
 
 def test_a_result_is_read_back_from_its_document():

@@ -1,0 +1,218 @@
+"""Motions of the base that are halted, take too long or are changed on the way: nothing goes on that nobody wants."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bestman_bt.control import ControlErrorCode
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
+from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.world_model import BasePose
+from tests.behaviours.scripted import UNDER_WAY, codes, load, run, scripted_skills
+
+
+@pytest.fixture
+def skills() -> Any:
+    skills = scripted_skills("navigate_kitchen")
+    skills.costmap = skills.seen_costmap = lambda: None
+    return skills
+
+
+MOTIONS = [
+    ('DriveOnHeading dist_to_travel="0.5" speed="0.1"', ("drive", 0.5, 0.1)),
+    ('DriveOnHeading dist_to_travel="-0.5" speed="-0.1"', ("drive", -0.5, 0.1)),
+    ('BackUp backup_dist="0.5" backup_speed="0.1"', ("drive", -0.5, 0.1)),
+    ('BackUp backup_dist="-0.5" backup_speed="-0.1"', ("drive", -0.5, 0.1)),
+    ('Spin spin_dist="1"', ("turn", 1.0)),
+    ('Spin spin_dist="-1"', ("turn", -1.0)),
+]
+
+
+@pytest.mark.parametrize(("leaf", "asked"), MOTIONS)
+def test_a_motion_is_asked_for_once_and_halted_it_is_cancelled_and_the_next_time_begun_anew(
+    skills: Any, leaf: str, asked: tuple[Any, ...]
+) -> None:
+    skills.base.ends[asked[0]] = [UNDER_WAY]
+    tree = load(skills, f"<{leaf}/>")
+    assert run(skills, tree, 5) == RUNNING
+    assert skills.base.asked == [asked]
+    tree.halt()
+    assert skills.base.under_way == []
+    assert run(skills, tree) == SUCCESS
+    assert skills.base.asked == [asked, asked]
+
+
+@pytest.mark.parametrize(("leaf", "asked"), MOTIONS)
+def test_a_motion_that_takes_longer_than_it_may_is_cancelled(skills: Any, leaf: str, asked: tuple[Any, ...]) -> None:
+    skills.base.ends[asked[0]] = [UNDER_WAY]
+    begin = skills.clock.now()
+    assert run(skills, load(skills, f'<{leaf} time_allowance="2"/>')) == FAILURE
+    assert codes(skills) == ["timeout"]
+    assert skills.clock.now() - begin == pytest.approx(2.0, abs=0.06)
+    assert skills.base.under_way == []
+
+
+def test_without_an_allowance_a_motion_takes_as_long_as_it_takes(skills: Any) -> None:
+    skills.base.ends["drive"] = [UNDER_WAY]
+    tree = load(skills, '<BackUp time_allowance="0"/>')
+    assert run(skills, tree, 1000) == RUNNING
+    skills.base.handles[0].succeed()
+    assert run(skills, tree) == SUCCESS
+
+
+def test_a_long_turn_is_made_of_quarters_and_its_time_counts_for_all_of_them(skills: Any) -> None:
+    assert run(skills, load(skills, '<Spin spin_dist="-4"/>')) == SUCCESS
+    assert [turn for _, turn in skills.base.asked] == pytest.approx([-math.pi / 2] * 2 + [math.pi - 4.0])
+    skills.base.ends["turn"] = [UNDER_WAY, UNDER_WAY]
+    tree = load(skills, '<Spin spin_dist="4" time_allowance="2"/>')
+    assert run(skills, tree, 30) == RUNNING
+    skills.base.handles[-1].succeed()
+    assert run(skills, tree, 30) == FAILURE
+    assert codes(skills) == ["timeout"]
+
+
+def path_to(x: float, theta: float = 0.0) -> Path2D:
+    return Path2D(np.array([[0.0, 0.0], [x, 0.0]]), Pose2D(x, 0.0, theta))
+
+
+FOLLOW = '<FollowPath path="{path}" controller_id="{controller}"/>'
+
+
+def test_another_path_is_gone_over_to_and_a_halt_cancels_the_drive_along_it(skills: Any) -> None:
+    skills.base.ends["follow"] = [UNDER_WAY] * 3
+    tree = load(skills, FOLLOW, path=path_to(2.0))
+    assert run(skills, tree, 3) == RUNNING
+    tree.blackboard.set("path", path_to(2.0))  # the same again
+    assert run(skills, tree, 3) == RUNNING
+    assert len(skills.base.handles) == 1
+    second = path_to(2.0, theta=1.0)
+    tree.blackboard.set("path", second)
+    assert run(skills, tree, 3) == RUNNING
+    assert [path for _, path, *_ in skills.base.asked][1:] == [second]
+    tree.blackboard.set("path", None)  # cleared: it goes on along the one that it has
+    assert run(skills, tree, 3) == RUNNING
+    tree.halt()
+    assert skills.base.handles[-1].done
+    assert skills.base.handles[-1].error.code is ControlErrorCode.CANCELED
+
+
+def test_the_drive_along_the_last_path_decides(skills: Any) -> None:
+    for end, status in ((None, SUCCESS), (ControlErrorCode.BLOCKED, FAILURE)):
+        skills.base.ends["follow"] = [UNDER_WAY, UNDER_WAY]
+        tree = load(skills, FOLLOW, path=path_to(2.0))
+        assert run(skills, tree, 3) == RUNNING
+        tree.blackboard.set("path", path_to(3.0))
+        assert run(skills, tree, 3) == RUNNING
+        skills.base.handles[-2].abort(ControlErrorCode.SUPERSEDED, "a newer command")
+        assert run(skills, tree, 3) == RUNNING
+        if end is None:
+            skills.base.handles[-1].succeed()
+        else:
+            skills.base.handles[-1].fail(end, "something is in the way")
+        assert run(skills, tree, 3) == status
+    assert codes(skills) == ["blocked"]
+
+
+def test_who_follows_is_asked_by_name_and_may_be_changed_on_the_way(skills: Any) -> None:
+    skills.followers = lambda name: f"follower {name}"
+    skills.base.ends["follow"] = [UNDER_WAY, UNDER_WAY]
+    tree = load(skills, FOLLOW, path=path_to(2.0), controller="")
+    assert run(skills, tree, 2) == RUNNING
+    tree.blackboard.set("controller", "pure_pursuit")
+    assert run(skills, tree, 2) == RUNNING
+    assert [follower for *_, follower in skills.base.asked] == [None, "follower pure_pursuit"]
+
+
+def test_without_a_path_nothing_is_driven(skills: Any) -> None:
+    assert run(skills, load(skills, FOLLOW)) == FAILURE
+    assert codes(skills) == ["no_path"]
+    assert skills.base.asked == []
+
+
+GOAL = Pose2D(0.5, 0.8, 2.2)
+
+
+def test_a_base_straight_before_its_staging_pose_backs_up_to_it_and_drives_what_is_left_of_the_way(skills: Any) -> None:
+    """The goal is 0.5 m ahead of staging; the base stands 0.3 m before that, and comes to rest 5 cm short."""
+    skills.world.base = BasePose(GOAL @ Pose2D(-0.2, 0.01, 0.02), 0.01, 0.01, 0.0)
+    follow = skills.base._begin
+
+    def begin(name: str, *arguments: Any) -> Any:
+        ends = {
+            "follow": Pose2D(-0.05, 0.002, 0.05),
+            "drive": Pose2D(0.0, 0.002, 0.05),
+            "rotate_to": Pose2D(0, 0.002, 0),
+        }
+        if name != "drive" or len(skills.base.asked):
+            skills.world.base = BasePose(GOAL @ ends[name], 0.01, 0.01, 0.0)
+        return follow(name, *arguments)
+
+    skills.base._begin = begin
+    tree = load(skills, '<DockAt goal="{goal}" docked="{docked}"/>', goal=GOAL)
+    assert run(skills, tree) == SUCCESS
+    names = [name for name, *_ in skills.base.asked]
+    assert names == ["drive", "follow", "drive", "rotate_to"]
+    assert skills.base.asked[0][1] == pytest.approx(-0.3)
+    _, path, costmap, _ = skills.base.asked[1]
+    assert costmap is None
+    np.testing.assert_allclose(path.points[-1], GOAL.xy)
+    np.testing.assert_allclose(path.points[1], (GOAL @ Pose2D(-0.25, 0.0, 0.0)).xy)
+    assert skills.base.asked[2][1] == pytest.approx(0.05)
+    assert skills.base.asked[3][1] == GOAL.theta
+    assert tree.blackboard.get("docked") == GOAL
+
+
+def test_a_base_that_stays_beside_its_goal_tries_as_often_as_it_may_and_tells_how_far_it_is_off(skills: Any) -> None:
+    skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)
+    skills.base.ends["follow"] = [ControlErrorCode.TOLERANCE] * 9
+    plan = path_to(1.0)
+    skills.algorithms = SimpleNamespace(global_planning=SimpleNamespace(plan=lambda *_: plan))
+    assert run(skills, load(skills, '<DockAt goal="{goal}" attempts="2"/>', goal=GOAL)) == FAILURE
+    assert codes(skills) == ["not_docked"]
+    assert "after 2 approaches" in skills.failures[-1].why
+    skills.base.ends["follow"] = [ControlErrorCode.BLOCKED]
+    assert run(skills, load(skills, '<DockAt goal="{goal}" attempts="2"/>', goal=GOAL)) == FAILURE
+    assert codes(skills)[-1] == "blocked"
+
+
+@pytest.mark.parametrize("speed", [(0.0, 0.0), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.25), (0.3, 0.4), (9.0, 0.0)])
+def test_the_rate_of_a_child_goes_with_the_speed_whichever_way_the_base_drives(
+    skills: Any, speed: tuple[float, float]
+) -> None:
+    """From 1 Hz at rest to 2 Hz at 0.5 m/s."""
+    body = """<PipelineSequence>
+      <SpeedController min_rate="1" max_rate="2" max_speed="0.5"><Script code="n := n + 1"/></SpeedController>
+      <Wait wait_duration="99"/>
+    </PipelineSequence>"""
+    skills.base.velocity = lambda: SimpleNamespace(vx=speed[0], vy=speed[1])
+    tree = load(skills, body, n=0)
+    run(skills, tree, 20)
+    before = tree.blackboard.get("n")
+    run(skills, tree, 400)
+    rate = 1.0 + min(1.0, math.hypot(*speed) / 0.5)
+    assert (tree.blackboard.get("n") - before) / 20.0 == pytest.approx(rate, abs=0.25)
+    tree.halt()
+    before = tree.blackboard.get("n")
+    run(skills, tree, 1)
+    assert tree.blackboard.get("n") == before + 1, "restarted, it is due at once"
+
+
+def test_a_distance_counts_from_where_the_child_has_last_succeeded(skills: Any) -> None:
+    body = """<PipelineSequence>
+      <DistanceController distance="0.5"><Sequence><Script code="n := n + 1"/><ScriptCondition code="fine"/></Sequence>
+      </DistanceController><Wait wait_duration="99"/></PipelineSequence>"""
+    tree = load(skills, body, n=0, fine=True)
+    counts = []
+    for x in (0.0, 0.3, 0.6, 0.9, 1.2):
+        skills.world.base = BasePose(Pose2D(x, -x, 0.0), 0.01, 0.01, 0.0)  # 1.41 times as far as the crow flies
+        run(skills, tree, 1)
+        counts.append(tree.blackboard.get("n"))
+    assert counts == [1, 1, 2, 2, 3]
+    tree.halt()
+    run(skills, tree, 1)
+    assert tree.blackboard.get("n") == 4

@@ -1,0 +1,126 @@
+"""Skills on controllers that a test ends: real beliefs, map, models and kinematics, and no physics."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from behaviours.computation import InlineComputation
+from behaviours.context import SkillContext
+from bestman_bt.configuration import load_run
+from bestman_bt.control import ControlErrorCode, ControlHandle
+from bestman_bt.engine import RUNNING, ManualClock, Tree, load_tree
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.runtime.algorithms import make_algorithms
+from bestman_bt.runtime.setup import prepare
+from bestman_bt.world_model import BasePose
+from tests.behaviours.at_the_table import PERIOD, tree_of
+
+UNDER_WAY = object()
+"""How a command comes out that a test ends itself, or that a halt cancels."""
+ASKEW = Pose2D(0.7, -1.1, 2.1)
+"""Where the base of these tests stands: no axis of it is one of the map's."""
+
+
+class ScriptedController:
+    """Each of ``commands`` gives back a handle that succeeds at once with nothing, or comes out as ``ends`` says.
+
+    ``ends``: command → how its next handles come out: a result, ``UNDER_WAY``, or the code of a failure. ``asked``: the
+    commands and their arguments, in their order; ``handles``: what they gave back. Other names are ``values``.
+    """
+
+    def __init__(self, *commands: str, **values: Any) -> None:
+        self._commands = commands
+        self.ends: dict[str, list[Any]] = defaultdict(list)
+        self.asked: list[tuple[Any, ...]] = []
+        self.handles: list[ControlHandle[Any]] = []
+        self.__dict__.update(values)
+
+    def __getattr__(self, name: str) -> Callable[..., ControlHandle[Any]]:
+        if name.startswith("_") or name not in self._commands:
+            raise AttributeError(name)
+        return lambda *arguments, **options: self._begin(name, *arguments, *options.values())
+
+    def _begin(self, name: str, *arguments: Any) -> ControlHandle[Any]:
+        handle: ControlHandle[Any] = ControlHandle()
+        self.asked.append((name, *arguments))
+        self.handles.append(handle)
+        end = self.ends[name].pop(0) if self.ends[name] else None
+        if isinstance(end, ControlErrorCode):
+            handle.fail(end, f"{name} came to an end as {end.value}")
+        elif end is not UNDER_WAY:
+            handle.succeed(end)
+        return handle
+
+    @property
+    def under_way(self) -> list[ControlHandle[Any]]:
+        """What has not ended."""
+        return [handle for handle in self.handles if not handle.done]
+
+
+def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: str, seed: int = 3) -> Any:
+    """A context whose robot believes to stand at ``base``, as a SkillContext and with ``setup`` beside it."""
+    setup = prepare(load_run(task, seed=seed, settings=settings))
+    skills: Any = SkillContext.__new__(SkillContext)
+    skills.setup, skills.clock, skills.robot, skills.world = (
+        setup,
+        ManualClock(50.0),
+        setup.robot_model,
+        setup.world_model,
+    )
+    skills.world.base = BasePose(base, 0.01, 0.01, 50.0)
+    skills.failures, skills.observations, skills.costs = [], {}, defaultdict(float)
+    skills.computation, skills.rng = InlineComputation(skills.clock), np.random.default_rng(seed)
+    skills.algorithms = make_algorithms(setup.config, setup.robot_model)
+    arm, gripper = next(iter(setup.robot_model.arms)), next(iter(setup.robot_model.grippers))
+    skills.arm = ScriptedController("follow", "move_until", "follow_constraint", name=arm)
+    skills.gripper = ScriptedController(
+        "open", "close", "release", name=gripper, description=SimpleNamespace(max_force=70.0, max_width=0.08)
+    )
+    skills.gripper.width, skills.gripper.pressing = lambda: 0.08, lambda: True
+    skills.base = ScriptedController("follow", "drive", "turn", "rotate_to", "park", stuck=False, lost=False)
+    skills.head = ScriptedController("move_to", "look_at")
+    posture = setup.robot_model.posture("carry", setup.robot_model.arms[arm].joint_names)
+    joints = dict(zip(setup.robot_model.arms[arm].joint_names, posture.tolist(), strict=True))
+    skills.joints = SimpleNamespace(positions=lambda: joints)
+    skills.wrist_wrench = skills.wrist_camera = skills.camera = None
+    skills.tactile = ()
+    return skills
+
+
+def load(skills: Any, body: str, **entries: Any) -> Tree:
+    """A tree of leaves on these skills, with ``entries`` on its blackboard."""
+    tree = load_tree(tree_of(body), skills.setup.registry, context=skills, clock=skills.clock)
+    for name, value in entries.items():
+        tree.blackboard.set(name, value)
+    return tree
+
+
+def run(skills: Any, tree: Tree, ticks: int = 400) -> int:
+    """Tick with time passing in between; stops where the root does not run any more. Returns the last status."""
+    for _ in range(ticks):
+        status = tree.tick_once()
+        if status != RUNNING:
+            break
+        skills.clock.advance(PERIOD)
+    return status
+
+
+def codes(skills: Any) -> list[str]:
+    """What was told, in its order."""
+    return [failure.error_code for failure in skills.failures]
+
+
+def map_from(base: Pose2D, x: float, y: float, z: float) -> np.ndarray:
+    """A point of the base frame in the map, by hand: (3,) metres."""
+    c, s = np.cos(base.theta), np.sin(base.theta)
+    return np.array([base.x + c * x - s * y, base.y + s * x + c * y, z])
+
+
+def in_base(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
+    """base_from_tool of a hand that points down."""
+    return Pose.from_xyz_rpy((x, y, z), (np.pi, 0.0, yaw))
