@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
@@ -11,8 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import JointTrajectory
-from hal.api import Arm, Gripper, JointGroup, MobileBase, MotionErrorCode, MotionStatus, Robot
-from hal.conformance.requirement import require
+from hal.api import (
+    Arm,
+    CommandRefusedError,
+    Gripper,
+    JointGroup,
+    MobileBase,
+    Motion,
+    MotionErrorCode,
+    MotionStatus,
+    Robot,
+)
+from hal.conformance.requirement import ConformanceError, require
 from hal.conformance.subject import (
     ARMS,
     GROUPS,
@@ -34,6 +44,11 @@ ASKED = 5
 REACTION = 0.15
 """Seconds from a call to its effect as measured: a control period of 20 Hz, twice, and the encoders' latency."""
 
+COMMANDS_EACH = 200
+SMALL_TURN = 0.001
+"""Radians or metres."""
+AT_ONCE, LONGEST_TURN = 0.002, 0.3
+"""Seconds: how often it is looked whether a small motion has ended, and what a small command may take on the average."""
 UNEVEN = 0.023
 """Seconds between readings of a velocity that may ripple with its controller's period: no such period divides it."""
 READINGS_APART, READINGS_APART_IN_REAL_TIME = 4, 16
@@ -145,6 +160,61 @@ def a_newer_command_takes_over(robot: Robot, group: JointGroup) -> None:
     older.cancel()
     robot.clock.sleep(0.2)
     require(newer.status is MotionStatus.SUCCEEDED, "cancelling an ended motion should do nothing")
+
+
+def a_part_at_rest_takes_the_next_command_at_once(robot: Robot) -> None:
+    """``COMMANDS_EACH`` small commands to each part, one right after another: a motion that has succeeded is over.
+
+    Nothing of it is left that the next command would have to wait for. All parts at the same time, to save time.
+    """
+    turns = [_turns_of(part) for part in robot.parts.values() if isinstance(part, JointGroup | Gripper | MobileBase)]
+    motions: dict[int, Motion | None] = dict.fromkeys(range(len(turns)))
+    deadline = robot.clock.now() + LONGEST_TURN * COMMANDS_EACH
+    while motions:
+        for number, motion in tuple(motions.items()):
+            if motion is not None and not motion.done:
+                continue
+            if motion is not None and motion.status is not MotionStatus.SUCCEEDED:
+                raise ConformanceError(f"a small motion ended {motion.status}: {motion.error}")
+            try:
+                motions[number] = next(turns[number])
+            except StopIteration:
+                del motions[number]
+            except CommandRefusedError as error:
+                raise ConformanceError(f"the motion before has succeeded, and yet: {error}") from error
+        require(robot.clock.now() < deadline, f"{COMMANDS_EACH} small commands took over {LONGEST_TURN} s each")
+        robot.clock.sleep(AT_ONCE)
+
+
+def _turns_of(part: JointGroup | Gripper | MobileBase) -> Iterator[Motion | None]:
+    """Small commands of a part, there and back, each given when the next one is asked for; None: without a motion."""
+    if isinstance(part, JointGroup):
+        here = part.positions()
+        room = [limit.upper - at > at - limit.lower for limit, at in zip(part.limits, here, strict=True)]
+        there = here + np.where(room, SMALL_TURN, -SMALL_TURN)
+        there[1:] = here[1:]
+        for turn in range(COMMANDS_EACH):
+            target = here if turn % 2 else there
+            if isinstance(part, Arm) and turn % 4 == 1:
+                way = np.array([part.positions(), target])
+                yield part.follow(JointTrajectory(part.joint_names, np.array([0.0, 0.1]), way, np.zeros_like(way)))
+            elif turn % 4 == 3:
+                part.command(target)
+                yield None
+            else:
+                yield part.move_to(target)
+    elif isinstance(part, Gripper):
+        limits, width = part.description, part.width()
+        nearer = limits.max_width if 2 * width > limits.min_width + limits.max_width else limits.min_width
+        for _ in range(COMMANDS_EACH):
+            yield part.move(nearer)
+    else:
+        for turn in range(COMMANDS_EACH):
+            if turn % 2:
+                part.set_velocity(0.0, 0.0, 0.0)
+                yield None
+            else:
+                yield part.rotate(SMALL_TURN if turn % 4 else -SMALL_TURN)
 
 
 @each(JointGroup)
@@ -262,6 +332,11 @@ MOTION_CHECKS = (
     ),
     Check("a command from a second thread is obeyed", a_command_from_a_second_thread_is_obeyed, GROUPS, commands=True),
     Check("a newer command takes over", a_newer_command_takes_over, GROUPS, commands=True),
+    Check(
+        "a part at rest takes the next command at once",
+        a_part_at_rest_takes_the_next_command_at_once,
+        commands=True,
+    ),
     Check("velocities are the rate of positions", velocities_are_the_rate_of_positions, GROUPS, commands=True),
     Check("set-points are held", set_points_are_held, GROUPS, commands=True),
     Check("trajectories are followed", trajectories_are_followed, ARMS, commands=True),

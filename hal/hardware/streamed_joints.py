@@ -214,9 +214,14 @@ class StreamedJointGroup(MovingPart, JointGroup):
         error = float(np.max(np.abs(self._position - reading.positions)))
         speed = float(np.max(np.abs(reading.velocities)))
         self._waiting += elapsed
-        if error < parameters.settle_tolerance and speed < parameters.settle_speed:
+        settled = error < parameters.settle_tolerance and speed < parameters.settle_speed
+        if not settled and self._waiting <= parameters.settle_time:
+            return
+        # Before anybody sees the end: at rest, they take the next command at once.
+        self._velocity, self._setpoints = np.zeros_like(self._velocity), Hold(self._position)
+        if settled:
             motion.succeed()
-        elif self._waiting > parameters.settle_time:
+        else:
             text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
             self._line.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
 

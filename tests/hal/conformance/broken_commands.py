@@ -138,6 +138,25 @@ def bound_to_one_thread(do: Any, *arguments: Any) -> Motion:
     return do(*arguments)
 
 
+def busy_for_a_moment_after_it_has_arrived(robot: Any) -> None:
+    arm = robot.parts["arm"]
+    ended = [-np.inf]
+
+    def cycle(do: Any, elapsed: float) -> None:
+        moved = arm._line.motion is not None
+        do(elapsed)
+        if moved and arm._line.motion is None:
+            ended[0] = robot.clock.now()
+
+    def move_to(do: Any, *arguments: Any) -> Motion:
+        if robot.clock.now() - ended[0] < 0.015:
+            raise CommandRefusedError("arm refused move_to: it still moves")
+        return do(*arguments)
+
+    wrapped(arm, "cycle", cycle)
+    wrapped(arm, "move_to", move_to)
+
+
 def never_superseded(robot: Any) -> None:
     line = robot.parts["arm"]._line
 
@@ -188,6 +207,7 @@ BROKEN: list[tuple[str, Break]] = [
     ("a motion is cancelled within a control period", late_to_cancel),
     ("motions of grippers can be cancelled", of("gripper", "move", lambda do, *a, **k: OnlySaysSo(do(*a, **k)))),
     ("a command from a second thread is obeyed", of("arm", "move_to", bound_to_one_thread)),
+    ("a part at rest takes the next command at once", busy_for_a_moment_after_it_has_arrived),
     ("a newer command takes over", never_superseded),
     ("velocities are the rate of positions", of("arm", "velocities", lambda do: 1.5 * do())),
     ("velocities are the rate of positions", of("head", "velocities", lambda do: np.degrees(do()))),

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hal.api import Motion, MotionError, MotionStatus, Robot
-from hal.conformance import CHECKS, LIFE_CHECKS
+from hal.conformance import CHECKS, LIFE_CHECKS, Check
 
 Make = Callable[[], Any]
 Break = Callable[[Any], None]
@@ -85,10 +85,10 @@ class OnlySaysSo(OneMotion):
             self.clock.every(self.delay, self.motion.cancel)
 
 
-def failing(make: Make, spoil: Break) -> list[str]:
+def failing(make: Make, spoil: Break, checks: tuple[Check, ...] = (*CHECKS, *LIFE_CHECKS)) -> list[str]:
     """Names of the checks that a broken robot fails; a new one for each."""
     failed = []
-    for check in (*CHECKS, *LIFE_CHECKS):
+    for check in checks:
         robot: Robot = make()
         spoil(robot)
         if check.why_not(robot) is not None:
