@@ -48,7 +48,7 @@ COMMANDS_EACH = 200
 SMALL_TURN = 0.001
 """Radians or metres."""
 AT_ONCE, LONGEST_TURN = 0.002, 0.3
-"""Seconds: how often it is looked whether a small motion has ended, and what a small command may take on the average."""
+"""Seconds: how often the motions are looked at, and what a small command may take on the average."""
 UNEVEN = 0.023
 """Seconds between readings of a velocity that may ripple with its controller's period: no such period divides it."""
 READINGS_APART, READINGS_APART_IN_REAL_TIME = 4, 16

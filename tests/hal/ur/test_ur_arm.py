@@ -1,0 +1,356 @@
+"""What a UR's arm asks of its controller, and what it makes of the controller's reports."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import hal.ur.arm
+from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
+from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
+from hal.hardware import ConnectionFailedError, Fault, JointChannel, JointReading, StopLatch, ToolLimits
+from hal.ur import URArm
+from hal.ur.sdk_process import PLAYING, RUNNING, Report
+
+PERIOD = 0.01
+HOME = np.radians([0.0, -120.0, 110.0, -80.0, -90.0, 0.0])
+NUDGE = np.array([0.001, 0, 0, 0, 0, 0])
+
+
+class Controller(JointChannel):
+    """Joints that are where they were last sent; a path and a speed are what the controller makes of its calls."""
+
+    def __init__(self) -> None:
+        self.at, self.speed = HOME.copy(), np.zeros(6)
+        self.calls: list[tuple[str, tuple[Any, ...]]] = []
+        self.moving = False
+        self.goal: np.ndarray | None = None
+        self.lost: str | None = None
+
+    def call(self, name: str, *arguments: Any, timeout: float) -> bool:
+        if self.lost is not None:
+            raise ConnectionFailedError(self.lost)
+        self.calls.append((name, arguments))
+        if name == "move_path":
+            self.moving, self.goal = True, np.array(arguments[0][-1][:6])
+        elif name.startswith("stop"):
+            self.moving, self.speed = False, np.zeros(6)
+        return True
+
+    def arrive(self) -> None:
+        assert self.goal is not None
+        self.at, self.moving = self.goal, False
+
+    @property
+    def report(self) -> Report:
+        lists = (self.at.tolist(), self.speed.tolist(), [0.0] * 6)
+        return Report(0.0, 0.0, *lists, [0.0] * 6, [0.0] * 6, 0, 0, RUNNING, 1, PLAYING, False, self.moving)
+
+    def read(self) -> JointReading:
+        return JointReading(self.at, self.speed, np.zeros(6))
+
+    def send(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        self.at = positions
+
+    @property
+    def asked(self) -> list[str]:
+        return [name for name, _ in self.calls]
+
+
+@pytest.fixture(scope="module")
+def ur5() -> RobotModel:
+    return load_robot_model("diff_ur5")
+
+
+@pytest.fixture
+def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The machine's clock as the arm sees it."""
+    time = [100.0]
+    monkeypatch.setattr(hal.ur.arm, "time", SimpleNamespace(monotonic=lambda: time[0]))
+    return time
+
+
+@pytest.fixture
+def controller() -> Controller:
+    return Controller()
+
+
+@pytest.fixture
+def make_arm(ur5: RobotModel, controller: Controller, now: list[float]) -> Callable[..., URArm]:
+    def make(**safety: Any) -> URArm:
+        tool = ToolLimits(ur5, "arm", SafetyConfig(**safety))
+        made = URArm("arm", ur5.arms["arm"], controller, StopLatch(), PERIOD, tool, controller)  # type: ignore[arg-type]
+        made.attach()
+        return made
+
+    return make
+
+
+@pytest.fixture
+def arm(make_arm: Callable[..., URArm]) -> URArm:
+    return make_arm()
+
+
+@pytest.fixture
+def run(arm: URArm, now: list[float]) -> Callable[[float], None]:
+    def run_for(seconds: float) -> None:
+        for _ in range(round(seconds / PERIOD)):
+            now[0] += PERIOD
+            arm.cycle(PERIOD)
+
+    return run_for
+
+
+Run = Callable[[float], None]
+
+
+def until_done(motion: Motion, run: Run) -> None:
+    for _ in range(1000):
+        if motion.done:
+            return
+        run(PERIOD)
+    raise AssertionError("the motion does not end")
+
+
+def test_after_a_motion_that_has_succeeded_the_next_one_begins_at_once(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    """Whichever came before: 200 of each kind, each given in the very period in which the last one has ended."""
+    begin: list[Callable[[np.ndarray], Motion]] = [
+        arm.move_to,
+        lambda place: arm.speed_tool([0.01, 0, 0, 0, 0, 0], 0.02),
+        lambda place: arm.move_path([place]),
+        lambda place: arm.speed_joints(NUDGE, 0.02),
+    ]
+    for number in range(800):
+        kind = (number + number // 4) % 4
+        motion = begin[kind](HOME + NUDGE * (number % 2))
+        run(2 * PERIOD)
+        if controller.moving:
+            controller.arrive()
+        until_done(motion, run)
+        assert motion.status is MotionStatus.SUCCEEDED, motion.error
+        assert arm.resting
+
+
+def test_a_motion_that_did_not_settle_has_failed_and_the_next_one_begins_at_once(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    motion = arm.move_to(HOME + NUDGE)
+    controller.speed = np.full(6, 0.1)  # it trembles
+    until_done(motion, run)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.TIMEOUT
+    arm.speed_tool([0.01, 0, 0, 0, 0, 0], 0.1)
+
+
+def test_a_path_is_sent_once_with_its_limits_and_a_blend_at_all_but_its_last_waypoint(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    arm.move_path([HOME + NUDGE, HOME], speed_scale=0.5, blend=0.02)
+    run(0.3)
+    ((name, (rows,)),) = controller.calls
+    limits = arm.limits
+    assert name == "move_path"
+    assert [row[:6] for row in rows] == [(HOME + NUDGE).tolist(), HOME.tolist()]
+    assert [row[8] for row in rows] == [0.02, 0.0]
+    for row in rows:
+        assert row[6] == pytest.approx(0.5 * min(limit.velocity for limit in limits))
+        assert row[7] == pytest.approx(0.5 * min(limit.acceleration for limit in limits))
+
+
+def test_a_path_whose_tool_would_be_too_fast_is_slower_as_a_whole(
+    make_arm: Callable[..., URArm], controller: Controller, now: list[float]
+) -> None:
+    fast, slow = make_arm(), make_arm(tool_speed=0.1)
+    for arm in (fast, slow):
+        arm.move_path([HOME + 500 * NUDGE, HOME])
+        now[0] += PERIOD
+        arm.cycle(PERIOD)
+    free, bound = ((rows[0][6], rows[0][7]) for _, (rows,) in controller.calls)
+    share = bound[0] / free[0]
+    assert share < 0.5
+    assert bound[1] == pytest.approx(free[1] * share**2)
+    # A motion that ends faster than it begins: the slowest piece counts, wherever it is.
+    controller.calls.clear()
+    backwards = make_arm(tool_speed=0.1)
+    backwards.move_path([HOME + NUDGE, HOME + 500 * NUDGE, HOME + 499 * NUDGE])
+    now[0] += PERIOD
+    backwards.cycle(PERIOD)
+    assert controller.calls[0][1][0][0][6] < 0.5 * free[0]
+
+
+def test_speeds_are_held_to_the_tools_limit_and_its_frame_is_the_urdfs(
+    make_arm: Callable[..., URArm], controller: Controller, now: list[float]
+) -> None:
+    arm = make_arm(tool_speed=0.1)
+    for twist in ([0.08, 0.08, 0, 0, 0, 0], [0, 0, -0.11, 0, 0, 0], [0.0] * 5, [np.nan] * 6, [np.inf, 0, 0, 0, 0, 0]):
+        with pytest.raises(CommandRefusedError, match="speed_tool"):
+            arm.speed_tool(twist, 1.0)
+    for duration in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(CommandRefusedError, match="duration"):
+            arm.speed_tool([0.05, 0, 0, 0, 0, 0], duration)
+        with pytest.raises(CommandRefusedError, match="duration"):
+            arm.speed_joints(NUDGE, duration)
+    with pytest.raises(CommandRefusedError, match="faster than its limit"):
+        arm.speed_joints([0.5, 0, 0, 0, 0, 0], 1.0)
+    arm.speed_tool([0.01, 0.02, 0.03, 0.04, 0.05, 0.06], 0.5)
+    now[0] += PERIOD
+    arm.cycle(PERIOD)
+    ((name, (twist, _, duration)),) = controller.calls
+    assert (name, duration) == ("speed_tool", 0.5)
+    assert twist == pytest.approx([-0.01, -0.02, 0.03, -0.04, -0.05, 0.06])
+
+
+def test_a_way_out_of_the_workspace_is_refused_also_in_the_middle_of_a_path(
+    make_arm: Callable[..., URArm], ur5: RobotModel
+) -> None:
+    place = ToolLimits(ur5, "arm", SafetyConfig()).tool(HOME)
+    box = WorkspaceConfig(tuple(place - 0.05), tuple(place + 0.05))
+    arm = make_arm(workspace=box)
+    with pytest.raises(CommandRefusedError, match="workspace"):
+        arm.move_path([HOME + NUDGE, HOME + 800 * NUDGE, HOME])
+    arm.move_path([HOME + NUDGE, HOME])
+
+
+@pytest.mark.parametrize("end", ["cancel", "stop"])
+def test_a_motion_of_the_controller_that_is_ended_is_stopped_there_before_anything_else_begins(
+    arm: URArm, controller: Controller, run: Run, end: str
+) -> None:
+    for begin, stop_call in (
+        (lambda: arm.move_path([HOME + 300 * NUDGE]), "stop_path"),
+        (lambda: arm.speed_joints(100 * NUDGE, 5.0), "stop_speed"),
+        (lambda: arm.speed_tool([0.05, 0, 0, 0, 0, 0], 5.0), "stop_speed"),
+    ):
+        controller.calls.clear()
+        motion = begin()
+        run(0.05)
+        assert len(controller.calls) == 1
+        motion.cancel() if end == "cancel" else arm.stop()
+        assert motion.status is MotionStatus.CANCELED
+        for command in (arm.move_to, arm.servo, arm.command):
+            with pytest.raises(CommandRefusedError, match="stop"):
+                command(HOME)
+        with pytest.raises(CommandRefusedError, match="still moves"):
+            arm.speed_joints(NUDGE, 1.0)
+        assert not arm.resting
+        run(PERIOD)
+        assert controller.asked[1:] == [stop_call]
+        assert arm.resting
+        assert motion.status is MotionStatus.CANCELED
+
+
+def test_a_motion_of_the_controller_that_is_ended_before_it_began_never_begins(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    motion = arm.move_path([HOME + 300 * NUDGE])
+    motion.cancel()
+    run(0.3)
+    assert "move_path" not in controller.asked
+    assert arm.resting
+
+
+def test_a_motion_of_the_controller_is_not_over_by_reports_from_before_it(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    path = arm.move_path([HOME])
+    controller.moving = False
+    run(0.05)
+    assert not path.done
+    run(0.2)
+    controller.moving = False
+    until_done(path, run)
+    speed = arm.speed_joints(NUDGE, 0.3)
+    run(0.28)
+    assert not speed.done
+    until_done(speed, run)
+    assert controller.asked[-1] == "stop_speed"
+
+
+def test_a_speed_is_not_over_while_the_joints_still_move(arm: URArm, controller: Controller, run: Run) -> None:
+    motion = arm.speed_joints(-300 * NUDGE, 0.2)
+    controller.speed = np.array([-0.3, 0, 0, 0, 0, 0])
+    run(0.5)
+    assert not motion.done
+    controller.speed = np.zeros(6)
+    until_done(motion, run)
+    assert motion.status is MotionStatus.SUCCEEDED
+
+
+def test_a_path_that_ends_elsewhere_has_failed(arm: URArm, controller: Controller, run: Run) -> None:
+    for off, status in ((0.009, MotionStatus.SUCCEEDED), (0.011, MotionStatus.FAILED)):
+        motion = arm.move_path([HOME + 100 * NUDGE])
+        run(0.05)
+        controller.arrive()
+        controller.at = controller.at - np.array([0, 0, 0, 0, 0, off])
+        until_done(motion, run)
+        assert motion.status is status, motion.error
+    assert motion.error is not None
+    assert "ended elsewhere" in motion.error.text
+
+
+def test_a_controller_that_is_faster_than_allowed_or_leaves_the_workspace_is_stopped(
+    make_arm: Callable[..., URArm], controller: Controller, ur5: RobotModel, now: list[float]
+) -> None:
+    place = ToolLimits(ur5, "arm", SafetyConfig()).tool(HOME)
+    arm = make_arm(workspace=WorkspaceConfig(tuple(place - 0.05), tuple(place + 0.05)))
+    limit = arm.limits[0].velocity
+    for speed, at, words in (
+        (1.05 * limit, HOME, ""),
+        (-1.15 * limit, HOME, "faster than its limit"),
+        (0.0, HOME + 300 * NUDGE, "workspace"),
+    ):
+        controller.at = HOME
+        motion = arm.speed_joints(NUDGE, 50.0)
+        for _ in range(3):
+            now[0] += PERIOD
+            arm.cycle(PERIOD)
+            controller.speed, controller.at = np.array([speed, 0, 0, 0, 0, 0]), at
+        assert motion.done is bool(words)
+        if words:
+            assert motion.error is not None
+            assert motion.error.code is MotionErrorCode.FAULT
+            assert words in motion.error.text
+        else:
+            motion.cancel()
+            arm.cycle(PERIOD)
+        assert controller.asked[-1] == "stop_speed"
+        assert arm.resting
+        controller.speed = np.zeros(6)
+
+
+def test_a_fault_ends_the_controllers_motion_and_a_lost_link_fails_it(
+    arm: URArm, controller: Controller, run: Run
+) -> None:
+    motion = arm.move_path([HOME + 300 * NUDGE])
+    run(0.05)
+    arm.fail(Fault(MotionErrorCode.COLLISION, "protective stop", "safety mode 3"))
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.COLLISION
+    run(PERIOD)
+    assert controller.asked == ["move_path", "stop_path"]
+    motion = arm.speed_joints(NUDGE, 5.0)
+    controller.lost = "the process of the UR's SDK has ended"
+    run(PERIOD)
+    assert motion.error is not None
+    assert "SDK has ended" in motion.error.text
+    controller.lost = None
+    arm.move_path([HOME])
+    arm.attach()  # as after a recovery: nothing goes on
+    assert arm.resting
+    arm.move_to(HOME)
+
+
+def test_after_a_path_set_points_go_on_from_where_it_ended(arm: URArm, controller: Controller, run: Run) -> None:
+    motion = arm.move_path([HOME + 300 * NUDGE])
+    run(0.05)
+    controller.arrive()
+    until_done(motion, run)
+    arm.move_to(HOME)
+    run(PERIOD)
+    assert controller.at == pytest.approx(HOME + 300 * NUDGE, abs=0.01)
