@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from dataclasses import FrozenInstanceError, dataclass, field
 from typing import Any, Literal
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, check, override, parse_document
+from bestman_bt.configuration import ConfigurationError, Document, check, override, parse_document
+from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.quantity import Length, Mass, WholeNumber
 
 
@@ -26,6 +28,9 @@ class Cart:
     spare: Wheel | None = None
     seats: WholeNumber = 0
     extras: Mapping[str, Any] = field(default_factory=dict)
+    ratio: float = 1.0
+    axles: tuple[Wheel, ...] = ()
+    pair: tuple[Wheel, Wheel] | None = None
 
 
 GOOD = "wheels:\n  left: {radius: 5 cm}\n  right: {radius: 0.06, mass: 2 kg}\npath: [[0, 1 m]]\n"
@@ -59,11 +64,49 @@ def test_a_good_document_becomes_a_frozen_value() -> None:
         (GOOD.replace("2 kg", "-2 kg"), "cart.yaml:3: wheels.right.mass: should be greater than 0"),
         (GOOD.replace("1 m", "1 s"), "cart.yaml:4: path[0][1]: expected a length in m (m, cm, mm), got '1 s'"),
         ("{}", "cart.yaml:1: wheels: is missing"),
+        (GOOD + "ratio: .inf\n", "cart.yaml:5: ratio: should be a finite number, got inf"),
+        (GOOD + "axles: [{radius: 1}, {radus: 1}]\n", "cart.yaml:5: axles[1].radus: unknown field; did you mean"),
+        (GOOD + "pair: [{radius: 1}, {radus: 1}]\n", "cart.yaml:5: pair[1].radus: unknown field; did you mean"),
+        (GOOD + "pair: [{radius: 1}]\n", "cart.yaml:5: pair[1]: is missing"),
     ],
 )
 def test_a_fault_is_named_with_file_line_and_field(text: str, fault: str) -> None:
     found = faults(text)
     assert any(entry.startswith(fault) for entry in found), found
+
+
+def test_a_name_that_is_a_number_is_refused_where_text_is_owed() -> None:
+    document = Document({"wheels": {1: {"radius": 1.0}}}, {("wheels",): ("cart.yaml", 3)})
+    with pytest.raises(ConfigurationError) as error:
+        check(document, Cart)
+    assert str(error.value) == "cart.yaml:3: wheels.1: a name should be text: write '1' in quotes"
+
+
+@pytest.mark.parametrize(
+    ("text", "wheels", "spare", "count"),
+    [
+        ("wheels: {left: {radius: 5 s}, right: {radius: 1}}\n", {"right": Wheel(1.0)}, None, 1),
+        ("wheels: {left: {radius: 1, mass: 5 s}}\nspare: {radius: x}\n", {"left": Wheel(1.0)}, None, 2),
+        ("wheels: {left: {radius: 1}}\nspare: {radius: 2, mass: x}\n", {"left": Wheel(1.0)}, Wheel(2.0), 1),
+        ("wheels: {left: 3}\nspare: {radius: 2, mass: x}\nseats: -1\n", {}, Wheel(2.0), 3),
+    ],
+)
+def test_what_is_wrong_is_left_out_of_a_salvaged_value(
+    text: str, wheels: dict[str, Wheel], spare: Wheel | None, count: int
+) -> None:
+    document = parse_document(text, "cart.yaml")
+    before = copy.deepcopy(document.data)
+    value, problems = salvage(document, Cart)
+    assert value is not None
+    assert (dict(value.wheels), value.spare, value.seats) == (wheels, spare, 0)
+    assert len(problems) == count
+    assert document.data == before
+
+
+def test_nothing_is_salvaged_where_what_is_wrong_is_owed() -> None:
+    value, problems = salvage(parse_document("wheels: 3\nseats: x\n", "cart.yaml"), Cart)
+    assert value is None
+    assert [problem.field for problem in problems] == ["wheels", "seats"]
 
 
 def test_all_faults_are_reported_at_once() -> None:
@@ -99,4 +142,14 @@ def test_an_override_of_an_unknown_key_suggests_the_closest(key: str, message: s
 def test_a_wrong_value_of_an_override_is_located_on_the_command_line() -> None:
     changed = override(parse_document(GOOD, "cart.yaml"), Cart, {"seats": "x"})
     with pytest.raises(ConfigurationError, match="--set seats=x: seats: should be a whole number"):
+        check(changed, Cart)
+
+
+def test_the_faults_of_all_overrides_are_told_and_a_list_that_is_replaced_is_of_the_command_line() -> None:
+    document = parse_document(GOOD, "cart.yaml")
+    with pytest.raises(ConfigurationError) as error:
+        override(document, Cart, {"seets": 1, "seats": 2, "kinds": 3})
+    assert [problem.source for problem in error.value.problems] == ["--set seets=1", "--set kinds=3"]
+    changed = override(document, Cart, {"path": [[0, "1 s"]]})
+    with pytest.raises(ConfigurationError, match=r"^--set path=\[\[0, '1 s'\]\]: path\[0\]\[1\]: expected a length"):
         check(changed, Cart)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.configuration import ConfigurationError, load_task, parse_document, read_document
+from bestman_bt.configuration import ConfigurationError, Document, Problem, load_task, parse_document, read_document
+from bestman_bt.configuration.document import parse_value
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import load_scene
 
@@ -39,6 +40,53 @@ def test_merging_keeps_values_below_and_the_origins_of_both() -> None:
     assert merged.origin(("e",)) == ("above.yaml", 3)
 
 
+def test_a_part_of_a_document_keeps_where_it_was_written() -> None:
+    part = parse_document(BELOW, "below.yaml").below("b")
+    assert part.data == {"c": [10, 20], "d": "text"}
+    assert part.origins.keys() == {(), ("c",), ("c", 0), ("c", 1), ("d",)}
+    assert part.origin(("c", 1)) == ("below.yaml", 3)
+    assert part.origin(("unknown",)) == ("below.yaml", 2)
+    laid = Document({"b": {"e": 1}}, {(): ("--set", None)})
+    assert laid.below("b").origin(("e",)) == ("--set", None)
+
+
+def test_where_a_list_is_replaced_its_items_are_the_new_ones_and_what_is_beside_it_stays() -> None:
+    below = parse_document(BELOW, "below.yaml")
+    replaced = below.merged(Document({"b": {"c": [1, 2]}}, {("b", "c"): ("--set b.c=[1, 2]", None)}))
+    assert replaced.origin(("b", "c", 1)) == ("--set b.c=[1, 2]", None)
+    assert replaced.origin(("b", "d")) == ("below.yaml", 4)
+    assert replaced.origin(("a",)) == ("below.yaml", 1)
+    for text, value in (("b: 3\n", 3), ("b: null\n", None), ("b: [1]\n", [1])):
+        assert below.merged(parse_document(text, "above.yaml")).data["b"] == value
+    assert parse_document("b: 3\n", "x.yaml").merged(below).data["b"] == {"c": [10, 20], "d": "text"}
+    assert replaced.merged(parse_document("e: 1\n", "above.yaml")).origin(("unknown",)) == ("above.yaml", 1)
+
+
+def test_names_that_are_given_twice_can_be_gathered_and_the_later_counts() -> None:
+    faults: list[Problem] = []
+    document = parse_document("a: 1\nb: {c: 1, c: 2}\na: 3\n", "x.yaml", faults)
+    assert document.data == {"a": 3, "b": {"c": 2}}
+    assert [str(fault) for fault in faults] == ["x.yaml:2: b.c: is given twice", "x.yaml:3: a: is given twice"]
+    with pytest.raises(ConfigurationError, match="contains itself"):
+        parse_document("a: &a [*a]\n", "x.yaml", faults)
+
+
+def test_a_value_of_the_command_line_is_yaml_or_refused_in_a_line() -> None:
+    assert [parse_value(text) for text in ("3", "1e-3", "yes", "[a, 2]", "")] == [3, 0.001, "yes", ["a", 2], None]
+    for text in ("[1", "\x00", "[" * 5000):
+        with pytest.raises(ValueError, match="the value is not YAML: [^\n]*$"):
+            parse_value(text)
+
+
+def test_a_file_below_the_working_directory_is_named_from_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "x.yaml").write_text("a: 1\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert read_document(tmp_path / "x.yaml").origin(("a",)) == ("x.yaml", 1)
+    assert read_document(Path("x.yaml")).origin(("a",)) == ("x.yaml", 1)
+
+
 def test_merging_leaves_the_merged_documents_alone() -> None:
     below, above = parse_document(BELOW, "below.yaml"), parse_document(ABOVE, "above.yaml")
     below.merged(above).data["b"]["c"].append(99)
@@ -52,7 +100,7 @@ def test_merging_leaves_the_merged_documents_alone() -> None:
         ("a: [1\nb: 2\n", "x.yaml:2: is not YAML: expected ',' or ']', but got ':'"),
         ("- a\n- b\n", "x.yaml:1: should hold fields (name: value), got list"),
         ("a: 1\nb: 2\na: 3\n", "x.yaml:3: a: is given twice"),
-        ("[a, b]: 1\n", "x.yaml:1:"),
+        ("[a, b]: 1\n", "x.yaml:1: a name should be text"),
         ("a: !!python/object/apply:os.system [true]\n", "x.yaml:1: is not YAML: could not determine a constructor"),
         ("a: \x00\n", "x.yaml: is not YAML"),
         ("a: &a [*a]\n", "x.yaml:1: a[0]: contains itself"),

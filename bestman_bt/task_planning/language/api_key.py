@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from bestman_bt.task_planning.language.errors import EndpointNotSetError
 
 
@@ -29,5 +31,10 @@ class ApiKey:
         return {"Authorization": f"Bearer {self._text}"} if self._text else {}
 
     def removed_from(self, text: str) -> str:
-        """The text with ``…`` wherever it quotes the key, as servers do that do not know it."""
-        return text.replace(self._text, "…") if self._text else text
+        """The text with ``…`` wherever it quotes the key, plainly or in JSON, as servers do that do not know it."""
+        if not self._text:
+            return text
+        quoted = json.dumps(self._text)[1:-1]
+        for written in (quoted.replace("/", "\\/"), quoted, self._text):
+            text = text.replace(written, "…")
+        return text

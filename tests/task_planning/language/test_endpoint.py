@@ -5,6 +5,7 @@ import json
 import logging
 import threading
 import time
+import traceback
 from pathlib import Path
 
 import pytest
@@ -17,7 +18,18 @@ from bestman_bt.task_planning.language.errors import (
     EndpointReplyError,
     EndpointUnreachableError,
 )
-from tests.answering_server import Server, Way, breaks_off, drips, drips_headers, drips_without_length, raw, sleeps
+from tests.answering_server import (
+    Handler,
+    Server,
+    Way,
+    breaks_off,
+    drips,
+    drips_headers,
+    drips_without_length,
+    raw,
+    serving_at,
+    sleeps,
+)
 from tests.task_planning.language.misbehaving_server import completion, fails, says, serving, without
 
 KEY = "sk-very-secret-0123456789"
@@ -26,7 +38,7 @@ QUESTION = ChatRequest((Message("system", "be good"), Message("user", "hello")),
 
 def endpoint(server: Server, key: str = KEY, **changed: object) -> HttpEndpoint:
     settings = {"timeout": 10.0, "retries": 2, "backoff": 0.01, **changed}
-    address = EndpointAddress(server.base_url, "small", ApiKey(key), (1.0, 2.0))
+    address = EndpointAddress(server.base_url, "small", ApiKey(key), (3.0, 2.0))
     return HttpEndpoint(address, EndpointParameters(**settings))
 
 
@@ -65,9 +77,9 @@ def test_tokens_and_dollars_are_counted_and_logged(caplog: pytest.LogCaptureFixt
     with serving(says("hi")) as server:
         usage = endpoint(server).complete(QUESTION).usage
     assert (usage.prompt_tokens, usage.completion_tokens) == (1000, 50)
-    assert usage.dollars == pytest.approx(1000 * 1e-6 + 50 * 2e-6)
+    assert usage.dollars == pytest.approx(1000 * 3e-6 + 50 * 2e-6)
     assert 0.0 < usage.seconds < 5.0
-    assert "1000 + 50 tokens, $0.0011" in caplog.text
+    assert "1000 + 50 tokens, $0.0031" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -94,10 +106,8 @@ def test_a_bad_moment_is_followed_by_another_try_and_a_bad_server_by_an_error(wa
 @pytest.mark.parametrize("way", [sleeps(4.0, says("too late")), drips, drips_headers, drips_without_length])
 def test_a_late_answer_is_given_up_and_asked_for_again(way: Way) -> None:
     with serving(way) as server:
-        started = time.monotonic()
-        with pytest.raises(EndpointUnreachableError, match=r"no whole answer after 0\.\d s"):
+        with pytest.raises(EndpointUnreachableError, match=r"no whole answer after \d+\.\d s"):
             endpoint(server, timeout=0.3, retries=1).complete(QUESTION)
-        assert time.monotonic() - started < 3.0
         assert len(server.questions) == 2
 
 
@@ -128,11 +138,52 @@ def test_nobody_at_the_address_is_told_after_all_tries() -> None:
         gone.complete(QUESTION)
 
 
+def test_waits_between_tries_double_up_to_a_bound_and_each_is_told(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    waits: list[float] = []
+    with serving(says("hi")) as server:
+        gone = endpoint(server, retries=4, backoff=3.0, longest_wait=20.0)
+    monkeypatch.setattr("time.sleep", waits.append)
+    with pytest.raises(EndpointUnreachableError, match="no answer in 5 tries; the last: .*refused"):
+        gone.complete(QUESTION)
+    assert waits == [3.0, 6.0, 12.0, 20.0]
+    assert "again in 3.0 s" in caplog.text
+    assert len(caplog.records) == 5
+
+
 @pytest.mark.parametrize("field", ["temperature", "max_tokens", "response_format"])
 def test_a_server_that_refuses_an_optional_field_is_asked_without_it(field: str) -> None:
     with serving(without(field, says("hi"))) as server:
         assert endpoint(server, retries=0).complete(QUESTION).text == "hi"
     assert [field in question for question in server.questions] == [True, False]
+
+
+def test_all_that_a_server_refuses_stays_left_out_also_in_later_tries(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "bestman_bt")
+    picky = without("temperature", without("max_tokens", says("hi")))
+    ways = (raw(b'{"error": "temperature?"}', 422), picky, fails(500), picky)
+    with serving(*ways) as server:
+        assert endpoint(server, retries=1).complete(QUESTION).text == "hi"
+    sent = [("temperature" in question, "max_tokens" in question) for question in server.questions]
+    assert sent == [(True, True), (False, True), (False, False), (False, False)]
+    assert "small at 127.0.0.1 does not take max_tokens, asking without" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("way", "words", "asked"),
+    [
+        (fails(400, "temperature is too high"), "status 400: temperature is too high", 2),
+        (fails(400, "too many messages"), "status 400: too many messages", 1),
+        (fails(403, "temperature is not for you"), "status 403: temperature is not for you", 1),
+        (raw(b"\xff\xfe", 404), "status 404$", 1),
+    ],
+)
+def test_a_refusal_that_leaving_out_a_field_does_not_mend_ends_the_question(way: Way, words: str, asked: int) -> None:
+    with serving(way) as server:
+        with pytest.raises(EndpointReplyError, match=words):
+            endpoint(server).complete(QUESTION)
+        assert len(server.questions) == asked
 
 
 def test_a_refused_question_is_not_repeated_and_told_in_the_servers_words() -> None:
@@ -156,10 +207,8 @@ def test_an_answer_without_end_is_refused_before_it_fills_the_memory() -> None:
 
 def test_ten_megabytes_are_given_up_after_the_first() -> None:
     with serving(says("x" * 10_000_000)) as server:
-        started = time.monotonic()
         with pytest.raises(EndpointReplyError, match="more than 1000000 bytes"):
             endpoint(server).complete(QUESTION)
-        assert time.monotonic() - started < 5.0
         assert len(server.questions) == 1
 
 
@@ -182,6 +231,47 @@ def test_the_key_is_in_no_log_error_or_repr(caplog: pytest.LogCaptureFixture) ->
     assert "127.0.0.1" in caplog.text
 
 
+def echoes_the_key(*heads: bytes) -> Way:
+    """A server that repeats the header with the key where no library expects it."""
+
+    def way(handler: Handler) -> None:
+        handler.wfile.write(b"".join((heads[0], handler.headers["Authorization"].encode(), *heads[1:], b"\r\n\r\n")))
+        handler.close_connection = True
+
+    return way
+
+
+@pytest.mark.parametrize(
+    "way",
+    [
+        echoes_the_key(b""),
+        echoes_the_key(b"HTTP/1.1 200 OK\r\n", b" : x"),
+        echoes_the_key(b"HTTP/1.1 200 OK\r\nContent-Length: ", b""),
+        echoes_the_key(b"HTTP/1.1 200 OK\r\nContent-Encoding: ", b""),
+        echoes_the_key(b"HTTP/1.1 307 ", b"\r\nLocation: http://127.0.0.1/"),
+    ],
+    ids=["status line", "header name", "length", "encoding", "reason"],
+)
+def test_a_key_that_a_broken_answer_echoes_is_in_no_error_and_no_log(
+    way: Way, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.DEBUG, "bestman_bt")
+    with serving(way) as server, pytest.raises((EndpointReplyError, EndpointUnreachableError)) as error:
+        endpoint(server, retries=1).complete(QUESTION)
+    shown = "".join(traceback.format_exception(error.value)) + caplog.text
+    assert not any(KEY[i : i + 8] in shown for i in range(len(KEY) - 7))
+
+
+@pytest.mark.parametrize("key", ["sk-a/b+c==", 'sk-"quoted"', "sk-back\\slash"])
+def test_a_key_is_taken_out_also_where_json_writes_it_with_escapes(key: str) -> None:
+    slashed = json.dumps({"error": {"message": f"no such key: {key}!"}}).replace("/", "\\/").encode()
+    for way in (fails(401, f"no such key: {key}!"), raw(slashed, 401)):
+        with serving(way) as server, pytest.raises(EndpointReplyError, match="no such key: …!$"):
+            endpoint(server, key=key).complete(QUESTION)
+    with serving(says(f"the key {key} is fine")) as server:
+        assert endpoint(server, key=key).complete(QUESTION).text == "the key … is fine"
+
+
 def test_a_key_that_no_header_can_carry_is_refused_without_showing_it() -> None:
     with pytest.raises(EndpointNotSetError, match="visible ASCII") as refused:
         ApiKey("sk-first-line\nsk-second-line")
@@ -200,6 +290,13 @@ def test_a_key_that_no_header_can_carry_is_refused_without_showing_it() -> None:
         ({"BESTMAN_LLM_BASE_URL": "http://host:x/v1"}, "BESTMAN_LLM_BASE_URL is no address"),
         ({"BESTMAN_LLM_PRICES": "cheap"}, "BESTMAN_LLM_PRICES is 'cheap'"),
         ({"BESTMAN_LLM_PRICES": "1;nan"}, "BESTMAN_LLM_PRICES is '1;nan'"),
+        ({"BESTMAN_LLM_PRICES": "-1;1"}, "BESTMAN_LLM_PRICES is '-1;1'"),
+        ({"BESTMAN_LLM_PRICES": "inf;1"}, "BESTMAN_LLM_PRICES is 'inf;1'"),
+        ({"BESTMAN_LLM_PRICES": "1;inf"}, "BESTMAN_LLM_PRICES is '1;inf'"),
+        ({"BESTMAN_LLM_BASE_URL": "https:///v1"}, "BESTMAN_LLM_BASE_URL is no address"),
+        ({"BESTMAN_LLM_BASE_URL": "https://host/v1#hidden"}, "BESTMAN_LLM_BASE_URL is no address"),
+        ({"BESTMAN_LLM_BASE_URL": "https://hidden@host/v1"}, "BESTMAN_LLM_BASE_URL is no address"),
+        ({"BESTMAN_LLM_API_KEY": "hidden\nhidden"}, "the API key has characters"),
     ],
 )
 def test_what_is_wrong_in_the_environment_is_named(changed: dict[str, str], words: str) -> None:
@@ -211,17 +308,40 @@ def test_what_is_wrong_in_the_environment_is_named(changed: dict[str, str], word
 
 def test_the_environment_gives_address_model_key_and_prices() -> None:
     environment = {
-        "BESTMAN_LLM_BASE_URL": "https://host/v1/",
-        "BESTMAN_LLM_MODEL": "m",
+        "BESTMAN_LLM_BASE_URL": " https://host/v1/ ",
+        "BESTMAN_LLM_MODEL": " m ",
         "BESTMAN_LLM_API_KEY": KEY,
         "BESTMAN_LLM_PRICES": "0.15;0.6",
     }
     address = EndpointAddress.from_environment(environment)
     assert (address.base_url, address.model, address.prices) == ("https://host/v1/", "m", (0.15, 0.6))
-    assert address.key
-    assert not address.is_local
-    assert EndpointAddress("http://localhost:8080/v1", "m").is_local
-    assert EndpointAddress("http://[::1]/v1", "m").is_local
+    assert address.key.headers() == {"Authorization": f"Bearer {KEY}"}
+    assert KEY not in repr(address)
+    free = EndpointAddress.from_environment({**environment, "BESTMAN_LLM_API_KEY": " ", "BESTMAN_LLM_PRICES": "0;0"})
+    assert (free.key.headers(), free.prices) == ({}, (0.0, 0.0))
+    assert EndpointAddress.from_environment({**environment, "BESTMAN_LLM_PRICES": " "}).prices is None
+
+
+@pytest.mark.parametrize(
+    ("host", "local"),
+    [
+        ("localhost:8080", True),
+        ("[::1]", True),
+        ("127.0.0.2", True),
+        ("10.0.0.1", False),
+        ("localhost.example.org", False),
+        ("host", False),
+    ],
+)
+def test_only_this_machine_is_local(host: str, local: bool) -> None:
+    assert EndpointAddress(f"http://{host}/v1", "m").is_local is local
+
+
+def test_what_is_elsewhere_is_asked_through_the_proxy_of_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NO_PROXY", "")
+    with serving_at("http://llm.example/v1/chat/completions", says("by proxy")) as proxy:
+        monkeypatch.setenv("HTTP_PROXY", f"http://127.0.0.1:{proxy.server_address[1]}")
+        assert HttpEndpoint(EndpointAddress("http://llm.example/v1", "m")).complete(QUESTION).text == "by proxy"
 
 
 def test_a_proxy_of_the_environment_does_not_stand_before_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,130 @@
+"""Tasks that contradict themselves are refused; what they name is found from where they lie."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError, load_run, load_task
+
+TASK = "tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n"
+GOAL = "{name: there, object: cup, source: table, surface: counter}"
+PLAN = "{goal: hand_empty}"
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "mine.yaml"
+    path.write_text(TASK + text)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (f"goal: {GOAL}\ngoals: [{GOAL}]", "5: goals: 'goal' is given too; one goal or several"),
+        (f"drive: {{}}\ngoal: {GOAL}", "4: drive: a goal for an object is given too"),
+        (f"drive: {{}}\ngoals: [{GOAL}]", "4: drive: a goal for an object is given too"),
+        (f"plan: {PLAN}\ndrive: {{}}", "4: plan: another goal is given too"),
+        (f"plan: {PLAN}\ngoals: [{GOAL}]", "4: plan: another goal is given too"),
+        (f"plan: {PLAN}\nreach: {{goal: there, height: [0.1, 0.2]}}", "4: plan: another goal is given too"),
+        ("opening: {articulation: chest/drawer_1}", "4: opening: one of 'at_least' and 'at_most' should be given"),
+        (
+            "opening: {articulation: chest/drawer_1, at_least: 0.2, at_most: 0.1}",
+            "4: opening.at_most: should not be less than at_least, 0.2, got 0.1",
+        ),
+        (
+            "tidy: {objects: [cup], source: table, surface: counter, x: [0.1, 0.1], y: [0, 1]}",
+            "4: tidy.x: the smaller limit comes first, got [0.1, 0.1]",
+        ),
+        (
+            "tidy: {objects: [cup], source: table, surface: counter, x: [0, 1], y: [0.2, 0.1]}",
+            "4: tidy.y: the smaller limit comes first, got [0.2, 0.1]",
+        ),
+        (
+            "tidy: {objects: [], source: table, surface: counter, x: [0, 1], y: [0, 1]}",
+            "4: tidy.objects: should name at least one object",
+        ),
+        ("reach: {goal: there, height: [0.2, 0.1]}", "4: reach.height: the smaller limit comes first, got [0.2, 0.1]"),
+        ("disturbances: [{kind: moved}]", "4: disturbances[0]: 'object' is missing: what kind 'moved' is done to"),
+        (
+            "disturbances: [{kind: shut, object: cup}]",
+            "4: disturbances[0]: 'articulation' is missing: what kind 'shut'",
+        ),
+        (
+            "disturbances: [{kind: slips, object: cup}, {kind: slips, object: cup, surface: table}]",
+            "4: disturbances[1].surface: kind 'slips' has no 'surface'; it has kind, after, object",
+        ),
+        (
+            "disturbances: [{kind: moved, object: cup, distance: [0.3, 0.1]}]",
+            "4: disturbances[0].distance: the smaller limit comes first, got [0.3, 0.1]",
+        ),
+        (
+            "disturbances: [{kind: moved, object: cup, after: [0.3, 0.1]}]",
+            "4: disturbances[0].after: the smaller limit comes first, got [0.3, 0.1]",
+        ),
+        ("algorithms: {collision: 3}", "4: algorithms.collision: should hold names (name: value), got 3"),
+    ],
+)
+def test_a_task_that_contradicts_itself_is_refused_with_the_line(text: str, message: str, tmp_path: Path) -> None:
+    path = written(tmp_path, text + "\n")
+    with pytest.raises(ConfigurationError) as error:
+        load_task(path)
+    (problem,) = error.value.problems
+    assert str(problem).startswith(f"{path}:{message}")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "drive: {}\nopening: {articulation: chest/drawer_1, at_least: 0.2, at_most: 0.2}\nplan: null\ngoals: []",
+        f"goal: {GOAL}\nreach: {{goal: there, height: [0.2, 0.2]}}",
+        f"plan: {PLAN}\nopening: {{articulation: chest/drawer_1, at_most: 0.1}}\nlift: {{object: cup, source: table}}",
+        "disturbances: [{kind: shut, articulation: chest/drawer_1, object: cup, after: [0, 0]},"
+        " {kind: elsewhere, object: cup, surface: table}, {kind: moved, object: cup, distance: [0.2, 0.2]}]",
+    ],
+)
+def test_what_goes_together_is_taken(text: str, tmp_path: Path) -> None:
+    assert load_task(written(tmp_path, text + "\n")).tree == "fetch_cup"
+
+
+def test_one_goal_and_several_and_one_predicate_and_several_read_alike(tmp_path: Path) -> None:
+    task = load_task(written(tmp_path, f"goal: {GOAL}\npredicate: at_goal\n"))
+    assert [goal.name for goal in task.all_goals] == ["there"]
+    assert task.predicates == ("at_goal",)
+    task = load_task(
+        written(tmp_path, f"goals: [{GOAL}, {GOAL.replace('there', 'here')}]\npredicate: [at_goal, open]\n")
+    )
+    assert [goal.name for goal in task.all_goals] == ["there", "here"]
+    assert task.predicates == ("at_goal", "open")
+    assert (load_task(written(tmp_path, "")).all_goals, load_task(written(tmp_path, "")).predicates) == ((), ())
+
+
+def test_paths_in_a_task_are_counted_from_its_file_and_bare_names_are_shipped(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("tree: trees/mine.xml\nscene: kitchen\nrobot: ./robot.yaml\nplugins: [nodes.py]\n")
+    task = load_task(path)
+    assert (task.tree, task.scene) == (str(tmp_path / "trees/mine.xml"), "kitchen")
+    assert (task.robot, task.plugins) == (str(tmp_path / "robot.yaml"), (str(tmp_path / "nodes.py"),))
+
+
+def test_parameters_without_a_name_are_of_the_shipped_algorithm(tmp_path: Path) -> None:
+    task = load_task(written(tmp_path, "algorithms: {motion_planning: {max_iterations: 7}}\n"))
+    assert task.algorithm("motion_planning") == ("rrt_connect", {"max_iterations": 7})
+
+
+def test_a_run_tells_where_each_field_of_its_task_was_written() -> None:
+    run = load_run("fetch_cup", scene="kitchen_without_cup", settings=["tick_rate=10"])
+    assert str(run.problem(("scene",), "is odd")) == "--scene kitchen_without_cup: scene: is odd"
+    assert str(run.problem(("tick_rate",), "is odd")) == "--set tick_rate=10: tick_rate: is odd"
+    tree = run.problem(("tree",), "is odd")
+    assert tree.source.endswith("fetch_cup.yaml")
+    assert tree.line is not None
+
+
+def test_plug_ins_that_there_are_not_are_told_beside_other_faults_and_the_others_are_not(tmp_path: Path) -> None:
+    there = tmp_path / "there.py"
+    there.write_text("")
+    with pytest.raises(ConfigurationError) as error:
+        load_run("fetch_cup", settings=["tick_rate=0"], plugins=[str(there), "not_there.py"])
+    assert [str(problem).split(": ")[0] for problem in error.value.problems][1:] == ["--plugin not_there.py"]
