@@ -42,9 +42,20 @@ def test_a_subtree_is_read_with_its_ports_costs_and_parts(tmp_path: Path) -> Non
     assert [str(one) for one in (*operator.pre, *operator.effects)] == ["hand_empty", "clean({place})"]
 
 
+def test_what_an_ability_takes_away_and_what_it_does_for_each_are_read(tmp_path: Path) -> None:
+    effects = "clean({place}) and not hand_empty and forall p - place: not unseen(mug, p)"
+    (ability,) = read(tmp_path, 'effects="clean({place})"', f'effects="{effects}"')
+    operator = ability.operator
+    assert [str(fact) for fact in operator.add] == ["clean({place})"]
+    assert [str(fact) for fact in operator.delete] == ["hand_empty"]
+    assert [str(each) for each in operator.each] == ["forall p - place: not unseen(mug, p)"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
+        ('cost="2.5"', 'cost="0"', ":8: Wipe: cost is 0.0; more than 0 is accepted"),
+        ('cost="2.5"', 'cost="inf"', ":8: Wipe: cost is inf; more than 0 is accepted"),
         ('cost="2.5"', 'cost="dear"', ":8: Wipe: cost is 'dear'; a number is accepted"),
         ('cost="2.5"', 'cost="-1"', ":8: Wipe: cost is -1.0; more than 0 is accepted"),
         ('cost="2.5"', 'cost="nan"', ":8: Wipe: cost is nan; more than 0 is accepted"),

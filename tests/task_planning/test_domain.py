@@ -81,9 +81,14 @@ def test_a_short_name_that_means_one_thing_is_not_talked_about(world, domain, ca
 
 
 def test_facts_that_get_along_are_no_contradiction(world, domain):
-    domain.problem(
-        Beliefs(world), "on(mug, table) and on(cup, table) and on(mug, table) and hand_empty and not open(door)"
-    )
+    text = "on(mug, table) and on(cup, table) and on(mug, table) and hand_empty and not open(door)"
+    goal = domain.problem(Beliefs(world), text).goal
+    assert [str(literal) for literal in goal] == [
+        "on(mug, table/top)",
+        "on(cup, table/top)",
+        "hand_empty",
+        "not open(microwave/door)",
+    ]
 
 
 def test_a_predicate_of_somebody_else_says_what_it_excludes(world):
@@ -114,7 +119,26 @@ def test_what_the_hand_holds_is_nowhere_else(world):
     world.held = HeldObject("mug", world.models["mug"], Pose(np.zeros(3)), 0.05)
     state = {str(fact) for fact in read_state(Beliefs(world))}
     assert {"holding(mug)", "located(mug)"} <= state
-    assert "hand_empty" not in state
+    assert not {"hand_empty", "holding(cup)", "located(cup)"} & state
+
+
+def test_of_what_was_seen_on_no_surface_only_that_it_is_somewhere_is_believed(world):
+    seen(world, "mug", None)
+    facts = {str(fact) for fact in read_state(Beliefs(world)) if "mug" in fact.arguments}
+    assert facts == {"located(mug)"}
+
+
+def test_what_stands_behind_two_doors_is_accessible_when_both_are_open(world, monkeypatch):
+    doors = ("fridge/upper_door", "fridge/lower_door")
+    monkeypatch.setattr("bestman_bt.task_planning.predicates.containers_before", lambda furniture, surface: doors)
+    for positions, accessible in (((1.5, 0.0), False), ((0.0, 1.5), False), ((1.5, 1.5), True)):
+        world.articulations.update(zip(doors, positions, strict=True))
+        assert believed(world, "accessible(fridge/shelf_1)") is accessible
+
+
+def test_only_what_moves_with_a_drawer_is_one(world):
+    state = {str(fact) for fact in read_state(Beliefs(world)) if fact.predicate == "drawer"}
+    assert state == {f"drawer(drawer_chest/drawer_{number})" for number in (1, 2, 3)}
 
 
 def test_where_it_was_looked_for_in_vain_it_is_not_expected_until_it_was_lost_again(world):
@@ -151,10 +175,17 @@ def test_each_shelf_of_the_fridge_is_behind_its_own_door_and_the_top_behind_none
     assert not any(text.startswith(("behind(fridge/top", "behind(table", "behind(microwave/top")) for text in state)
 
 
-def test_the_base_is_near_what_it_stands_at(world):
-    table = MAP.furniture["table"].pose
-    world.base = replace(world.base, pose=Pose2D(table.x - 0.9, table.y, 0.0))
-    assert believed(world, "near(table/top)")
+@pytest.mark.parametrize("heading", [0.0, 0.7, 2.0])
+def test_the_base_is_near_what_it_stands_at(world, heading):
+    """Its own middle counts, from the edge of the footprint, however that is turned."""
+    table = replace(MAP.furniture["table"], pose=Pose2D(1.0, 2.0, heading), footprint=(1.6, 0.6))
+    world.map = MAP.with_furniture(table)
+    for beside, near in (((0.8 + 1.1, 0.0), True), ((0.8 + 1.3, 0.0), False), ((0.0, 0.3 + 1.1), True),
+                         ((0.0, 0.3 + 1.3), False), ((-0.8 - 0.8, 0.3 + 0.8), True), ((0.8 + 0.9, 0.3 + 0.9), False),
+                         ((0.1, 0.1), True)):  # fmt: skip
+        at = table.pose.apply(np.array([beside]))[0]
+        world.base = replace(world.base, pose=Pose2D(*at, heading + 1.0))
+        assert believed(world, "near(table/top)") is near, beside
     assert not believed(world, "near(fridge/top)")
 
 
@@ -162,6 +193,26 @@ def test_every_predicate_goes_by_the_name_that_it_is_registered_under():
     assert {name: predicate.name for name, predicate in known_predicates().items()} == {n: n for n in PREDICATES}
     with pytest.raises(UnknownNameError, match="did you mean 'open'"):
         holds(Beliefs(WorldModel(map=MAP)), parse_fact("opne(x)"))
+
+
+def test_what_is_in_the_hand_is_a_thing_though_nobody_described_it(world):
+    world.held = HeldObject("spanner", world.models["mug"], Pose(np.zeros(3)), 0.05)
+    assert things(world)["spanner"] == "object"
+    assert things(world)["mug"] == "object"
+
+
+def test_what_is_short_for_others_is_no_fact_of_a_state_and_told_to_no_planner(world, domain):
+    problem = domain.problem(Beliefs(world))
+    assert "accessible" not in problem.predicates
+    assert not [fact for fact in problem.state if fact.predicate == "accessible"]
+    assert all("accessible" not in str(need) for one in problem.operators for need in (*one.pre, *one.hold))
+
+
+def test_only_what_is_given_is_asked_of(world):
+    world.articulations[DRAWER] = 0.28
+    facts = {str(fact) for fact in read_state(Beliefs(world), {DRAWER: "drawer"})}
+    assert f"open({DRAWER})" in facts
+    assert not any("table" in fact or "fridge" in fact for fact in facts)
 
 
 def test_a_drawer_is_a_place_and_a_container(world, domain):

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -120,6 +121,34 @@ def test_without_a_plan_the_limits_are_told_beside_the_reason() -> None:
     assert "limits" not in str(refused.value)
 
 
+def test_a_plan_at_its_limits_is_within_them() -> None:
+    limits = PlanLimits.from_string("steps=3; cost=9")
+    assert len(plan_within(SymbolicPlanner(), fetching(), limits)) == 3
+    assert PlanLimits.from_string(" steps = 1 ; cost = 2.5e1; only = PickUp ,  PutAt ,; ") == PlanLimits(
+        1, 25.0, frozenset({"PickUp", "PutAt"})
+    )
+    assert PlanLimits.from_string("without=a%3Db, c=d").forbidden == {"a=b", "c=d"}
+
+
+def test_limits_follow_the_names_of_another_world() -> None:
+    limits = PlanLimits(5, 9.0, frozenset({"PickUp"}), frozenset({"mug"}))
+    assert limits.renamed({"mug": "m", "can": "c"}) == PlanLimits(5, 9.0, frozenset({"PickUp"}), frozenset({"m"}))
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"abilities": frozenset()}, "no ability is allowed"),
+        ({"max_cost": 0.0}, "a cost of at most 0 is no limit"),
+        ({"max_cost": float("nan")}, "a cost of at most nan is no limit"),
+        ({"max_actions": 0}, "at most 0 steps is no limit"),
+    ],
+)
+def test_limits_that_allow_nothing_are_refused(limits: dict[str, Any], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        PlanLimits(**limits)
+
+
 @pytest.mark.parametrize(("text", "words"), [("steps=2", "3 steps; at most 2"), ("cost=8.5", "cost 9; at most 8.5")])
 def test_a_plan_that_is_too_long_or_too_dear_is_refused(text: str, words: str) -> None:
     with pytest.raises(LimitsExceededError, match=words):
@@ -137,6 +166,9 @@ def test_the_actions_of_a_limited_plan_ask_for_facts_of_the_world_only() -> None
     [
         PlanLimits(),
         PlanLimits(max_actions=3, max_cost=7.25),
+        PlanLimits(max_cost=1234567.89),
+        PlanLimits(max_cost=1e-7, max_actions=1),
+        PlanLimits(forbidden=frozenset({"a=b"})),
         PlanLimits(abilities=frozenset({"PickUp", "PutDown"}), forbidden=frozenset({"a; b=c, d", "{goal}"})),
     ],
 )
@@ -157,6 +189,8 @@ def test_limits_survive_as_text(limits: PlanLimits) -> None:
         ("steps=3; steps=4", "steps is given twice, the second time by 'steps=4'"),
         ("cost=3; cost=4", "cost is given twice"),
         ("only=", "'only=' is no limit"),
+        ("without= , ", "'without= ,' is no limit"),
+        ("steps=²", "'steps=²': steps takes a number"),
         ("only=PickUp; slowly", "'slowly' is no limit"),
     ],
 )

@@ -22,6 +22,7 @@ def test_the_last_action_that_is_ready_comes_next(monitor: PlanMonitor) -> None:
 
 def test_it_is_done_where_the_goal_is_believed(monitor: PlanMonitor) -> None:
     assert monitor.outlook(facts("on(mug, table)")).done
+    assert str(monitor.outlook(facts("on(mug, table)"))) == "the goal holds"
 
 
 def test_where_the_plan_does_not_help_it_says_what_is_missing(monitor: PlanMonitor) -> None:

@@ -9,10 +9,21 @@ import numpy as np
 import pytest
 
 from behaviours.computation import InlineComputation
-from behaviours.context import SkillContext
+from behaviours.context import DRIVEN, SkillContext
+from behaviours.failure import Failure
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.configuration.data import data_root
-from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, ManualClock, NodeRegistry, PortInformation, Tree, load_tree
+from bestman_bt.engine import (
+    FAILURE,
+    IDLE,
+    RUNNING,
+    SUCCESS,
+    ManualClock,
+    NodeRegistry,
+    PortInformation,
+    Tree,
+    load_tree,
+)
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.registry import PLANNERS
 from bestman_bt.robot_model import ArmModel, BaseModel, RobotModel
@@ -20,6 +31,7 @@ from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import ReactiveBuilder, SequenceBuilder
 from bestman_bt.task_planning.builders.replanning import with_replanning
+from bestman_bt.task_planning.conditions import TUCKED, beliefs_of
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.symbolic import Problem, SymbolicPlanner, TaskPlan
@@ -49,7 +61,9 @@ class Bring(Skill):
         except GeneratorExit:
             self.halted.append(self.name)
             raise
-        if self.trouble and (what := self.trouble.pop(0)) == "slip":
+        if self.trouble and (what := self.trouble.pop(0)):
+            if what == "vanish":
+                return
             raise SkillFailure(what, f"the {name} slipped")
         self.skills.world.objects[name] = believed(name, place)
 
@@ -259,6 +273,121 @@ def test_a_goal_that_makes_no_sense_fails_with_the_closest_name(
 ) -> None:
     assert run(planned(skills, library, goal)) == FAILURE
     assert unplanned(skills) == [("bad_goal", why)]
+
+
+def test_a_plan_is_not_blamed_for_what_failed_before_it_and_conditions_are_no_reason(
+    skills: Any, library: NodeRegistry
+) -> None:
+    skills.failures.append(Failure("before", "slip", "an older failure", 0.0))
+    Bring.trouble.append("vanish")
+    assert run(planned(skills, library, "on(cup, desk)", "sequence")) == SUCCESS
+    (failed,) = [failure.why for failure in skills.failures if failure.error_code == "plan_failed"]
+    assert failed == "next is Bring(cup, desk/top)"
+
+
+def test_of_several_failures_of_a_plan_the_last_is_told(skills: Any, library: NodeRegistry) -> None:
+    skills.world.objects["mug"] = believed("mug", "table/top")
+    Bring.trouble.append("slip")
+    tree = carrying_out(skills, library, "on(cup, desk)")
+    assert tree.tick_once() == RUNNING
+    skills.failures.append(Failure("other", "odd", "something else within this plan", 0.0))
+    assert run(tree) == FAILURE
+    assert skills.failures[-1].why.endswith("1_Bring: the cup slipped; next is Bring(cup, desk/top)")
+    assert "something else" not in skills.failures[-1].why
+
+
+def carrying_out(skills: Any, library: NodeRegistry, goal: str, builder: str = "sequence") -> Tree:
+    """A tree of one ExecutePlan, with a plan of what is believed now."""
+    problem = Domain.of(library).problem(Beliefs(skills.world), goal)
+    xml = f'''<root BTCPP_format="4"><BehaviorTree ID="Main">
+        <ExecutePlan name="execute" goal="{goal}" plan="{{plan}}" builder="{builder}"/></BehaviorTree></root>'''
+    tree = load_tree(xml, library, context=skills, clock=skills.clock)
+    tree.blackboard.set("plan", SymbolicPlanner().plan(problem))
+    return tree
+
+
+def test_a_plan_whose_tree_fails_a_dry_run_is_refused_before_anything_moves(skills: Any, library: NodeRegistry) -> None:
+    tree = carrying_out(skills, library, "on(cup, desk)")
+    skills.world.objects.clear()
+    assert tree.tick_once() == FAILURE
+    (failure,) = skills.failures
+    assert failure.error_code == "refused"
+    assert "in a dry run it fails here: located(cup) does not hold" in failure.why
+    assert Bring.halted == []
+
+
+def test_a_plan_that_was_halted_starts_anew_and_tells_what_it_does(skills: Any, library: NodeRegistry) -> None:
+    tree = carrying_out(skills, library, "on(cup, desk)")
+    inner: list[tuple[Tree, str]] = []
+    tree.subscribe_to_inner(lambda made, leaf: inner.append((made, leaf.path)))
+    assert tree.tick_once() == RUNNING
+    assert tree.root.feedback_message == "1_Bring"
+    tree.halt()
+    tree.halt()
+    assert Bring.halted == ["1_Bring"]
+    assert run(tree) == SUCCESS
+    skills.world.objects["cup"] = believed("cup", "table/top")
+    assert run(tree) == SUCCESS
+    assert [path for _, path in inner] == ["execute"] * 3
+    assert all(made.clock is skills.clock for made, _ in inner)
+    assert all(node.state == IDLE for made, _ in inner for node in made.nodes)
+
+
+@pytest.mark.parametrize(("goal", "told"), [("on(cup, desk)", "Bring(cup, desk/top)"), ("on(cup, table)", None)])
+def test_what_is_planned_is_told(skills: Any, library: NodeRegistry, goal: str, told: str | None) -> None:
+    xml = f'''<root BTCPP_format="4"><BehaviorTree ID="Main"><Plan goal="{goal}" plan="{{plan}}"/>
+        </BehaviorTree></root>'''
+    tree = load_tree(xml, library, context=skills, clock=skills.clock)
+    assert run(tree) == SUCCESS
+    assert tree.root.feedback_message == (told or "the goal is believed already")
+    assert [str(action) for action in tree.blackboard.get("plan").actions] == ([told] if told else [])
+
+
+def test_an_unknown_planner_is_told_with_the_closest(skills: Any, library: NodeRegistry) -> None:
+    assert run(planned(skills, library, "on(cup, desk)", planner="symbolik")) == FAILURE
+    assert unplanned(skills)[0] == ("unknown_name", "unknown task planner 'symbolik'; did you mean 'symbolic'?")
+
+
+@pytest.mark.parametrize(
+    ("posture", "positions", "tucked"),
+    [
+        ([0.5, -1.0], [0.5, -1.0], True),
+        ([0.5, -1.0], [0.5 + 0.9 * TUCKED, -1.0 - 0.9 * TUCKED], True),
+        ([0.5, -1.0], [0.5, -1.0 - 1.1 * TUCKED], False),
+        ([0.5, -1.0], [0.5 + 1.1 * TUCKED, -1.0], False),
+        ([0.5, -1.0], [-0.5, 1.0], False),
+    ],
+)
+def test_the_arm_is_tucked_where_every_joint_is(
+    skills: Any, posture: list[float], positions: list[float], tucked: bool
+) -> None:
+    asked = SimpleNamespace(
+        world=skills.world,
+        robot=SimpleNamespace(posture=lambda name, joints: np.array(posture) if name == DRIVEN else None),
+        arm_model=SimpleNamespace(joint_names=("a", "b")),
+        arm_positions=lambda: np.array(positions),
+    )
+    assert beliefs_of(asked).tucked is tucked
+
+
+@pytest.mark.parametrize(
+    ("fact", "ports", "code", "words"),
+    [
+        ("on({object}, {place})", 'object="cup" place="table/top"', None, ""),
+        ("not on({object}, desk/top) and located(cup)", 'object="cup"', None, ""),
+        ("located(cup) and on(cup, desk/top)", "", "not_believed", "it is not believed that on(cup, desk/top)"),
+        ("located(cup) and not located(cup)", "", "not_believed", "it is not believed that not located(cup)"),
+        ("onn(cup, desk/top)", "", "unknown_name", "unknown predicate 'onn'; did you mean 'on'?"),
+        ("drawer(attic/top)", "", "unknown_name", "no surface 'attic/top' in the map; there are table/top"),
+    ],
+)
+def test_a_condition_asks_the_beliefs_and_says_why_not(
+    skills: Any, library: NodeRegistry, fact: str, ports: str, code: str | None, words: str
+) -> None:
+    xml = f'<root BTCPP_format="4"><BehaviorTree ID="Main"><Holds fact="{fact}" {ports}/></BehaviorTree></root>'
+    assert run(load_tree(xml, library, context=skills, clock=skills.clock)) == (FAILURE if code else SUCCESS)
+    assert [failure.error_code for failure in skills.failures] == ([code] if code else [])
+    assert all(failure.why.startswith(words) for failure in skills.failures)
 
 
 def test_an_unknown_builder_is_refused_before_anything_moves(skills: Any, library: NodeRegistry) -> None:

@@ -53,6 +53,7 @@ def test_it_says_when_there_is_no_plan(planner):
         planner.plan(steps("at2 and not at0"))
 
 
+@pytest.mark.slow
 def test_the_command_plans_with_it(planner, tmp_path):
     (tmp_path / "world.yaml").write_text(
         "scene: kitchen\nbeliefs:\n  objects:\n"
