@@ -6,7 +6,7 @@ REAL_TIME_JOBS ?= 4
 
 PAGE := bestman_bt/monitor/page
 
-.PHONY: help install demo test test-all mutants eval eval-full gallery lint format docs lock page page-packages dist clean
+.PHONY: help install demo test test-all mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist clean
 
 help:
 	@echo "make demo      install, then watch the robot fetch a cup"
@@ -56,7 +56,12 @@ gallery: install
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync types contracts
+
+types: install
 	$(BIN)/mypy
+
+contracts: install
 	$(BIN)/lint-imports
 
 format: install

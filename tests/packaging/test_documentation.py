@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.cli.main import VERBS
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.robot_model import load_robot_model
@@ -32,9 +33,8 @@ def test_the_trees_in_xml_load(page: str) -> None:
         assert load_tree(text, node_registry()).nodes
 
 
-@pytest.mark.parametrize("page", ["docs/writing_a_tree.md", "README.md"])
-def test_the_trees_in_python_load(page: str, tmp_path: Path) -> None:
-    programs = [text for text in fences(page, "python") if "def build" in text]
+def test_the_trees_in_python_load(tmp_path: Path) -> None:
+    programs = [text for text in fences("docs/writing_a_tree.md", "python") if "def build" in text]
     assert programs
     for text in programs:
         file = tmp_path / "tree.py"
@@ -98,3 +98,23 @@ def test_links_of_the_top_pages_lead_somewhere() -> None:
             if target.startswith("docs/images/") and not (DOCS / "images").exists():
                 continue  # the source archive has no pictures
             assert target.startswith("https://") or (CHECKOUT / target).exists(), f"{page}: {target}"
+
+
+def test_the_readme_links_every_page() -> None:
+    linked = set(re.findall(r"\]\(docs/([^)#]+\.md)", (CHECKOUT / "README.md").read_text()))
+    assert {str(page.relative_to(DOCS)) for page in DOCS.rglob("*.md")} == linked
+
+
+def test_the_commands_of_the_readme_exist() -> None:
+    verbs = re.findall(r"`bestman-bt (\w+)", (CHECKOUT / "README.md").read_text())
+    assert len(verbs) >= 10
+    assert set(verbs) <= set(VERBS)
+
+
+def test_the_make_targets_of_the_pages_exist() -> None:
+    makefile = (CHECKOUT / "Makefile").read_text()
+    targets = set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
+    for page in ("README.md", "CONTRIBUTING.md", "docs/getting_started.md", "docs/evaluation.md"):
+        named = re.findall(r"(?:^    |`)make ([\w-]+)", (CHECKOUT / page).read_text(), re.MULTILINE)
+        assert named, page
+        assert set(named) <= targets, page
