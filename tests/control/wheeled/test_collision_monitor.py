@@ -19,6 +19,7 @@ CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
 BASE = BaseDescription(0.6, 0.6, 1.2, 0.6, 2.0, 0.5, CORNERS)
 OUTLINE = FootprintMotion(Footprint(np.array(CORNERS)), 0.0)
 DT, BEAMS = 0.025, 360
+MIDDLE = Pose2D()
 
 
 class PressedBumper(Bumper):
@@ -214,3 +215,138 @@ def test_a_lidar_that_tells_the_same_scan_for_ever_stops_the_base():
     frozen = monitor.limit(Twist2D(0.3), Twist2D(0.3), Pose2D())
     assert frozen.brake
     assert "lidar" in frozen.text
+
+
+def test_scans_that_are_new_in_between_are_no_frozen_lidar():
+    monitor, wall = CollisionMonitor(BASE), wall_ahead(3.0)
+    for stamp in (0.0, 0.1):
+        for _ in range(5):
+            monitor.observe(scan_of(wall, Pose2D(), stamp), Pose2D(), Pose2D())
+            assert monitor.limit(Twist2D(0.3), Twist2D(0.3), Pose2D()).action is MonitorAction.NONE
+
+
+@pytest.mark.parametrize(
+    "velocity", [Twist2D(0.4), Twist2D(-0.4), Twist2D(0.0, 0.4, 0.0), Twist2D(0.0, 0.0, 1.0)], ids=str
+)
+@pytest.mark.parametrize(("sooner", "brakes"), [(0.01, True), (-0.01, False)])
+def test_a_base_brakes_for_what_it_meets_within_its_reaction_and_a_quarter_of_its_braking_time(
+    velocity, sooner, brakes
+):
+    """Whatever it wants next: here it wants to stand."""
+    monitor, p = CollisionMonitor(BASE), CollisionMonitorParameters()
+    braking = max(math.hypot(velocity.vx, velocity.vy) / 0.6, abs(velocity.wz) / 2.0)
+    time = p.reaction + braking / 4.0 - sooner
+    grown = 0.28 + p.margin
+    if velocity.wz:
+        # The corner at 43 degrees comes round; it touches a point before it at its own radius.
+        radius = math.hypot(0.28, 0.26)
+        bearing = math.atan2(0.26, 0.28) + velocity.wz * time
+        point = np.array([[radius * math.cos(bearing), radius * math.sin(bearing)]])
+        first, _ = FootprintMotion(Footprint(np.array(CORNERS)), p.margin).contact(point, velocity, 2.0)
+        point = Pose2D(0.0, 0.0, velocity.wz * (time - first)).apply(point)
+    elif velocity.vy:
+        point = np.array([[0.1, 0.26 + p.margin + velocity.vy * time]])
+    else:
+        point = np.array([[math.copysign(grown + abs(velocity.vx) * time, velocity.vx), 0.1]])
+    pose = Pose2D(1.0, 2.0, 2.3)
+    monitor.observe(scan_at(pose.apply(point), pose), Pose2D(), pose)
+    command = monitor.limit(Twist2D(), velocity, pose)
+    assert command.brake == brakes
+    assert command.action is (MonitorAction.STOP if brakes else MonitorAction.NONE)
+
+
+def scan_at(points: np.ndarray, pose: Pose2D, base_from_lidar: Pose2D = MIDDLE) -> LaserScan:
+    """One point (1, 2) exactly on a beam, as a lidar that is turned suitably sees it."""
+    own = (pose @ base_from_lidar).inverse().apply(points)
+    bearing = math.atan2(own[0, 1], own[0, 0])
+    beam = round((bearing + math.pi) / (2 * math.pi) * BEAMS)
+    ranges = np.full(BEAMS, np.inf)
+    ranges[beam % BEAMS] = math.hypot(*own[0])
+    angle_min = bearing - 2 * math.pi / BEAMS * (beam % BEAMS)
+    return LaserScan(ranges, angle_min, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
+
+
+def test_an_approach_is_slowed_to_the_share_that_stops_a_margin_before_what_is_there():
+    monitor, p, gap = CollisionMonitor(BASE), CollisionMonitorParameters(), 0.2
+    pose = Pose2D(-1.0, 0.5, -2.0)
+    point = pose.apply(np.array([[0.28 + p.margin + gap, 0.0]]))
+    monitor.observe(scan_at(point, pose), Pose2D(), pose)
+    wanted = Twist2D(0.6, 0.0, 0.01)
+    command = monitor.limit(wanted, Twist2D(), pose)
+    speed = command.twist.vx
+    assert command.action is MonitorAction.APPROACH
+    assert speed * p.reaction + speed**2 / (2 * 0.6) == pytest.approx(gap, abs=0.003)
+    assert command.twist.wz == pytest.approx(0.01 * speed / 0.6)
+    assert "22 cm ahead slows it down" in command.text
+
+
+def test_what_a_lidar_that_is_mounted_askew_sees_is_where_it_is():
+    base_from_lidar, pose = Pose2D(0.2, -0.1, 2.5), Pose2D(3.0, -2.0, 1.2)
+    for where, twist, words in (
+        ((0.35, 0.0), Twist2D(0.3), "ahead is"),
+        ((-0.35, 0.0), Twist2D(-0.3), "behind is"),
+        ((0.0, 0.33), Twist2D(0.0, 0.3), "on the left is"),
+        ((0.0, -0.33), Twist2D(0.0, -0.3), "on the right is"),
+        ((0.31, 0.29), Twist2D(0.2, 0.2), "ahead on the left is"),
+        ((-0.31, -0.29), Twist2D(-0.2, -0.2), "behind on the right is"),
+        ((-0.31, 0.29), Twist2D(-0.2, 0.2), "behind on the left is"),
+        ((0.31, -0.29), Twist2D(0.2, -0.2), "ahead on the right is"),
+    ):
+        monitor = CollisionMonitor(BASE)
+        monitor.observe(scan_at(pose.apply(np.array([where])), pose, base_from_lidar), base_from_lidar, pose)
+        further = pose @ Pose2D(*[0.02 * v for v in (twist.vx, twist.vy)], 0.0)
+        command = monitor.limit(Twist2D(0.5 * twist.vx, 0.5 * twist.vy), twist, further)
+        assert command.brake
+        assert words in command.text
+        assert not monitor.limit(Twist2D(-twist.vx, -twist.vy), Twist2D(), further).text
+
+
+def test_the_slowdown_zone_leaves_slow_motion_and_what_is_reached_later_as_it_is():
+    zone = CollisionMonitorParameters(slowdown_margin=0.3, slowdown_time=0.5, slowdown_speed=0.2)
+    for x, wanted, action in (
+        (0.28 + 0.3 + 0.24, Twist2D(0.5), MonitorAction.SLOWDOWN),
+        (0.28 + 0.3 + 0.26, Twist2D(0.5), MonitorAction.NONE),
+        (0.28 + 0.3 + 0.05, Twist2D(0.2), MonitorAction.NONE),
+        (0.28 + 0.3 + 0.05, Twist2D(0.21), MonitorAction.SLOWDOWN),
+    ):
+        monitor = CollisionMonitor(BASE, parameters=zone)
+        monitor.observe(scan_at(np.array([[x, 0.0]]), Pose2D()), Pose2D(), Pose2D())
+        command = monitor.limit(wanted, Twist2D(), Pose2D())
+        assert command.action is action
+        assert command.twist.vx == pytest.approx(0.2 if action is MonitorAction.SLOWDOWN else wanted.vx)
+
+
+def test_what_pressed_on_the_bumper_stays_where_it_was_when_the_base_has_turned():
+    bumper = PressedBumper(True)
+    monitor, pose = CollisionMonitor(BASE, [bumper]), Pose2D(2.0, 1.0, 1.8)
+    monitor.observe(scan_of(wall_ahead(3.0) + 50.0, pose, 0.0), Pose2D(), pose)
+    assert monitor.limit(Twist2D(0.3), Twist2D(), pose).brake
+    bumper.pressed = False
+    backed = pose @ Pose2D(-0.02, 0.0, math.pi / 2)
+    left, right = (monitor.limit(Twist2D(0.0, side, 0.0), Twist2D(), backed) for side in (0.3, -0.3))
+    assert left.action is MonitorAction.NONE
+    assert right.action is not MonitorAction.NONE
+    assert "on the right" in right.text
+
+
+def test_a_disabled_monitor_lets_everything_through_and_a_command_to_stand_is_never_changed():
+    off = CollisionMonitor(BASE, [PressedBumper(True)], CollisionMonitorParameters(enabled=False))
+    for _ in range(8):
+        off.observe(scan_of(wall_ahead(0.5), Pose2D(), 0.0), Pose2D(), Pose2D())
+    assert off.limit(Twist2D(0.6), Twist2D(0.6), Pose2D()).twist == Twist2D(0.6)
+    on = CollisionMonitor(BASE)
+    on.observe(scan_of(wall_ahead(0.5), Pose2D(), 0.0), Pose2D(), Pose2D())
+    assert on.limit(Twist2D(), Twist2D(), Pose2D()).action is MonitorAction.NONE
+
+
+@pytest.mark.parametrize(("aside", "is_a_person"), [(0.14, True), (0.16, False)])
+def test_hits_right_before_a_person_are_that_person_s_and_kept_from_the_arm(aside, is_a_person):
+    arm = np.array([[x, y, z] for x in (0.2, 0.6) for y in (-0.1, 0.1) for z in (0.9, 1.1)])
+    monitor = CollisionMonitor(BASE)
+    monitor.use_footprint(Footprint(np.array(CORNERS)).carrying([arm], 0.0))
+    monitor.observe(scan_at(np.array([[0.65, 0.0]]), Pose2D()), Pose2D(), Pose2D())
+    person = np.array([[0.65, 0.2 + aside, 0.2]])
+    held = monitor.limit(Twist2D(0.2), Twist2D(), Pose2D(), np.vstack([[9.0, 9.0, 0.3], person]))
+    assert (held.action is not MonitorAction.NONE) == is_a_person
+    monitor.use_footprint(Footprint(np.array(CORNERS)))
+    assert monitor.limit(Twist2D(0.2), Twist2D(), Pose2D(), person).action is MonitorAction.NONE
