@@ -13,8 +13,12 @@ from bestman_bt.engine import (
     Blackboard,
     BlackboardError,
     ManualClock,
+    Script,
+    Sequence,
+    SyncAction,
     Tree,
     backup,
+    build_tree,
     from_json,
     load_tree,
     restore,
@@ -92,6 +96,19 @@ def test_watchers_see_each_write_with_the_value_before_it(tree: Tree) -> None:
     end_all()
     tree.blackboard.set("near", 10)
     assert len(seen) == 2
+
+
+def test_who_begins_to_watch_all_keys_within_a_tick_sees_the_next_write_of_that_tick() -> None:
+    seen: list[tuple[str, object]] = []
+
+    class Watch(SyncAction):
+        def on_tick(self) -> int:
+            self.end = self.board.subscribe(None, lambda slot, previous: seen.append((slot.key, slot.value)))
+            return SUCCESS
+
+    watch = Watch()
+    build_tree(Sequence([Script(code="a := 1"), watch, Script(code="b := 2")])).tick_exactly_once()
+    assert seen == [("b", 2.0)]
 
 
 def test_two_trees_in_one_process_share_nothing() -> None:

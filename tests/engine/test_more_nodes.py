@@ -32,6 +32,9 @@ from bestman_bt.engine import (
     PopFromQueue,
     PortInformation,
     QueueSize,
+    Repeat,
+    RetryUntilSuccessful,
+    Script,
     ScriptCondition,
     Sequence,
     SetBlackboard,
@@ -178,12 +181,14 @@ def test_a_threaded_action_works_off_the_tick_thread_and_wakes_the_loop() -> Non
     assert tree.root.worker != threading.get_ident()
 
 
-def test_halting_a_threaded_action_leaves_no_thread_behind() -> None:
+def test_a_halted_threaded_action_leaves_no_thread_behind_and_works_when_it_is_started_again() -> None:
     before = threading.active_count()
     tree = build_tree(Count(), context=100_000)
     assert tree.tick_exactly_once() == RUNNING
     tree.halt()
     assert threading.active_count() == before
+    tree.context = 3
+    assert tree.tick_while_running(period=30.0) == SUCCESS
 
 
 def test_what_a_thread_raises_is_raised_by_the_tick() -> None:
@@ -290,6 +295,31 @@ def test_timeout_and_delay_read_the_clock_at_the_tick() -> None:
         clock.advance(0.1)
     assert results == [RUNNING, RUNNING, RUNNING, SUCCESS]
     assert (slow.ticks, slow.halts) == (2, 1)
+
+
+def test_a_timeout_that_is_started_again_has_all_its_time_again() -> None:
+    clock, slow = ManualClock(), Plan("slow", plan="R")
+    tree = build_tree(Timeout(slow, msec=250), clock=clock)
+    assert ticks(tree, 1) == [RUNNING]
+    clock.advance(0.2)
+    tree.halt()
+    clock.advance(0.2)
+    assert ticks(tree, 1) == [RUNNING]
+    clock.advance(0.24)
+    assert ticks(tree, 1) == [RUNNING]
+    clock.advance(0.01)
+    assert ticks(tree, 1) == [FAILURE]
+    assert (slow.ticks, slow.halts) == (3, 2)
+
+
+def test_attempts_are_read_anew_after_each_failure_and_cycles_only_when_the_node_is_ticked() -> None:
+    fails = Sequence([Script(code="left -= 1"), AlwaysFailure()])
+    tree = build_tree(RetryUntilSuccessful(fails, num_attempts="{left}"))
+    tree.blackboard.set("left", 2)
+    assert ticks(tree, 1) == [FAILURE]
+    tree = build_tree(Repeat(Script(code="left += 1"), num_cycles="{left}"))
+    tree.blackboard.set("left", 1)
+    assert ticks(tree, 2) == [SUCCESS, RUNNING]
 
 
 def test_a_loop_woken_by_a_thread_that_is_not_quite_gone_sees_its_result() -> None:

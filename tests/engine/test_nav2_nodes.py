@@ -51,6 +51,11 @@ def test_round_robin_fails_when_all_children_failed_in_turn() -> None:
     assert ticks(tree, 2) == [FAILURE, FAILURE]
 
 
+def test_a_success_of_a_round_robin_forgets_the_failures_before_it() -> None:
+    tree = build_tree(RoundRobin([AlwaysFailure("a"), Again("b", plan="S"), AlwaysFailure("c")]))
+    assert ticks(tree, 3) == [SUCCESS, SUCCESS, SUCCESS]
+
+
 def test_round_robin_without_wrap_around_fails_once_after_the_last_child_and_begins_anew() -> None:
     a, b = Plan("a", plan="S"), Plan("b", plan="S")
     tree = build_tree(RoundRobin([a, b], wrap_around=False))

@@ -136,6 +136,21 @@ def test_an_exported_tree_exports_to_the_same_text_again() -> None:
     assert text.count('<BehaviorTree ID="pick">') == 1
 
 
+def test_subtrees_within_subtrees_keep_their_paths_through_an_export() -> None:
+    text = """<root BTCPP_format="4" main_tree_to_execute="Main">
+    <BehaviorTree ID="Main"><Sequence>
+      <SubTree ID="Outer" name="first"/><SubTree ID="Outer"/><SubTree ID="Outer" name="last" a="{b}" _autoremap="true"/>
+    </Sequence></BehaviorTree>
+    <BehaviorTree ID="Outer"><Sequence name="body"><SubTree ID="Inner" name="named"/><SubTree ID="Inner"/></Sequence>
+    </BehaviorTree>
+    <BehaviorTree ID="Inner"><AlwaysSuccess name="leaf"/></BehaviorTree></root>"""
+    tree = load_tree(text)
+    again = load_tree(tree_to_xml(tree))
+    assert [node.path for node in again.nodes] == [node.path for node in tree.nodes]
+    assert list(again.blackboards) == list(tree.blackboards)
+    assert "first/named" in again.blackboards
+
+
 def test_subtrees_of_one_name_and_different_content_are_exported_apart() -> None:
     def variant(ticks: int) -> SubTree:
         def move() -> Move:

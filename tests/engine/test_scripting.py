@@ -133,10 +133,24 @@ def test_a_condition_is_a_double_or_the_integers_zero_and_one() -> None:
         compiler.compile_condition("2", board)()
 
 
-def test_both_sides_of_and_are_evaluated() -> None:
+def test_both_sides_of_and_and_or_are_evaluated_in_scripts_and_in_conditions() -> None:
     board = Blackboard("sides")
-    ScriptCompiler().compile("n := 0; r := 0 > 1 && (n := 1) > 0", board)()
-    assert board["n"] == 1
+    compiler = ScriptCompiler()
+    compiler.compile("n := 0; m := 0; r := 0 > 1 && (n := 1) > 0; r = 1 > 0 || (m := 1) > 0", board)()
+    assert (board["n"], board["m"], board["r"]) == (1, 1, 1)
+    board.set("a", 5)
+    for source in ("a == 2 && missing == 1", "a == 5 || missing == 1", "a == 2 && missing", "a == 5 || missing"):
+        with pytest.raises(ScriptError, match="missing"):
+            compiler.compile_condition(source, board)()
+
+
+def test_a_truth_value_stays_one_when_a_script_assigns_to_it() -> None:
+    board = Blackboard("truth")
+    board.set("ready", True)
+    compiler = ScriptCompiler()
+    for source, value in (("ready = 0", False), ("ready = 1", True), ("ready = 1 > 2", False), ("ready = 7", 7)):
+        compiler.compile(source, board)()
+        assert board["ready"] is value
 
 
 @pytest.mark.parametrize(
