@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 import inspect
 from importlib import import_module
+from importlib.metadata import EntryPoint
 
 import pytest
 
-from bestman_bt.engine import Node
+from bestman_bt.engine import Clock, ManualClock, Node
 from bestman_bt.registry import (
     ALGORITHMS,
     BEHAVIOURS,
@@ -95,3 +96,32 @@ def test_a_name_can_be_added_and_is_resolved_when_it_is_used() -> None:
         registry.resolve("clock")
     registry.add("clock", "bestman_bt.engine:ManualClock")
     assert registry.resolve("clock").__name__ == "ManualClock"
+
+
+def test_names_of_third_parties_are_found_by_entry_points_and_replace_none_of_ours(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[str] = []
+
+    def found(group: str) -> list[EntryPoint]:
+        asked.append(group)
+        return [EntryPoint("ours", "evil:Thing", group), EntryPoint("theirs", "bestman_bt.engine:WallClock", group)]
+
+    monkeypatch.setattr("bestman_bt.registry.entry_points", found)
+    registry = Registry("some.group", "thing", {"ours": "bestman_bt.engine:ManualClock"})
+    assert registry.resolve("theirs").__name__ == "WallClock"
+    assert registry.resolve("ours").__name__ == "ManualClock"
+    assert list(registry) == ["ours", "theirs"]
+    assert asked == ["some.group"]
+
+
+def test_classes_of_a_kind_are_named_by_what_comes_after_it_and_others_are_left_out() -> None:
+    entries = {
+        "clock/manual": "bestman_bt.engine:ManualClock",
+        "clock/no clock": "bestman_bt.engine:Sequence",
+        "clocks/wall": "bestman_bt.engine:WallClock",
+    }
+    registry = Registry("bestman_bt.nothing", "thing", entries)
+    assert registry.of_kind("clock", Clock) == {"manual": ManualClock}
+    registry.add("clock/more", "bestman_bt.engine:WallClock")
+    assert "clock/more" not in entries

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import socket
 from collections.abc import Callable
 
 import pytest
@@ -27,6 +28,17 @@ def open_monitor(start_monitor: StartMonitor) -> Monitor:
 def guarded(start_monitor: StartMonitor) -> Monitor:
     """With a token."""
     return start_monitor(token=TOKEN)
+
+
+def handshake(monitor: Monitor, **headers: str) -> tuple[int, str]:
+    """Status and text of the answer to a WebSocket handshake with these headers and no others of its own."""
+    told = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+    told |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", **headers}
+    with socket.create_connection(("127.0.0.1", monitor.port), 10.0) as connection:
+        lines = ["GET /ws HTTP/1.1", *(f"{name}: {value}" for name, value in told.items())]
+        connection.sendall("\r\n".join([*lines, "", ""]).encode())
+        answer = connection.recv(1 << 16).decode(errors="replace")
+    return int(answer.split()[1]), answer
 
 
 def refused(monitor: Monitor, **headers: str) -> int:
@@ -62,6 +74,58 @@ def test_a_foreign_name_that_points_to_this_machine_is_refused(open_monitor: Mon
     with open_monitor.http() as http:
         assert http.get("/health", headers={"Host": named}).status_code in (400, 403)
         assert http.get("/health", headers={"Host": f"localhost:{open_monitor.port}"}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.org:{port}", "127.0.0.1.evil.org:{port}", "10.0.0.7:{port}", "127.0.0.1@evil.org:{port}"]
+)
+def test_a_foreign_name_opens_no_socket_even_for_a_page_of_its_own(open_monitor: Monitor, host: str) -> None:
+    """As after DNS rebinding: to the browser, the page and the socket are of one origin."""
+    named = host.format(port=open_monitor.port)
+    status, _ = handshake(open_monitor, Host=named, Origin=f"http://{named}")
+    assert status == 403
+    for own in (f"localhost:{open_monitor.port}", f"127.0.0.1:{open_monitor.port}", f"[::1]:{open_monitor.port}"):
+        status, _ = handshake(open_monitor, Host=own, Origin=f"http://{own}")
+        assert status == 101
+
+
+@pytest.mark.parametrize(
+    ("origin", "status"),
+    [
+        ("http://localhost:{port}", 101),
+        ("https://LOCALHOST:{port}", 101),
+        ("http://127.0.0.1:{port}", 403),
+        ("http://localhost", 403),
+        ("http://localhost:{port}.evil.org", 403),
+        ("http://localhost:{port}@evil.org", 403),
+        ("ftp://localhost:{port}", 403),
+        ("file://localhost:{port}", 403),
+        ("//localhost:{port}", 403),
+        ("localhost:{port}", 403),
+    ],
+)
+def test_the_origin_is_the_very_host_that_is_asked(open_monitor: Monitor, origin: str, status: int) -> None:
+    port = open_monitor.port
+    told, _ = handshake(open_monitor, Host=f"localhost:{port}", Origin=origin.format(port=port))
+    assert told == status
+
+
+def test_a_handshake_without_an_origin_is_refused(open_monitor: Monitor) -> None:
+    assert handshake(open_monitor, Host=open_monitor.host)[0] == 403
+
+
+def test_off_loopback_any_name_is_served_with_the_token_and_none_without(start_monitor: StartMonitor) -> None:
+    monitor = start_monitor(host="0.0.0.0", token=TOKEN)
+    named = f"robot.lan:{monitor.port}"
+    bearer = f"Bearer {TOKEN}"
+    with monitor.http() as http:
+        assert http.get("/runs/x/images/1.jpg", headers={"Host": named}).status_code == 401
+        assert http.get("/health", headers={"Host": named, "Authorization": bearer}).json()["read_only"] is False
+        assert http.get("/health", headers={"Host": "", "Authorization": bearer}).status_code in (400, 403)
+    origin = f"http://{named}"
+    assert handshake(monitor, Host=named, Origin=origin)[0] == 403
+    assert handshake(monitor, Host=named, Origin=origin, Authorization=bearer)[0] == 101
+    assert handshake(monitor, Host=named, Origin="http://evil.org", Authorization=bearer)[0] == 403
 
 
 def test_answers_forbid_foreign_scripts_and_frames(open_monitor: Monitor) -> None:
