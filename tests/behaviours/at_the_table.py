@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from bestman_bt.engine import RUNNING, Tree
@@ -13,7 +15,21 @@ AT_THE_TABLE = (
     "scene.robot_start.y=[-0.5, -0.3]",
     "scene.robot_start.yaw=[0.0, 0.1]",
 )
+"""For trees with places of the map in them; see ``standing_at_a_table`` for all others."""
 PERIOD = 0.05
+
+
+def standing_at_a_table(heading: float) -> tuple[str, ...]:
+    """Settings of a kitchen in which the robot faces ``heading``, degrees, with the table that far turned before it."""
+    yaw = math.radians(heading)
+    ahead = np.array([math.cos(yaw), math.sin(yaw)])
+    table, robot = np.array([2.1, 0.0]) + 0.45 * ahead, np.array([2.1, 0.0]) - 0.4 * ahead
+    return (
+        f"scene.furniture.table.at=[{table[0]:.4f}, {table[1]:.4f}, {yaw:.6f}]",
+        f"scene.robot_start.x=[{robot[0] - 0.03:.4f}, {robot[0] + 0.03:.4f}]",
+        f"scene.robot_start.y=[{robot[1] - 0.03:.4f}, {robot[1] + 0.03:.4f}]",
+        f"scene.robot_start.yaw=[{yaw - 0.05:.4f}, {yaw + 0.05:.4f}]",
+    )
 
 
 def tree_of(body: str) -> str:

@@ -15,6 +15,8 @@ from hal.pybullet.camera import CameraFault
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 
+pytestmark = pytest.mark.slow
+
 TAKE = """<Sequence>
   <LookAt surface="table"/>
   <DetectObject object="cup" surface="table"/>

@@ -60,6 +60,7 @@ def test_the_examples_of_the_docs_get_there_after_stops(at_table: Session, examp
     assert [failure.error_code for failure in at_table.skills.failures] == ["stopped"] * stops
 
 
+@pytest.mark.slow
 def test_it_gives_up_when_it_is_stopped_again_and_again(at_table: Session) -> None:
     assert stopped_on_the_way(at_table, EXAMPLES[0], 3) == FAILURE
     assert not at_home(at_table)
@@ -82,6 +83,7 @@ def test_it_waits_between_attempts_and_clears_as_soon_as_that_is_possible(
     assert [b - a for a, b in pairwise(asked)] == pytest.approx([1.6, 1.6], abs=0.11)
 
 
+@pytest.mark.slow
 def test_a_stop_that_cannot_be_cleared_is_told_with_its_reason(
     at_table: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:

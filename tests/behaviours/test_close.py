@@ -11,6 +11,8 @@ from bestman_bt.engine import RUNNING
 from bestman_bt.runtime import open_session
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
+pytestmark = pytest.mark.slow
+
 DRAWER, DOOR = "drawer_chest/drawer_3", "fridge/upper_door"
 LOOK = (
     '<FindLookStand articulation="{articulation}" stand="{s}" front="{front}"/><LookAt point="{front}"/>'

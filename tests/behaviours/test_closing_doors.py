@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pybullet
+import pytest
 
 from bestman_bt.engine import RUNNING, SUCCESS
 from bestman_bt.runtime import Session
@@ -12,6 +13,8 @@ from hal.pybullet import GroundTruth
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 from tests.behaviours.driving import BEHIND_THE_DOORWAY, at, to
 from tests.behaviours.truth import audited, why_not
+
+pytestmark = pytest.mark.slow
 
 LEAF = "new_door/door"
 DOOR = "unmapped: {new_door: {model: wide_door, at: [0, 0, 180 deg], open: {door: 95 deg}}}"

@@ -14,6 +14,8 @@ from bestman_bt.runtime import Session
 from hal.pybullet import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
+pytestmark = pytest.mark.slow
+
 DRAWER = "drawer_chest/drawer_3"
 STANDING_OPEN = (
     "scene.furniture.drawer_chest.open={drawer_3: 30 cm}",

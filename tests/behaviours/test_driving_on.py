@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.navigate import BACK_UP, PAUSE, PEOPLE, WAIT_FOR_ANY, WAIT_FOR_SHORT
 from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Path2D, Pose2D
@@ -20,6 +19,8 @@ BLOCKED = ControlErrorCode.BLOCKED
 NO_PATH = PlanningFailure(PlanningFailureReason.NO_PATH, "there is no way")
 KNOWN, SEEN = "the map", "the map and what the lidar sees"
 PLANNING = 0.3
+BACK_UP, PAUSE, PEOPLE = 0.8, 2.0, 3
+WAIT_FOR_SHORT, WAIT_FOR_ANY = 5.0, 8.0
 
 
 def path_of(length: float) -> Path2D:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from behaviours.context import DRIVEN
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
@@ -37,6 +38,7 @@ def test_every_costmap_of_the_skills_has_the_arm_in_it(bystander) -> None:
     assert skills.costmap("home").tall is not None
 
 
+@pytest.mark.slow
 def test_a_goal_that_the_arm_is_in_the_way_of_is_refused_and_reached_with_the_arm_over_the_base(kitchen_with) -> None:
     session, truth = kitchen_with()
     skills = session.skills
@@ -55,6 +57,7 @@ def test_a_goal_that_the_arm_is_in_the_way_of_is_refused_and_reached_with_the_ar
     assert audited(session).collisions == ()
 
 
+@pytest.mark.slow
 def test_a_drive_past_a_wall_keeps_the_arm_off_it(kitchen_with) -> None:
     """Through the doorway and back with the arm out ahead."""
     session, truth = kitchen_with()
@@ -64,6 +67,7 @@ def test_a_drive_past_a_wall_keeps_the_arm_off_it(kitchen_with) -> None:
     assert audited(session).collisions == ()
 
 
+@pytest.mark.slow
 def test_encoders_that_are_silent_when_a_drive_begins_cost_time_and_no_more(kitchen_with, monkeypatch) -> None:
     session, truth = kitchen_with()
     positions, silent = session.skills.joints.positions, iter([True])

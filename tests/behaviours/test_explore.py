@@ -17,6 +17,8 @@ from bestman_bt.scene import semantic_map
 from hal.api import MobileBase
 from tests.behaviours.at_the_table import fastest, tick, tree_of
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -11,6 +11,8 @@ from bestman_bt.runtime import Session
 from hal.pybullet import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with
 
+pytestmark = pytest.mark.slow
+
 TAKE = """<Sequence>
   <LookAt surface="table"/>
   <DetectObject object="plate" surface="table"/>
@@ -23,7 +25,7 @@ TAKE = """<Sequence>
 @pytest.fixture(scope="module")
 def carrying(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
     """A robot that has taken a plate and is ready to drive."""
-    config = table_with(tmp_path_factory.mktemp("scene"), plate=("plate", -0.2, 0.0, 0.0))
+    config = table_with(tmp_path_factory.mktemp("scene"), heading=150.0, plate=("plate", -0.2, 0.0, 0.0))
     with known_world(config) as (session, truth):
         assert succeeds(session, TAKE)
         yield session, truth

@@ -14,6 +14,8 @@ from bestman_bt.runtime.looking import furniture_to_look_at, standing_before
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, why_not
 
+pytestmark = pytest.mark.slow
+
 SCENE, SEED = "kitchen_furnished", 3
 
 

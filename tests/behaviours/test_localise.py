@@ -19,6 +19,8 @@ from hal.api import Lidar
 from hal.pybullet import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
+pytestmark = pytest.mark.slow
+
 FIND = "<Relocalise/>"
 
 

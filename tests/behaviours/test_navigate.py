@@ -12,6 +12,8 @@ from tests.behaviours.at_the_table import fastest, tick, tree_of
 from tests.behaviours.driving import BEHIND_THE_DOORWAY, at, to
 from tests.behaviours.truth import audited, succeeds, why_not
 
+pytestmark = pytest.mark.slow
+
 CHAIR = "unmapped: {chair: {model: chair, at: [0.5, 0.1, 20 deg]}}"
 DOOR = "unmapped: {new_door: {model: wide_door, at: [0, 0, 0]}}"
 STANDING = "walkers: {count: 1, way_points: [[0.1, 0.0], [0.1, 0.3]], speed: [5 cm/s, 5 cm/s]}"

@@ -14,6 +14,8 @@ from bestman_bt.runtime import Session
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
 from tests.behaviours.truth import audited, known_world, why_not
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 DRAWER = "drawer_chest/drawer_3"
 STAND = ("scene.robot_start.x=[0.0, 0.05]", "scene.robot_start.y=[-0.05, 0.05]", "scene.robot_start.yaw=[0.0, 0.05]")

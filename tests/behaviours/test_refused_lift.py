@@ -10,6 +10,8 @@ import pytest
 from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
 from tests.behaviours.truth import known_world, succeeds, table_with
 
+pytestmark = pytest.mark.slow
+
 WHY = "the timed motion touches: shelf with panda_link5"
 TAKE = """<Sequence>
   <LookAt surface="table"/>
@@ -20,7 +22,7 @@ TAKE = """<Sequence>
 
 
 def test_it_lets_go_and_leaves_as_it_came(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with known_world(table_with(tmp_path, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
+    with known_world(table_with(tmp_path, heading=-120.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
         skills = session.skills
         planner = skills.algorithms.motion_planning
         follow, asked = planner.follow_path, []

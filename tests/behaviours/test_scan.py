@@ -16,6 +16,8 @@ from hal.pybullet.camera import CameraFault
 from tests.behaviours.at_the_table import tick, tree_of
 from tests.behaviours.truth import known_world, put, succeeds, table_with, why_not
 
+pytestmark = pytest.mark.slow
+
 ON_THE_SHELF = ("bottle", "soup_can", "cereal_box")
 ALL_THERE = tuple(f"scene.objects.{name}.presence=1" for name in ON_THE_SHELF)
 SCAN_TABLE = (
@@ -41,6 +43,7 @@ def table(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
     """A robot that has scanned a table with a cup, a can and a box."""
     config = table_with(
         tmp_path_factory.mktemp("scene"),
+        heading=0.0,
         cup=("cup", -0.15, -0.1, 0.0),
         can=("can", -0.2, 0.15, 0.0),
         box=("box", 0.1, 0.05, 30.0),

@@ -14,6 +14,8 @@ from bestman_bt.runtime import Session
 from hal.pybullet import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with, why_not
 
+pytestmark = pytest.mark.slow
+
 DETECT = '<Sequence><LookAt surface="table"/><DetectObject object="mug" surface="table"/></Sequence>'
 SECOND_LOOK = '<SecondLook object="mug"/>'
 

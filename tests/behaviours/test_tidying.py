@@ -16,6 +16,8 @@ from hal.pybullet import GroundTruth
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
 from tests.behaviours.truth import known_world, succeeds, table_with
 
+pytestmark = pytest.mark.slow
+
 CUP, CAN = (-0.2, 0.15), (-0.15, -0.2)
 """Where they stand: x, y in the frame of the table's top, metres."""
 WHERE = 'surface="table" region_x="{x}" region_y="{y}"'

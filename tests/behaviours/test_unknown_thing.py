@@ -11,11 +11,15 @@ from bestman_bt.runtime import Session
 from hal.pybullet import GroundTruth
 from tests.behaviours.truth import audited, known_world, succeeds, table_with, why_not
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def scanned(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
     """A scan of a table with a duck that the robot knows nothing of, and a can."""
-    config = table_with(tmp_path_factory.mktemp("scene"), duck=("duck", -0.2, 0.0, 90.0), can=("can", -0.15, 0.2, 0.0))
+    config = table_with(
+        tmp_path_factory.mktemp("scene"), heading=-70.0, duck=("duck", -0.2, 0.0, 90.0), can=("can", -0.15, 0.2, 0.0)
+    )
     with known_world(config) as (session, truth):
         del session.skills.world.models["duck"]
         assert succeeds(session, '<Sequence><LookAt surface="table"/><ScanScene surface="table"/></Sequence>')

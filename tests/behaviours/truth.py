@@ -14,7 +14,7 @@ from bestman_bt.engine import SUCCESS
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.runtime import Session, open_session
 from hal.pybullet import GroundTruth, PyBulletRobot
-from tests.behaviours.at_the_table import AT_THE_TABLE, failures_of, tick, tree_of
+from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 THINGS = """
 extends: kitchen
@@ -41,8 +41,14 @@ def known_world(config: RunConfig) -> Iterator[tuple[Session, GroundTruth]]:
         yield session, truths[0]
 
 
-def table_with(folder: Path, seed: int = 1, **things: tuple[str, float, float, float]) -> RunConfig:
-    """A robot at the table; ``things``: model, x, y (metres, from the middle: x away from the robot), yaw (degrees)."""
+def table_with(
+    folder: Path, seed: int = 1, heading: float = 110.0, **things: tuple[str, float, float, float]
+) -> RunConfig:
+    """A robot that faces ``heading``, degrees, at a table.
+
+    ``things``: model, x, y (metres, from the middle of the table: x away from the robot), yaw (degrees, beside that of
+    the table).
+    """
     placed = [
         f"  {name}: {{model: {model}, surface: table/top, at: [{x}, {y}, {yaw} deg], region: null, presence: 1}}"
         for name, (model, x, y, yaw) in things.items()
@@ -50,7 +56,7 @@ def table_with(folder: Path, seed: int = 1, **things: tuple[str, float, float, f
     kept = [line for line in THINGS.strip().splitlines() if line.split(":")[0].strip() not in things]
     scene = folder / "things.yaml"
     scene.write_text("\n".join([*kept, *placed, "goals: {place: {model: can}}\n"]))
-    return load_run(tree="look", scene=scene, robot="diff_panda", seed=seed, settings=AT_THE_TABLE)
+    return load_run(tree="look", scene=scene, robot="diff_panda", seed=seed, settings=standing_at_a_table(heading))
 
 
 def succeeds(session: Session, body: str, ticks: int = 2000) -> bool:

@@ -296,6 +296,7 @@ def test_with_json_a_refusal_leaves_standard_output_empty(refused) -> None:
     assert "unknown tree" in refused("run", "fetch_cop", "--json")
 
 
+@pytest.mark.slow
 def test_the_program_itself_refuses_alike(folder: Path) -> None:
     (folder / "t.xml").write_text(tree('<NavigateToo goal="1;2;0"/>'))
     answer = Program("run", "t.xml", folder=folder).answer()

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from bestman_bt.robot_model import load_robot_model
 from tests.cli.command_line import Answer
+
+pytestmark = pytest.mark.slow
 
 Command = Callable[..., Answer]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from tests.cli.command_line import Answer
 
 Command = Callable[..., Answer]
@@ -20,6 +22,7 @@ def test_all_missing_addresses_are_told_before_anything_connects(bestman_bt: Com
     assert not list(folder.iterdir())
 
 
+@pytest.mark.slow
 def test_a_controller_that_does_not_answer_is_told_in_words_and_leaves_no_run(
     bestman_bt: Command, folder: Path
 ) -> None:

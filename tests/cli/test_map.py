@@ -13,6 +13,8 @@ from bestman_bt.messages import OccupancyGrid
 from bestman_bt.navigation.map_file import write_map
 from tests.cli.command_line import Answer
 
+pytestmark = pytest.mark.slow
+
 Command = Callable[..., Answer]
 
 

@@ -62,6 +62,7 @@ def address_of(program: Program) -> str:
     return line.split()[1]
 
 
+@pytest.mark.slow
 def test_what_cannot_be_shown_is_told_before_anything_starts(tmp_path: Path, free_port: int) -> None:
     assert "is no run folder, and holds none" in refusal(tmp_path, tmp_path / "nothing")
     assert "at least 16 characters" in refusal(tmp_path, "--token", "short")
@@ -71,6 +72,7 @@ def test_what_cannot_be_shown_is_told_before_anything_starts(tmp_path: Path, fre
         assert f"--port {free_port}: cannot listen there" in refusal(tmp_path, "--port", free_port)
 
 
+@pytest.mark.slow
 def test_another_host_than_loopback_prints_a_token_and_a_name_that_open_the_page(tmp_path: Path) -> None:
     program = Program("monitor", "--host", "0.0.0.0", "--port", 0, "--no-browser", folder=tmp_path)
     try:
@@ -91,6 +93,7 @@ def test_another_host_than_loopback_prints_a_token_and_a_name_that_open_the_page
     assert (answer_.code, answer_.err) == (130, "")
 
 
+@pytest.mark.slow
 def test_a_monitor_ends_by_itself_where_nobody_needs_it(tmp_path: Path) -> None:
     program = Program("monitor", "--port", 0, "--no-browser", "--end-when-idle", 1, folder=tmp_path)
     assert address_of(program)
@@ -106,6 +109,7 @@ def test_a_monitor_is_started_once_and_found_again(free_port: int, capsys: pytes
     assert capsys.readouterr().err == f"monitor: http://127.0.0.1:{free_port}/\n" * 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("ended")
 def test_a_monitor_with_a_token_is_found_by_who_knows_it_and_told_to_who_does_not(
     free_port: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -128,6 +132,7 @@ def test_a_port_that_another_program_has_is_told(free_port: int) -> None:
             show_in_monitor(free_port)
 
 
+@pytest.mark.slow
 def test_one_or_two_recorded_runs_are_opened_at_once(tmp_path: Path) -> None:
     runs = [tmp_path / name for name in ("a", "b")]
     for run in runs:

@@ -77,6 +77,7 @@ def test_a_mug_is_looked_for_where_the_instruction_says_that_it_is(
     ]
 
 
+@pytest.mark.slow
 def test_the_shipped_transcript_answers_without_an_endpoint(
     bestman_bt: Callable[..., Answer], monkeypatch: pytest.MonkeyPatch
 ) -> None:

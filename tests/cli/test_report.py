@@ -79,6 +79,7 @@ def test_the_help_comes_without_the_simulator(verb: str) -> None:
     assert imported.stdout == "False\n"
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_is_reported_as_interrupted_up_to_its_last_moments(
     bestman_bt: Command, folder: Path
 ) -> None:

@@ -98,6 +98,7 @@ def test_a_node_that_raises_is_an_error_in_the_result(bestman_bt: Command, folde
     assert "Traceback" not in answer.err
 
 
+@pytest.mark.slow
 def test_with_json_standard_output_holds_one_document_whatever_is_printed(folder: Path) -> None:
     """As a program of its own: C libraries print past Python."""
     (folder / "noise.py").write_text(NOISE)
@@ -133,6 +134,7 @@ def wait_until_it_drives(socket: Path) -> None:
         pass
 
 
+@pytest.mark.slow
 def test_stop_in_another_process_ends_a_run_as_cancelled(
     driving: tuple[Program, Path], bestman_bt: Command, folder: Path
 ) -> None:
@@ -153,6 +155,7 @@ def test_ctrl_c_ends_a_run_as_cancelled(driving: tuple[Program, Path], folder: P
     assert_cancelled(program.answer(), folder, "interrupted from the keyboard")
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_an_evaluation_on_two_processes_and_what_was_done_is_summarised(folder: Path) -> None:
     (folder / "look.xml").write_text(LOOK)
     program = Program(

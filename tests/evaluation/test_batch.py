@@ -70,6 +70,7 @@ def evaluate(tree: Path, jobs: int, folder: Path) -> tuple[dict[str, Any], list[
     return run_batch(config, 2, jobs, folder, results.append), results
 
 
+@pytest.mark.slow
 def test_two_jobs_give_the_same_document_as_one(look: Path, tmp_path: Path) -> None:
     (one, results), (two, _) = (evaluate(look, jobs, tmp_path / f"{jobs}") for jobs in (1, 2))
     assert list(one) == DOCUMENT

@@ -12,6 +12,8 @@ from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from tests.behaviours.at_the_table import AT_THE_TABLE
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture
 def without_retries(tmp_path: Path) -> Path:

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.engine import ManualClock
 from bestman_bt.evaluation.disturbances import Disturbances
-from bestman_bt.evaluation.new_places import CLEARANCE, EDGE, REACH, NewPlaces
+from bestman_bt.evaluation.new_places import NewPlaces
 from bestman_bt.messages import Pose
 from bestman_bt.scene import planar_radius
 from bestman_bt.world_model import HeldObject, ObjectBelief
@@ -18,6 +18,7 @@ from hal.pybullet import Deed
 from tests.evaluation.predicates.scripted import ScriptedEnd, shifted
 
 PERIOD = 0.05
+CLEARANCE, EDGE, REACH = 0.08, 0.04, 0.35
 DRAWER = "drawer_chest/drawer_3"
 ASKEW = "scene.furniture.drawer_chest.at=[1.4, 0.3, 115 deg]"
 
@@ -230,7 +231,7 @@ def test_a_drawer_is_not_shut_any_more_once_its_object_was_in_the_hand() -> None
 
 def test_a_disturbance_of_a_thing_that_the_seed_has_left_out_is_none() -> None:
     absent = "scene.objects.cup=absent"
-    stage = Stage("fetch_cup", "[{kind: moved, object: cup}, {kind: moved, object: can}]", absent, "predicate=null")
+    stage = Stage("fetch_cup", "[{kind: slips, object: cup}, {kind: moved, object: can}]", absent, "predicate=null")
     stage.believe("can")
     stage.wait(1.0)
     assert {name for _, name, _ in stage.disturber.asked} == {"can"}

@@ -138,6 +138,7 @@ def test_nothing_is_put_into_a_drawer() -> None:
         prepare_episode(load_run("fetch_from_drawer", settings=[asked]))
 
 
+@pytest.mark.slow
 def test_a_grasp_slips_and_the_tree_recovers() -> None:
     names = ("cup", "can", "box", "soup_can")
     asked = ", ".join(f"{{kind: slips, object: {name}, after: [0, 0]}}" for name in names)

@@ -16,6 +16,8 @@ from bestman_bt.evaluation.markdown import markdown
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import Entry, is_suite, load_suite
 
+pytestmark = pytest.mark.slow
+
 NOTHING = '<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysFailure/></BehaviorTree></root>'
 SUITE = """
 description: A suite of a tree that does nothing.

@@ -119,6 +119,7 @@ def busy(cpu: int) -> Iterator[None]:
         loop.wait()
 
 
+@pytest.mark.slow
 def test_run_again_from_its_configuration_on_a_loaded_processor_it_gives_the_same_result(fetch: Fetch) -> None:
     """On one processor, shared with a busy loop: another speed, another number of threads, another order of them."""
     cpu = min(os.sched_getaffinity(0))
@@ -143,6 +144,7 @@ def test_the_tree_written_in_python_is_the_tree_written_in_xml() -> None:
     ]
 
 
+@pytest.mark.slow
 def test_the_tree_written_in_python_does_the_same_at_the_same_times(fetch: Fetch, tmp_path: Path) -> None:
     """Compared for the first 17 seconds, up to the grasp."""
     limit = 17.0

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.evaluation.parallel import run_episodes
 from bestman_bt.evaluation.result import Outcome
+
+pytestmark = pytest.mark.slow
 
 TREE = '<root BTCPP_format="4"><BehaviorTree ID="Main"><{leaf}/></BehaviorTree></root>'
 DEADLY = '''

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.episode import run_episode
 
 
+@pytest.mark.slow
 def test_the_shipped_policy_picks_the_cup_and_holds_it() -> None:
     result = run_episode(load_run("policy_pick", seed=4001))
     assert result.success, result.failure

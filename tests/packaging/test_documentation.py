@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+import yaml
 
 from bestman_bt.cli.main import VERBS
 from bestman_bt.configuration import load_run
@@ -55,8 +56,14 @@ def test_the_choices_of_algorithms_are_accepted(text: str, tmp_path: Path) -> No
     task = tmp_path / "task.yaml"
     task.write_text("tree: navigate\nscene: kitchen\nrobot: diff_panda\n" + text)
     config, model = load_run(task), load_robot_model("diff_panda")
-    make_algorithms(config, model)
-    make_local_planner(config)
+    asked = yaml.safe_load(text)["algorithms"]
+    made = [make_algorithms(config, model), make_local_planner(config)]
+    assert asked
+    for slot, choice in asked.items():
+        name, parameters = config.task.algorithm(slot)
+        assert name == choice.get("algorithm", name)
+        assert parameters.keys() >= choice.keys() - {"algorithm"}
+    assert all(made)
 
 
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])

@@ -26,7 +26,7 @@ def bring_the_cup() -> SubTree:
 
 def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_path) -> None:
     """Someone takes it out of the hand and puts it back onto the table."""
-    with known_world(table_with(tmp_path, seed=3, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
+    with known_world(table_with(tmp_path, seed=3, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
         tree = session.load(bring_the_cup())
         goal = truth.object_pose("cup").position + np.array([0.0, 0.25, 0.0])
         tree.blackboard.set("goal", Pose(goal))
@@ -50,7 +50,7 @@ def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_pat
 
 
 def test_a_cup_that_cannot_be_placed_is_put_aside_and_the_hand_is_empty(tmp_path) -> None:
-    with known_world(table_with(tmp_path, seed=3, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
+    with known_world(table_with(tmp_path, seed=3, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
         aside = SubTree(put_aside, tree_id="PutAside", object="cup", surface="table")
         tree = session.load(Fallback("laid", [bring_the_cup(), aside]))
         tree.blackboard.set("goal", Pose(np.array([3.0, 5.0, 0.8])))

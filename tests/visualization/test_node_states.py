@@ -19,6 +19,8 @@ def test_an_idle_node_still_tells_how_it_ended(states, before, word):
     states.apply([NodeTransition(5, before, 1.0), NodeTransition(5, IDLE, 2.0)])
     assert states.state(5) == IDLE
     assert states.look(5).word == word
+    states.apply([NodeTransition(5, IDLE, 3.0)])
+    assert states.look(5).word == word, "reset once more"
 
 
 def test_the_message_of_a_failure_outlives_the_reset_and_goes_with_the_next_start(states):

@@ -11,6 +11,8 @@ from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.world_model import MapFurniture
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
+pytestmark = pytest.mark.slow
+
 BY_FRONT = (
     "scene.robot_start.x=[-1.9, -1.7]",
     "scene.robot_start.y=[-0.2, 0.0]",

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Path2D, Pose2D
 from tests.behaviours.at_the_table import failures_of, tick, tree_of
+
+pytestmark = pytest.mark.slow
 
 FOLLOW = '<FollowPath path="{path}" controller_id="{controller}" error_code="{code}"/>'
 

@@ -83,6 +83,7 @@ def test_entries_out_of_range_are_bad_input(driver, leaf, port, value) -> None:
     assert port in words
 
 
+@pytest.mark.slow
 def test_a_wall_ends_a_drive_before_it_is_touched_and_the_base_counts_as_stuck(kitchen) -> None:
     session, _ = kitchen()
     tree = session.load(tree_of('<DriveOnHeading dist_to_travel="-3" speed="-0.3" time_allowance="60"/>'))

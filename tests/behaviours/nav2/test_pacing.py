@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Path2D, Pose2D
 from tests.behaviours.at_the_table import PERIOD, tick, tree_of
+
+pytestmark = pytest.mark.slow
 
 COUNT = '<Script code="n := n + 1"/>'
 

@@ -121,7 +121,7 @@ def test_a_path_is_valid_until_the_lidar_sees_something_on_it(kitchen, chair) ->
     session.robot.clock.sleep(1.0)
     assert tick(tree) == FAILURE
     (where,) = tree.blackboard.get("where")
-    assert where.x == pytest.approx(0.5, abs=0.25)
+    assert where.x == pytest.approx(0.5, abs=0.06)
     tree.blackboard.set("ahead", 1.0)
     assert tick(tree) == SUCCESS
     assert len(session.skills.base.layer.points)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bestman_bt.engine import RUNNING, SUCCESS
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from tests.behaviours.at_the_table import PERIOD, fastest, tick
 from tests.behaviours.truth import audited
+
+pytestmark = pytest.mark.slow
 
 TO_POSE = "navigate_to_pose_w_replanning_and_recovery"
 THROUGH_POSES = "navigate_through_poses_w_replanning_and_recovery"

@@ -86,6 +86,7 @@ def test_the_way_driven_is_told_as_a_multiple_of_the_shortest_one() -> None:
     assert 6.0 / ratio < 1.5 * goal.distance_to(start)
 
 
+@pytest.mark.slow
 def test_a_drive_is_measured_against_the_shortest_way(tmp_path: Path) -> None:
     result = run_episode(load_run("navigate_kitchen", seed=2))
     assert result.success
@@ -93,6 +94,7 @@ def test_a_drive_is_measured_against_the_shortest_way(tmp_path: Path) -> None:
     assert 0.9 < result.metrics["path_ratio"] < 1.2
 
 
+@pytest.mark.slow
 def test_half_of_the_goals_are_close_before_furniture_and_the_others_have_room(setups: list[Setup]) -> None:
     close = 0
     for setup in setups:
@@ -105,12 +107,14 @@ def test_half_of_the_goals_are_close_before_furniture_and_the_others_have_room(s
     assert 4 <= close <= 12
 
 
+@pytest.mark.slow
 def test_the_seed_chooses_the_goal(setups: list[Setup]) -> None:
     again = goal_of(prepare(load_run("navigate_kitchen", seed=3)))
     assert again == goal_of(setups[3])
     assert len({(goal_of(setup).x, goal_of(setup).y) for setup in setups}) == len(setups)
 
 
+@pytest.mark.slow
 def test_where_no_goal_can_be_drawn_it_is_told_of_which_kind_and_why(tmp_path: Path) -> None:
     scene = tmp_path / "hall.yaml"
     scene.write_text(
@@ -154,6 +158,7 @@ def test_a_goal_for_the_base_and_one_for_an_object_are_too_many(tmp_path: Path) 
         load_task(path)
 
 
+@pytest.mark.slow
 def test_drawn_headings_go_all_around(setups: list[Setup]) -> None:
     assert max(abs(goal_of(setup).theta) for setup in setups) <= math.pi
     assert min(goal_of(setup).theta for setup in setups) < -1.0 < 1.0 < max(goal_of(setup).theta for setup in setups)

@@ -4,10 +4,13 @@ import math
 import time
 
 import numpy as np
+import pytest
 
 from bestman_bt.engine import IDLE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.visualization import NodeTransition, RobotSnapshot
+
+pytestmark = pytest.mark.slow
 
 DURATION = 60.0
 RATE = 20

@@ -54,8 +54,10 @@ def test_a_viewer_that_was_closed_is_no_error(tmp_path: Path) -> None:
     assert file.stat().st_size == 1 << 20
 
 
-def test_a_run_that_never_began_to_record_is_no_error(tmp_path: Path) -> None:
+def test_a_run_that_never_began_to_record_ends_the_pipe_with_nothing_in_it(tmp_path: Path) -> None:
     reading, writing = os.pipe()
-    with LiveFeed(tmp_path / "none.rrd", os.fdopen(writing, "wb")):
-        pass
-    os.close(reading)
+    with os.fdopen(reading, "rb") as pipe:
+        with LiveFeed(tmp_path / "none.rrd", os.fdopen(writing, "wb")):
+            pass
+        assert pipe.read() == b""
+    assert not (tmp_path / "none.rrd").exists()

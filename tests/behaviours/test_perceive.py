@@ -1,0 +1,82 @@
+"""What detecting and estimating leaves make of a view in which the object is not, or hardly, to be seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bestman_bt.engine import FAILURE, SUCCESS
+from bestman_bt.messages import Pose
+from bestman_bt.world_model import ObjectBelief
+from tests.behaviours.scripted import ASKEW, codes, load, map_from, run, scripted_skills
+
+DETECT = '<DetectObject object="cup" surface="table" pose="{pose}" min_confidence="0.6"/>'
+ESTIMATE = '<EstimatePose object="cup" pose="{pose}" min_confidence="0.6"/>'
+BEFORE = 40.0
+SCENE = SimpleNamespace(detections=(), unknown=(), plane=None)
+
+
+def belief(skills: Any, stamp: float, confidence: float = 0.9, x: float = 0.7) -> ObjectBelief:
+    pose = Pose(map_from(ASKEW, x, 0.0, 0.8))
+    return ObjectBelief("cup", skills.world.models["cup"], pose, confidence, 0.002, stamp)
+
+
+@pytest.fixture
+def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A camera and a detector; ``skills.after_view``: what is believed of the cup after a view, None for as before."""
+    skills = scripted_skills()
+    skills.after_view = None
+
+    def believe(skills_of_leaf: Any, *_: Any) -> tuple[str, ...]:
+        if skills.after_view is not None:
+            skills.world.objects["cup"] = skills.after_view
+        return tuple(skills.world.objects)
+
+    view = SimpleNamespace(map_from_base=ASKEW.to_pose(), in_base=None, stamp=skills.clock.now())
+    skills.camera = SimpleNamespace(capture=lambda: view)
+    skills.algorithms = SimpleNamespace(detection=SimpleNamespace(detect=lambda *_: SCENE))
+    monkeypatch.setattr("behaviours.perceive.surface_region", lambda *_: None)
+    monkeypatch.setattr("behaviours.perceive.believe_surface", believe)
+    monkeypatch.setattr("behaviours.perceive.believe_objects", believe)
+    monkeypatch.setattr("behaviours.perceive.only_nearest", lambda *_: SCENE)
+    return skills
+
+
+@pytest.mark.parametrize(("leaf", "code"), [(DETECT, "object_not_found"), (ESTIMATE, "object_lost")])
+def test_an_object_that_is_hidden_now_is_not_found_though_it_was_seen_before(skills: Any, leaf: str, code: str) -> None:
+    skills.world.objects["cup"] = belief(skills, BEFORE)
+    tree = load(skills, leaf)
+    assert run(skills, tree) == FAILURE
+    assert codes(skills) == [code]
+    assert tree.blackboard.get("pose") is None
+    skills.after_view = belief(skills, skills.camera.capture().stamp, x=0.8)
+    assert run(skills, tree) == SUCCESS
+    np.testing.assert_allclose(tree.blackboard.get("pose").position, map_from(ASKEW, 0.8, 0.0, 0.8))
+
+
+@pytest.mark.parametrize("leaf", [DETECT, ESTIMATE])
+@pytest.mark.parametrize(("confidence", "status"), [(0.59, FAILURE), (0.61, SUCCESS)])
+def test_an_object_has_to_be_seen_as_surely_as_is_asked(skills: Any, leaf: str, confidence: float, status: int) -> None:
+    skills.world.objects["cup"] = belief(skills, BEFORE)
+    skills.after_view = replace(belief(skills, skills.clock.now()), confidence=confidence)
+    assert run(skills, load(skills, leaf)) == status
+
+
+def test_an_object_without_a_model_that_was_never_seen_is_unknown_and_one_with_a_model_not_found(skills: Any) -> None:
+    assert run(skills, load(skills, DETECT.replace("cup", "unicorn"))) == FAILURE
+    assert run(skills, load(skills, DETECT)) == FAILURE
+    assert run(skills, load(skills, ESTIMATE)) == FAILURE
+    assert codes(skills) == ["unknown_object", "object_not_found", "object_not_found"]
+
+
+def test_a_camera_that_the_robot_does_not_have_is_told(skills: Any) -> None:
+    for name in ("wrist", "ceiling"):
+        assert run(skills, load(skills, f'<DetectObject object="cup" surface="table" camera="{name}"/>')) == FAILURE
+    assert codes(skills) == ["no_camera", "no_camera"]
+    skills.wrist_camera, skills.camera = skills.camera, None
+    skills.after_view = belief(skills, skills.clock.now())
+    assert run(skills, load(skills, '<DetectObject object="cup" surface="table" camera="wrist"/>')) == SUCCESS
