@@ -193,7 +193,10 @@ def _elements(name: str, config: AnyPart, document: Document, folder: Path) -> S
         raise ConfigurationError(
             dataclasses.replace(p, field=f"dimensions.{p.field}" if p.field else "dimensions") for p in error.problems
         ) from error
-    generated_part = generate(name, dimensions)
+    try:
+        generated_part = generate(name, dimensions)
+    except UrdfError as error:
+        raise ConfigurationError(document.problem(("dimensions",), fault) for fault in error.faults) from error
     if isinstance(generated_part, Subtree):
         return generated_part
     return Subtree(generated_part, generated_part[0].get("name", ""))

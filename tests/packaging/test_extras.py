@@ -18,7 +18,18 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 EXTRAS = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
 CORE = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["dependencies"]
 
-ABSENT = ("pybullet", "rerun", "rerun_cli", "pyarrow", "coacd", "fast_simplification", "onnxruntime", "onnx", "msgpack")
+ABSENT = (
+    "pybullet",
+    "pybullet_data",
+    "rerun",
+    "rerun_cli",
+    "pyarrow",
+    "coacd",
+    "fast_simplification",
+    "onnxruntime",
+    "onnx",
+    "msgpack",
+)
 WORKS = (
     ["--help"],
     ["version"],

@@ -114,6 +114,10 @@ def test_what_is_missing_is_said_with_both_commands_that_bring_it(no_pybullet: P
     commands = r"bestman-bt robot descriptions.*pip install 'bestman-bt\[sim\]'"
     with pytest.raises(ConfigurationError, match=rf"panda_arm.yaml:\d+: urdf: franka_panda/panda.urdf .*{commands}"):
         load_robot_model("diff_panda")
+    with pytest.raises(
+        ConfigurationError, match=rf"wsg50.yaml:\d+: dimensions.*gripper/meshes/WSG50_110.stl .*{commands}"
+    ):
+        find_robot("omni_base+ur5_arm+wsg50")
     with pytest.raises(ConfigurationError, match=rf"duck.yaml.*duck_vhacd.obj .*{commands}"):
         read_object(ASSETS / "objects" / "duck.yaml")
 
