@@ -20,7 +20,6 @@ CORE = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["depe
 
 ABSENT = (
     "pybullet",
-    "pybullet_data",
     "rerun",
     "rerun_cli",
     "pyarrow",
