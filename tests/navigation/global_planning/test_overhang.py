@@ -10,7 +10,14 @@ import pytest
 
 from bestman_bt.messages import Box, OccupancyGrid, Path2D, PlacedShape, Pose, Pose2D
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar, PlanningFailure, PlanningFailureReason
+from bestman_bt.navigation.global_planning import (
+    Costmap,
+    CostmapParameters,
+    Footprint,
+    GridAStar,
+    PlanningFailure,
+    PlanningFailureReason,
+)
 from bestman_bt.navigation.local_planning import FootprintMotion, ObstacleLayer
 from bestman_bt.world_model import Obstacle
 from tests.navigation.global_planning.test_all_planners import PLANNERS, room, swept, walls
@@ -151,7 +158,31 @@ def test_where_the_arm_leaves_no_room_in_the_middle_the_base_passes_beside_it(na
 
 
 def test_a_doorway_between_low_screens_is_as_wide_as_without_an_arm(planner):
-    assert isinstance(planner.plan(START, GOAL, two_rooms(0.8, 0.6)), Path2D)
+    costmap = two_rooms(0.8, 0.6)
+    path = planner.plan(START, GOAL, costmap)
+    assert isinstance(path, Path2D), path
+    poses = swept(path)
+    assert np.any(np.abs(poses[:, :2] - (3.0, 2.0)).max(axis=1) < 0.15), "it leads through the doorway"
+    assert costmap.footprint_clearance(poses).min() > 0.0
+    assert isinstance(planner.plan(START, GOAL, two_rooms(1.5, 0.6)), PlanningFailure)
+
+
+def test_distances_to_what_is_tall_have_the_same_margins_as_those_to_everything():
+    """To the millimetre: a crate that is as high as the arm is as far away as a low one."""
+    place = np.array([[2.0, 1.6]])
+    for clearance in (0.005, 0.04):
+        low, high = (
+            Costmap.from_map(
+                walls(*room(4.0, 4.0)),
+                ARM,
+                crates(height, (2.0, 2.75, 1.0, 1.0)),
+                CostmapParameters(clearance=clearance),
+            )
+            for height in (0.5, 1.5)
+        )
+        assert high.distance_at(place) == pytest.approx([0.65 - clearance], abs=1e-6)
+        assert high.above.distance_at(place) == pytest.approx([0.65 - clearance], abs=1e-6)
+        assert low.above.distance_at(place) == pytest.approx([1.6 - clearance], abs=1e-6)
 
 
 def test_where_only_the_arm_is_in_the_way_the_failure_says_so():

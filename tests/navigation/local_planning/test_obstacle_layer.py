@@ -99,3 +99,64 @@ def test_who_has_walked_and_stands_now_counts_as_a_person_and_what_always_stood_
         layer.update(LaserScan(ranges, -math.pi, 2 * math.pi / 360, 0.45, 8.0, now), pose)
     assert not layer.moving
     assert [(walker.x, walker.y) for walker in layer.walkers] == [pytest.approx((1.5, 0.35), abs=0.1)]
+
+
+STEP = 2 * math.pi / 360
+
+
+def beams(ranges: dict[int, float], stamp: float, count: int = 360, angle_min: float = -math.pi) -> LaserScan:
+    """Beams by number, counted from straight ahead; the others hit nothing."""
+    values = np.full(count, np.inf)
+    for number, away in ranges.items():
+        values[(number + round(-angle_min / STEP)) % 360] = away
+    return LaserScan(values, angle_min, STEP, 0.45, 8.0, stamp)
+
+
+@pytest.mark.parametrize(("off", "cleared"), [(0.4, True), (0.6, False), (-0.4, True), (-0.6, False)])
+def test_a_mark_is_cleared_by_the_beam_that_passes_through_it_and_by_none_beside(off, cleared):
+    """One free beam between two that hit; the mark lies ``off`` of an increment beside the free one."""
+    layer, pose = ObstacleLayer(), Pose2D(0.4, -0.3, 1.1)
+    mark = pose.apply(np.array([[2.0 * math.cos(off * STEP), 2.0 * math.sin(off * STEP)]]))
+    cell = np.floor(mark / 0.025) * 0.025 + 0.0125
+    turned = Pose2D(pose.x, pose.y, float(np.arctan2(*(cell[0] - pose.xy)[::-1])) - off * STEP)
+    away = float(np.linalg.norm(cell[0] - pose.xy))
+    exact = LaserScan(np.array([away]), off * STEP, STEP, 0.45, 8.0, 0.0)
+    layer.update(exact, turned)
+    assert layer.points == pytest.approx(cell)
+    for number in range(1, 4):
+        layer.update(beams({-1: away, 0: 5.5, 1: away}, 0.1 * number), turned)
+    kept = len(layer.points) and np.linalg.norm(layer.points - cell, axis=1).min() < 1e-6
+    assert bool(kept) != cleared
+
+
+@pytest.mark.parametrize(("measured", "cleared"), [(1.54, False), (1.56, True), (math.inf, True), (1.0, False)])
+def test_only_a_beam_that_goes_on_behind_it_clears_a_mark(measured, cleared):
+    layer, pose = ObstacleLayer(), Pose2D(0.0125, 0.0125, 0.0)
+    layer.update(beams({0: 1.5}, 0.0), pose)
+    for number in range(1, 4):
+        assert len(layer.points), "three scans must see through it"
+        layer.update(beams({0: measured}, 0.1 * number), pose)
+    gone = not len(layer.points) or np.linalg.norm(layer.points - [1.5125, 0.0125], axis=1).min() > 0.05
+    assert gone == cleared
+
+
+def test_a_lidar_that_looks_ahead_clears_nothing_behind_it():
+    layer, pose = ObstacleLayer(), Pose2D(0.0125, 0.0125, 0.0)
+    layer.update(beams({180: 1.5}, 0.0), pose)
+    before = layer.points
+    for number in range(1, 6):
+        layer.update(beams({}, 0.1 * number, count=180, angle_min=-math.pi / 2), pose)
+    assert np.array_equal(layer.points, before)
+
+
+def test_marks_stay_where_they_are_when_the_square_rolls_and_are_forgotten_beyond_it():
+    layer, pose = ObstacleLayer(), Pose2D(0.0125, 0.0125, 0.0)
+    layer.update(beams({0: 1.5, 120: 2.0}, 0.0), pose)
+    before = np.sort(layer.points, axis=0)
+    layer.centre_on(Pose2D(2.3, -1.7, 0.0))
+    assert np.sort(layer.points, axis=0) == pytest.approx(before)
+    layer.centre_on(Pose2D(9.0, 0.0, 0.0))
+    assert len(layer.points) == 1
+    layer.centre_on(Pose2D(60.0, 0.0, 0.0))
+    layer.centre_on(pose)
+    assert not len(layer.points)

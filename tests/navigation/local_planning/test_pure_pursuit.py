@@ -130,3 +130,77 @@ def test_a_turn_ends_even_where_friction_holds_slow_wheels():
 def test_a_path_without_points_is_refused():
     with pytest.raises(ValueError, match="at least one point"):
         PurePursuit().reset(Path2D(np.zeros((0, 2)), Pose2D()))
+
+
+HAIRPIN = [
+    (0.0, 0.0),
+    (2.0, 0.0),
+    *((2 + 0.05 * math.sin(a), 0.05 - 0.05 * math.cos(a)) for a in np.arange(1, 7) * math.pi / 7),
+]
+"""A bend of 10 cm without a sharp corner: one leg."""
+
+
+def test_progress_does_not_jump_to_a_later_strand_close_by():
+    path = Path2D([*HAIRPIN, (2.0, 0.1), (0.0, 0.1)], Pose2D(0.0, 0.1, math.pi))
+    follower = PurePursuit()
+    follower.reset(path)
+    for x in np.arange(0.0, 1.2, 0.1):
+        command = follower.compute(Pose2D(float(x), 0.07, 0.0), Twist2D(0.4), DT)
+    assert command.remaining == pytest.approx(path.length - 1.1, abs=0.05)
+    assert command.twist.vx > 0.3
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.5])
+@pytest.mark.parametrize(
+    ("reverse", "speed", "goes_on"),
+    [(False, 0.3, True), (False, -0.3, False), (True, -0.3, True), (True, 0.3, False), (False, 0.01, False)],
+)
+def test_a_base_goes_on_at_its_speed_only_where_it_drives_along_the_path(heading, reverse, speed, goes_on):
+    pose = Pose2D(1.0, -2.0, heading)
+    end = pose @ Pose2D(-2.0 if reverse else 2.0, 0.0, 0.0)
+    for turned, may in ((0.5, True), (0.7, False)):
+        follower = PurePursuit()
+        for _ in range(2):  # also the second path that it is given
+            follower.reset(Path2D([pose.xy, end.xy], end, reverse=[reverse]))
+            command = follower.compute(pose @ Pose2D(0.0, 0.0, turned), Twist2D(speed), DT)
+            if goes_on and may:
+                assert command.twist.vx == pytest.approx(speed, abs=0.02)
+            else:
+                assert abs(command.twist.vx) <= 0.02
+
+
+def test_a_base_that_is_faster_than_it_may_goes_on_at_its_limit():
+    follower = PurePursuit(PurePursuitParameters(max_speed=0.4))
+    follower.reset(Path2D([(0, 0), (3, 0)], Pose2D(3.0, 0.0, 0.0)))
+    assert follower.compute(Pose2D(), Twist2D(0.9), DT).twist.vx == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_it_slows_down_in_time_and_does_not_overrun_its_end(reverse):
+    start = Pose2D(0.5, 0.3, -2.3)
+    end = start @ Pose2D(-1.5 if reverse else 1.5, 0.0, 0.0)
+    poses, commands, last = drive(Path2D([start.xy, end.xy], end, reverse=[reverse]), start)
+    along = np.array([(start.inverse() @ Pose2D(*pose)).x for pose in poses]) * (-1.0 if reverse else 1.0)
+    assert along.max() < 1.505
+    left, speed = 1.5 - along, np.abs(commands[:, 0])
+    braking = (left > 0.05) & (left < 0.45) & (np.arange(len(left)) > 60)
+    assert np.all(speed[braking] ** 2 <= 2.0 * 0.35 * (left[braking] + 0.05))
+    assert last.distance_to(end) < 0.006
+
+
+def test_the_remaining_way_counts_all_legs_and_a_bend_is_driven_within_its_lateral_acceleration():
+    corners = [(0.0, 0.0), (1.5, 0.0), (1.5, 1.0), (0.0, 1.0)]
+    follower = PurePursuit()
+    follower.reset(Path2D(corners, Pose2D(0.0, 1.0, 0.0)))
+    assert follower.compute(Pose2D(), Twist2D(), DT).remaining == pytest.approx(4.0)
+    around = 0.5 * np.column_stack([np.sin(np.linspace(0, 3, 40)), 1.0 - np.cos(np.linspace(0, 3, 40))])
+    bend = Path2D(around, Pose2D(*around[-1].tolist(), 3.0))
+    _, commands, _ = drive(bend, Pose2D(), PurePursuit(PurePursuitParameters(lateral_acceleration=0.1)))
+    on_bend = commands[40:-60]
+    assert np.abs(on_bend[:, 0] * on_bend[:, 1]).max() < 0.14
+
+
+def test_a_compute_before_a_path_is_an_error():
+    for follower in (PurePursuit(), RotateToHeading()):
+        with pytest.raises(RuntimeError, match="before reset"):
+            follower.compute(Pose2D(), Twist2D(), DT)
