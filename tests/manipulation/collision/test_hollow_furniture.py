@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bestman_bt.manipulation.collision import planning_scene_from_world_model
+from bestman_bt.manipulation.collision.hollow_furniture import hollow_furniture
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.messages import PlacedShape, Pose, Pose2D, distance_to_shape
+from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, distance_to_shape
 from bestman_bt.scene import PlacedFurniture, World, draw_world, load_scene, read_furniture, semantic_map
-from bestman_bt.world_model import BasePose, Obstacle, WorldModel
+from bestman_bt.world_model import (
+    BasePose,
+    HandleBelief,
+    MapFurniture,
+    MapLeaf,
+    MapSurface,
+    Obstacle,
+    SemanticMap,
+    WorldModel,
+)
+
+ROOM = draw_world(load_scene("chest_room"), 0)
 
 
 def believed(scene: str, seed: int = 3) -> tuple[World, WorldModel]:
@@ -87,10 +100,9 @@ def test_boards_and_leaves_cover_wherever_the_piece_may_stand(diff_panda, name: 
     for _ in range(12):
         dx, dy, turn = rng.uniform(-1, 1, 3) * (0.03, 0.03, math.radians(2.0))
         actual = Pose2D(told.x + dx, told.y + dy, told.theta + turn)
-        world = draw_world(load_scene("chest_room"), 0)
         piece = PlacedFurniture(name, model, told, actual)
         world_model = WorldModel(
-            semantic_map(World("", 0, world.walls, (piece,), (), Pose2D(), {})),
+            semantic_map(World("", 0, ROOM.walls, (piece,), (), Pose2D(), {})),
             base=BasePose(Pose2D(), 0.01, 0.01, 0.0),
         )
         world_model.articulations = {f"{name}/{leaf.name}": 0.6 * leaf.upper for leaf in model.articulations}
@@ -117,8 +129,7 @@ def test_the_map_tells_of_boards_but_not_of_handles() -> None:
         model = read_furniture(name)
         at = Pose2D()
         piece = PlacedFurniture(name, model, at, at)
-        walls = draw_world(load_scene("chest_room"), 0).walls
-        told = semantic_map(World("", 0, walls, (piece,), (), Pose2D(), {})).furniture[name]
+        told = semantic_map(World("", 0, ROOM.walls, (piece,), (), Pose2D(), {})).furniture[name]
         assert len(told.leaves) == len(model.articulations) > 0
         for leaf, true in zip(told.leaves, model.articulations, strict=True):
             middle, standoff = true.handle.pose.position, true.handle.standoff
@@ -138,5 +149,108 @@ def test_a_measured_leaf_replaces_the_mapped_one_and_unknown_furniture_is_refuse
     assert len(found["fridge/upper_door"].shapes) == 1
     assert found["fridge/upper_door"].shapes[0].shape is seen.shape
     assert "fridge" in found
+    scene = planning_scene_from_world_model(world_model, diff_panda, diff_panda.postures["home"], hollow=["fridge"])
+    names = [obstacle.name for obstacle in scene.obstacles]
+    assert len(names) == len(set(names))
     with pytest.raises(ManipulationError, match="the map has no furniture 'frigde' to work in; there is fridge"):
         shapes(world_model, diff_panda, hollow=["frigde"])
+
+
+FRONT = PlacedShape(Box((0.02, 0.6, 0.2)), Pose(np.array([-0.25, 0.0, 0.5])))
+SHELF, SIDE = (
+    PlacedShape(Box((0.5, 0.6, 0.02)), Pose(np.array([0.0, 0.0, 0.39]))),
+    PlacedShape(Box((0.5, 0.02, 0.8)), Pose(np.array([0.0, 0.3, 0.4]))),
+)
+CABINET = MapFurniture(
+    "cabinet",
+    Pose2D(2.0, 1.0, 2.2),
+    (0.5, 0.6),
+    0.8,
+    (
+        MapSurface("shelf", Pose(np.array([0.0, 0.0, 0.40])), (0.5, 0.6)),
+        MapSurface("top", Pose([0, 0, 0.8]), (0.5, 0.6)),
+    ),
+    True,
+    shapes=(SHELF, SIDE),
+    leaves=(MapLeaf("drawer", "prismatic", (0.0, 0.0, 0.5), (-1.0, 0.0, 0.0), 0.4, (FRONT,)),),
+    position_error=0.01,
+    heading_error=math.radians(1.0),
+)
+ORIGIN = Pose2D()
+NO_ERROR = {"offset": 0.0, "turn": 0.0}
+
+
+def cabinet() -> WorldModel:
+    return WorldModel(SemanticMap(np.zeros((0, 4)), {"cabinet": CABINET}), base=BasePose(Pose2D(), 0.01, 0.01, 0.0))
+
+
+def bodies_of(world_model: WorldModel, base: Pose2D = ORIGIN, reach: float = 5.0, **errors: float):
+    options = {"offset": 0.03, "turn": math.radians(2.0), **errors}
+    found = hollow_furniture(world_model, base.to_pose().inverse(), ["cabinet"], reach=reach, **options)
+    return {obstacle.name: obstacle.shapes for obstacle in found}
+
+
+def test_a_piece_counts_as_far_as_its_footprint_reaches() -> None:
+    """Its middle is 2.24 m away, its outline at most 0.39 m nearer."""
+    assert bodies_of(cabinet(), reach=1.90)
+    assert bodies_of(cabinet(), reach=1.80) == {}
+
+
+def test_boards_are_grown_by_what_the_piece_or_the_scene_errs_whichever_is_less() -> None:
+    """A board along y: its ends move by the turn most, its faces hardly."""
+    cosine, sine, turn = abs(math.cos(2.2)), abs(math.sin(2.2)), math.radians(1.0)
+    shelf = bodies_of(cabinet())["cabinet"][0].shape.size
+    away = 1.0 - math.cos(turn)
+    across = 0.01 * (cosine + sine) + math.sin(turn) * np.array([0.3, 0.25]) + away * math.hypot(0.25, 0.3)
+    assert shelf == pytest.approx((0.5 + 2 * across[0], 0.6 + 2 * across[1], 0.02), abs=1e-9)
+    exact = bodies_of(cabinet(), **NO_ERROR)["cabinet"][0]
+    assert exact.shape.size == pytest.approx(SHELF.shape.size)
+    assert np.allclose(exact.pose.matrix, (CABINET.pose.to_pose() @ SHELF.pose).matrix)
+
+
+def handle_on(world_model: WorldModel) -> PlacedShape:
+    """A bar before the front of the drawer, seen in the map frame where the drawer is believed; as a box there."""
+    front = CABINET.pose.to_pose() @ world_model.opening_of(CABINET, CABINET.leaves[0]) @ FRONT.pose
+    pose = (
+        front
+        @ Pose.from_xyz_rpy((-0.05, 0.0, 0.0), (0.0, -math.pi / 2, 0.0))
+        @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, 0.0, math.pi / 2))
+    )
+    bar = Handle("bar", pose, 0.006, 0.2, 0.04, pose.rotation[:, 2], 0.9, 0.002)
+    world_model.handles["bar"] = HandleBelief("bar", bar, 0.0, "cabinet")
+    return PlacedShape(Box((0.2, 0.012, 0.046)), pose)
+
+
+def test_a_drawer_that_stands_open_has_its_handle_and_a_closed_one_has_not() -> None:
+    base, closed, opened = Pose2D(0.4, -0.3, 0.7), cabinet(), cabinet()
+    handle_on(closed)
+    assert len(bodies_of(closed, base)["cabinet/drawer"]) == 1
+    opened.believe_articulation("cabinet/drawer", 0.2)
+    bar = handle_on(opened)
+    front, handle = bodies_of(opened, base, **NO_ERROR)["cabinet/drawer"]
+    moved = CABINET.pose.to_pose() @ Pose(np.array([-0.2, 0.0, 0.0])) @ FRONT.pose
+    assert np.allclose((base.to_pose() @ front.pose).matrix, moved.matrix)
+    assert distance_to_shape((base.to_pose().inverse() @ bar.pose).position[None], handle)[0] == 0.0
+
+
+@pytest.mark.parametrize(("height", "boards"), [(0.40, 1), (0.396, 1), (0.41, 2), (0.36, 2)])
+def test_a_measured_surface_takes_the_place_of_the_level_board_below_it_alone(height: float, boards: int) -> None:
+    world_model = cabinet()
+    surfaces = (MapSurface("shelf", Pose(np.array([0.0, 0.0, height])), (0.5, 0.6)), CABINET.surfaces[1])
+    world_model.map = world_model.map.with_furniture(replace(CABINET, surfaces=surfaces))
+    world_model.obstacles["cabinet/shelf/surface"] = Obstacle("cabinet/shelf/surface", (SHELF,), 1.0)
+    assert len(bodies_of(world_model)["cabinet"]) == boards
+
+
+def test_a_board_beside_the_measured_surface_stays() -> None:
+    world_model = cabinet()
+    beside = PlacedShape(SHELF.shape, Pose(np.array([0.8, 0.0, 0.39])))
+    world_model.map = world_model.map.with_furniture(replace(CABINET, shapes=(beside, SIDE)))
+    world_model.obstacles["cabinet/shelf/surface"] = Obstacle("cabinet/shelf/surface", (SHELF,), 1.0)
+    assert len(bodies_of(world_model)["cabinet"]) == 2
+
+
+def test_a_measured_drawer_front_takes_the_place_of_the_mapped_one() -> None:
+    world_model = cabinet()
+    world_model.obstacles["cabinet/drawer"] = Obstacle("cabinet/drawer", (FRONT,), 1.0)
+    assert set(bodies_of(world_model)) == {"cabinet"}

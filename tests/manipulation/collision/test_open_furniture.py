@@ -67,3 +67,8 @@ def test_boards_of_a_piece_that_was_measured_are_hardly_grown(believed, diff_pan
     for board, grown, thin in zip(piece.shapes, careful, exact, strict=True):
         assert np.max(np.array(thin.shape.size) - board.shape.size) == pytest.approx(0.008, abs=1e-6)
         assert np.max(np.array(grown.shape.size) - board.shape.size) > 0.06
+
+
+def test_a_door_that_stands_open_by_a_crack_makes_the_fridge_hollow(believed, diff_panda) -> None:
+    believed.believe_articulation(DOOR, 0.05)
+    assert len(bodies(believed, diff_panda)["fridge"]) > 1

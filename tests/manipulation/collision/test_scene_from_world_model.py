@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from bestman_bt.manipulation.collision import (
     CoalCollisionModel,
+    SceneParameters,
     finger_contacts,
     planning_scene_from_world_model,
 )
@@ -84,6 +86,52 @@ def test_the_held_object_is_in_the_hand_and_no_longer_on_the_table(belief, diff_
     assert scene.attached.tool_frame == diff_panda.arms["arm"].tool_frame
     assert scene.attached.tool_from_object is grip
     assert scene.attached.touch_links == {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
+
+
+def test_an_object_is_padded_by_twice_its_deviation_but_not_without_end(belief, diff_panda):
+    belief.objects["cup"] = replace(belief.objects["cup"], position_std=0.02)
+    assert named(scene_of(belief, diff_panda))["cup"].padding == pytest.approx(0.01)
+    wide = SceneParameters(object_deviations=3.0, max_object_padding=0.05, padding=0.007)
+    scene = scene_of(belief, diff_panda, parameters=wide)
+    assert named(scene)["cup"].padding == pytest.approx(0.05)
+    assert scene.padding == 0.007
+
+
+def test_furniture_that_was_measured_is_grown_by_its_own_errors(belief, diff_panda):
+    """A turn moves the ends of a long side most: 1.4 m by 0.8 m, turned by 1 degree."""
+    known = replace(TABLE, position_error=0.004, heading_error=math.radians(1.0))
+    belief.map = belief.map.with_furniture(known)
+    (box,) = named(scene_of(belief, diff_panda))["table"].shapes
+    turn = math.sin(math.radians(1.0))
+    assert box.shape.size == pytest.approx((0.8 + 0.008 + 1.4 * turn, 1.4 + 0.008 + 0.8 * turn, 0.7))
+
+
+def test_walls_stand_on_the_floor_along_their_line_and_join_at_their_ends(belief, diff_panda):
+    belief.map = replace(belief.map, walls=np.array([[0.0, 1.0, 0.6, 1.8]]))
+    (wall,) = named(scene_of(belief, diff_panda))["wall0"].shapes
+    map_from_wall = BASE.to_pose() @ wall.pose
+    assert wall.shape.size == pytest.approx((1.02, 0.02, 2.5))
+    assert np.allclose(map_from_wall.apply(np.array([[-0.5, 0.0, -1.25]])), [[0.0, 1.0, 0.0]])
+    assert np.allclose(map_from_wall.apply(np.array([[0.5, 0.0, -1.25]])), [[0.6, 1.8, 0.0]])
+
+
+def test_the_floor_begins_at_the_height_of_the_base(belief, diff_panda):
+    (floor,) = named(scene_of(belief, diff_panda))["floor"].shapes
+    assert floor.pose.position[2] + floor.shape.size[2] / 2 == pytest.approx(0.0)
+
+
+def test_what_is_near_is_told_from_the_base_by_the_nearest_point(belief, diff_panda):
+    """The table's edge is 0.4 m before the base, its middle 0.8 m; the cup 0.71 m, and 2.6 m from the map's origin."""
+    for reach, expected in ((0.35, {"floor"}), (0.45, {"floor", "table"}), (0.72, {"floor", "table", "cup"})):
+        scene = scene_of(belief, diff_panda, parameters=SceneParameters(reach=reach, furniture_offset=0.0))
+        assert set(named(scene)) == expected
+
+
+def test_what_is_held_is_where_the_tool_has_it(belief, diff_panda):
+    """A stick held across the hand, which ends 2 cm beside a wall of the scene, not mirrored into it."""
+    grip = Pose.from_xyz_rpy((0.0, 0.15, 0.02), (0.0, 0.0, 0.4))
+    belief.held = HeldObject("stick", CUP, grip, 0.07)
+    assert np.array_equal(scene_of(belief, diff_panda).attached.tool_from_object.matrix, grip.matrix)
 
 
 def test_names_can_be_left_out_and_pairs_allowed(belief, diff_panda):
