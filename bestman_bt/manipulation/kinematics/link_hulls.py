@@ -32,8 +32,8 @@ def _hulls(urdf: str) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
     for body in geometry.geometryObjects:
         frame = model.frames[body.parentFrame]
         link_from_body = frame.placement.actInv(body.placement)
-        corners = _corners(body.geometry) * np.asarray(body.meshScale)
-        points = corners @ link_from_body.rotation.T + link_from_body.translation
+        # The vertices of a mesh have its scale already.
+        points = _corners(body.geometry) @ link_from_body.rotation.T + link_from_body.translation
         hulls.setdefault(frame.name, []).append(points)
     return MappingProxyType({link: tuple(points) for link, points in hulls.items()})
 

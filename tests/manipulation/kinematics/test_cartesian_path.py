@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.messages import Pose
@@ -50,3 +51,38 @@ def test_a_blocked_line_ends_before_the_obstacle(kinematics, ready):
     assert "validity" in path.failure
     assert abs(path.fraction - 0.5) < 0.1
     assert kinematics.tool_pose(path.path[-1]).position[2] > floor
+
+
+def test_a_turn_on_the_spot_is_cut_into_small_steps_the_short_way(kinematics, ready):
+    start = kinematics.tool_pose(ready)
+    goal = start @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, 0.4))
+    path = cartesian_path(kinematics, ready, goal)
+    assert len(path.path) == 9
+    opposite = Pose(goal.position, -goal.quaternion)
+    assert np.allclose(cartesian_path(kinematics, ready, opposite).path, path.path, atol=1e-6)
+    assert np.abs(path.path - ready).max() < 0.6
+
+
+@pytest.mark.parametrize("good", [0, 3, 7])
+def test_the_fraction_is_that_of_the_waypoints_which_were_accepted(kinematics, ready, good):
+    start = kinematics.tool_pose(ready)
+    accepted = []
+    path = cartesian_path(
+        kinematics,
+        ready,
+        Pose(start.position - [0, 0, 0.1], start.quaternion),
+        is_valid=lambda q: len(accepted) < good and not accepted.append(q),
+    )
+    assert path.fraction == pytest.approx(good / 10)
+    assert len(path.path) == good + 1
+    assert np.array_equal(path.path[0], ready)
+
+
+def test_each_waypoint_goes_on_from_the_one_before(kinematics, ready):
+    """A line of 0.3 m: from its start the far end is more than one step of tracking away."""
+    start = kinematics.tool_pose(ready)
+    goal = Pose(np.add(start.position, [0.0, 0.3, 0.0]), start.quaternion)
+    assert kinematics.track(goal, ready) is None
+    path = cartesian_path(kinematics, ready, goal)
+    assert path.complete
+    assert np.allclose(kinematics.tool_pose(path.path[-1]).position, goal.position, atol=1e-4)

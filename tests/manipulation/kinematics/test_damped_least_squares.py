@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, DampedLeastSquaresParameters
 from bestman_bt.messages import Pose
+from tests.manipulation.fixed_ur5 import fixed_ur5
 
 
 def test_reachable_poses_are_solved_to_a_millimetre_and_half_a_degree_inside_the_limits(kinematics, arm, ready, rng):
@@ -84,6 +87,60 @@ def test_tracking_does_not_jump_to_another_branch(kinematics, ready):
     turned = ready.copy()
     turned[0] += 1.0
     assert kinematics.track(kinematics.tool_pose(turned), ready) is None
+
+
+BENT = np.array([0.4, -1.2, 1.4, -0.9, -1.3, 0.3])
+"""Of the UR5: far from its singularities and from all limits."""
+
+
+@pytest.mark.parametrize(("turn", "followed"), [(0.295, True), (0.305, False), (0.44, False), (-0.295, True)])
+def test_tracking_moves_no_joint_by_more_than_its_step(ur5, turn, followed):
+    """An arm of six joints has one solution nearby: the joint that was turned."""
+    wanted = BENT + turn * np.eye(6)[1]
+    found = ur5.track(ur5.tool_pose(wanted), BENT)
+    assert (found is not None) is followed
+    assert found is None or np.allclose(found, wanted, atol=1e-3)
+
+
+@pytest.mark.parametrize("limit", ["lower", "upper"])
+def test_tracking_goes_on_from_a_start_inside_the_margin_and_keeps_to_the_limit(limit):
+    """The elbow stands 5 mrad from its limit, nearer than the 20 mrad that solutions keep."""
+    robot = fixed_ur5()
+    arm, away = robot.arms["arm"], -1.0 if limit == "lower" else 1.0
+    bound = getattr(arm, limit).copy()
+    bound[2] = BENT[2] + 0.005 * away
+    kinematics = DampedLeastSquares(replace(robot, arms={"arm": replace(arm, **{limit: bound})}))
+    wanted = BENT + 0.02 * np.eye(6)[4]
+    assert np.allclose(kinematics.track(kinematics.tool_pose(wanted), BENT), wanted, atol=1e-3)
+    assert kinematics.track(kinematics.tool_pose(BENT + 0.02 * away * np.eye(6)[2]), BENT) is None
+
+
+def test_a_joint_of_little_travel_is_solved_in_its_middle_half(rng):
+    robot = fixed_ur5()
+    arm = robot.arms["arm"]
+    lower, upper = arm.lower.copy(), arm.upper.copy()
+    lower[0], upper[0] = BENT[0] - 0.015, BENT[0] + 0.015
+    kinematics = DampedLeastSquares(replace(robot, arms={"arm": replace(arm, lower=lower, upper=upper)}))
+    for turn in (-0.007, 0.0, 0.007):
+        found = kinematics.solve(kinematics.tool_pose(BENT + turn * np.eye(6)[0]), BENT, rng)
+        assert found.best[0] == pytest.approx(BENT[0] + turn, abs=1e-3)
+
+
+def test_the_closest_approach_is_that_of_all_attempts(kinematics, ready):
+    folded = Pose(np.array([0.1, 0.0, 0.05]), kinematics.tool_pose(ready).quaternion)
+    misses = []
+    for attempts in range(1, 9):
+        result = kinematics.solve(folded, ready, np.random.default_rng(5), attempts=attempts)
+        misses.append(result.position_error + result.rotation_error)
+    assert misses == sorted(misses, reverse=True)
+    assert misses[-1] < misses[0]
+
+
+def test_every_refused_solution_is_counted_and_none_is_one_too_many(kinematics, ready):
+    target, tried = kinematics.tool_pose(ready), []
+    result = kinematics.solve(target, ready, np.random.default_rng(0), is_valid=lambda q: tried.append(q), attempts=6)
+    assert result.rejected == len(tried) > 1
+    assert len(kinematics.solve(target, ready, np.random.default_rng(0), count=2).solutions) == 2
 
 
 def test_manipulability_vanishes_at_a_singularity(kinematics, ready):
