@@ -65,3 +65,49 @@ def test_dense_points_hold_all_waypoints_and_leave_no_gap():
     assert np.max(np.linalg.norm(np.diff(points, axis=0), axis=1)) <= 0.1 + 1e-9
     for waypoint in path:
         assert np.min(np.linalg.norm(points - waypoint, axis=1)) < 1e-12
+
+
+@pytest.mark.parametrize("end", [0.0, 1.0])
+def test_an_edge_that_is_blocked_at_one_end_is_blocked(end):
+    edges = CheckedEdges(lambda q: q[0] != end, 0.1, 0.02)
+    assert not edges.is_free(ZERO, ONE)
+    assert not edges.is_free(ONE, ZERO, fine=True)
+
+
+@pytest.mark.parametrize("place", np.linspace(0.011, 0.989, 9))
+def test_a_gap_between_coarse_points_is_found_finely_wherever_it_is(place):
+    edges = CheckedEdges(lambda q: abs(q[0] - place) > 0.0101, 0.1, 0.02)
+    assert not edges.is_path_free(np.array([ZERO, ONE]))
+    uneven = CheckedEdges(lambda q: abs(q[0] - place) > 0.0205, 0.1, 0.04)
+    assert not uneven.is_free(ZERO, ONE, fine=True)
+
+
+def test_a_coarsely_known_edge_is_not_finely_known_nor_are_its_parts():
+    thin = CheckedEdges(lambda q: not 0.31 < q[0] < 0.35, 0.1, 0.02)
+    assert thin.is_free(ZERO, ONE)
+    thin.split(ZERO, ONE, HALF)
+    assert thin.is_free(ZERO, HALF)
+    assert not thin.is_free(ZERO, HALF, fine=True)
+    assert not thin.is_free(ZERO, ONE, fine=True)
+    assert thin.is_free(HALF, ONE, fine=True)
+
+
+def test_a_part_of_a_coarse_edge_is_asked_at_all_its_points_when_it_has_to_be_fine(edges, asked):
+    """A part begins between the points of the whole: none of its own is known."""
+    edges.is_free(ZERO, ONE)
+    point = np.full(1, 0.53)
+    edges.split(ZERO, ONE, point)
+    asked.clear()
+    assert edges.is_free(ZERO, point, fine=True)
+    assert np.max(np.diff(sorted(asked))) <= 0.02 + 1e-9
+    assert min(asked) == 0.0
+    assert max(asked) == pytest.approx(0.53)
+
+
+def test_what_is_known_finely_stays_so_when_a_coarser_edge_is_split_there(edges, asked):
+    edges.is_free(ZERO, HALF, fine=True)
+    edges.is_free(ZERO, ONE)
+    edges.split(ZERO, ONE, HALF)
+    asked.clear()
+    assert edges.is_free(ZERO, HALF, fine=True)
+    assert asked == []

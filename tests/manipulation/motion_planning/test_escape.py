@@ -11,6 +11,7 @@ from bestman_bt.manipulation.collision import PlanningScene, SceneObstacle
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.motion_planning import EscapeParameters, PlanningError, PlanningErrorCode, escape_path
 from bestman_bt.messages import Box, PlacedShape, Pose
+from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld
 from tests.manipulation.table_and_shelf import FINGERS
 
 
@@ -81,6 +82,68 @@ def test_a_hand_that_is_wedged_in_is_refused(collision_model, arm, ready, rng, k
     assert not world.is_free(ready)
     with pytest.raises(PlanningError, match="lead out of it|too far"):
         escape_path(ready, world, arm, rng, EscapeParameters(largest_motion=0.05))
+
+
+class Slope(JointWorld):
+    """The clearance of a joint a, metres; free where it is above 0."""
+
+    def __init__(self, clearance):
+        super().__init__(lambda q: clearance(q) > 0.0)
+        self._clearance = clearance
+
+    def clearance(self, positions):
+        return float(self._clearance(np.asarray(positions)))
+
+
+def out_of(world, start, rng, **changes):
+    return escape_path(np.array(start), world, TWO, rng, EscapeParameters(**changes))
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_it_climbs_the_clearance_with_full_steps_until_there_is_some_to_spare(rng, direction) -> None:
+    """At 0.1 m/rad from 5 mm of overlap to 2 mm of clearance: 0.07 rad, in steps of 0.01."""
+    path = out_of(Slope(lambda q: 0.1 * direction * q[0] - 0.005), [0.0, 0.0], rng)
+    assert path[:, 0] == pytest.approx(direction * np.linspace(0.0, 0.07, 8), abs=1e-3)
+    assert path[:, 1] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_only_a_shallow_overlap_is_left_and_only_by_a_small_motion(rng) -> None:
+    steep = Slope(lambda q: q[0] - 0.029)
+    assert out_of(steep, [0.0, 0.0], rng)[-1, 0] == pytest.approx(0.031, abs=0.011)
+    with pytest.raises(PlanningError, match="by 31 mm, too far"):
+        out_of(Slope(lambda q: q[0] - 0.031), [0.0, 0.0], rng)
+    with pytest.raises(PlanningError, match=r"0\.35 rad of motion do not lead out"):
+        out_of(Slope(lambda q: 0.05 * q[0] - 0.02), [0.0, 0.0], rng)
+
+
+def test_where_clearance_grows_by_less_than_a_step_the_steps_get_smaller(rng) -> None:
+    """The clearance peaks 4 mrad away: a full step would pass the peak and lose."""
+    peak = Slope(lambda q: 0.0005 - abs(q[0] - 0.004))
+    path = out_of(peak, [0.0, 0.0], rng, directions=1)
+    assert len(path) >= 2
+    assert np.all(np.diff([peak.clearance(q) for q in path]) > 0.0)
+    assert peak.is_free(path[-1])
+
+
+def test_a_start_in_a_saddle_gets_out_by_chance_or_not_at_all(rng) -> None:
+    """The gradient is nil; to both sides the clearance grows."""
+    saddle = Slope(lambda q: q[0] ** 2 * 100 - 0.001 - 0.01 * abs(q[1]))
+    path = out_of(saddle, [0.0, 0.0], rng)
+    assert saddle.is_free(path[-1])
+    with pytest.raises(PlanningError, match="no small motion leads out of it"):
+        out_of(Slope(lambda q: -0.001 - abs(q[0]) - abs(q[1])), [0.0, 0.0], rng)
+
+
+def test_no_joint_is_moved_beyond_its_limit_nor_farther_beyond_it(rng) -> None:
+    """b counts little, a is at its upper limit, or a hair beyond."""
+    world = Slope(lambda q: 0.1 * (q[0] - 2.0) + 0.02 * q[1] - 0.003)
+    for start in (2.0, 2.005):
+        path = out_of(world, [start, 0.0], rng)
+        assert world.is_free(path[-1])
+        assert np.all(path[:, 0] <= start + 1e-12)
+        assert path[-1, 1] > 0.1
+    below = Slope(lambda q: -0.1 * (q[0] + 2.0) + 0.02 * q[1] - 0.003)
+    assert np.all(out_of(below, [-2.005, 0.0], rng)[:, 0] >= -2.005 - 1e-12)
 
 
 def test_nan_and_wrong_dimensions_are_refused(collision_model, arm, ready, rng) -> None:

@@ -11,9 +11,12 @@ from bestman_bt.manipulation.motion_planning import (
     PlanningErrorCode,
     RRTConnect,
     TimedMotionPlanner,
+    Upright,
 )
-from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, first_touch
+from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, ToppraParameters, first_touch, limit_usage
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples
+from bestman_bt.messages import Pose
+from tests.manipulation.motion_planning.joint_worlds import TWO, JointWorld, Kept
 from tests.manipulation.table_and_shelf import problems
 
 
@@ -63,6 +66,96 @@ def test_a_given_path_is_timed_and_checked(world, arm, ready):
     start, goal = problems()[0]
     with pytest.raises(PlanningError, match="the timed motion touches at"):
         planner.follow_path(np.array([start, goal]), world, arm)
+
+
+class Corner(MotionPlanner):
+    """Goes round a corner: timed, the motion rounds it a little. ``asked``: constraints it was given."""
+
+    def __init__(self) -> None:
+        self.asked: list[object] = []
+
+    def plan(self, start, goals, world, limits, rng, constraint=None):
+        self.asked.append(constraint)
+        return MotionPlan(np.array([start, [0.0, 1.0], goals[0]]), 0, 0)
+
+
+FREE = JointWorld(lambda q: True)
+START, GOAL = np.array([-1.0, 0.0]), np.array([1.0, 0.0])
+PATH = np.array([START, [0.0, 1.0], GOAL])
+
+
+@pytest.mark.parametrize(("timed", "kept"), [(1.1, True), (0.8, False)])
+def test_a_timed_motion_is_held_against_what_the_constraint_tolerates(timed, kept):
+    """The path itself breaks what is asked while planning: what counts for the motion is what is tolerated."""
+    planner, constraint = TimedMotionPlanner(Corner(), Toppra(), attempts=2), Kept(0.5, timed)
+
+    def plan():
+        return planner.plan(START, [GOAL], FREE, TWO, np.random.default_rng(0), constraint=constraint)
+
+    def follow():
+        return planner.follow_path(PATH, FREE, TWO, constraint=constraint)
+
+    if kept:
+        assert plan().attempts == 1
+        assert follow().duration > 0.0
+        assert planner.planner.asked == [constraint]
+        return
+    for asked, told in ((plan, "the last breaks at"), (follow, "the timed motion breaks at")):
+        with pytest.raises(PlanningError, match=rf"{told} \d\.\d\d s: b kept low") as refused:
+            asked()
+        assert refused.value.code is PlanningErrorCode.TIMED_PATH_INVALID
+    assert len(planner.planner.asked) == 2
+
+
+def test_a_motion_that_breaks_the_constraint_between_its_samples_is_refused():
+    """Samples half a second apart: the motion passes the bound and is back before the next one."""
+    coarse = TimedMotionPlanner(Corner(), Toppra(ToppraParameters(rate=2.0)))
+    path = np.array([START, [0.3, 1.0], GOAL])
+    peak = coarse.timing.parametrize(path, TWO)
+    highest = max(float(peak.sample(t)[0][1]) for t in np.linspace(0, peak.duration, 2000))
+    assert highest > peak.positions[:, 1].max() + 1e-3
+    between = (highest + peak.positions[:, 1].max()) / 2
+    with pytest.raises(PlanningError, match="breaks at"):
+        coarse.follow_path(path, FREE, TWO, constraint=Kept(2.0, between))
+
+
+def test_the_speed_that_is_asked_for_is_that_of_planned_followed_and_escaping_motions():
+    planner, slow, rng = TimedMotionPlanner(Corner(), Toppra()), SpeedScale(0.1, 0.1), np.random.default_rng(0)
+
+    class Shallow(JointWorld):
+        """In collision below a = 0.05, by as much as that is away."""
+
+        def clearance(self, positions):
+            return 0.1 * (float(np.asarray(positions)[0]) - 0.05)
+
+    shallow = Shallow(lambda q: q[0] > 0.05)
+    motions = {
+        "planned": lambda scale: planner.plan(START, [GOAL], FREE, TWO, rng, scale).trajectory,
+        "followed": lambda scale: planner.follow_path(PATH, FREE, TWO, scale),
+        "escaping": lambda scale: planner.escape(np.zeros(2), shallow, TWO, rng, scale),
+    }
+    for motion in motions.values():
+        fast, slowed = motion(SpeedScale(1.0, 1.0)), motion(slow)
+        assert slowed.duration > 3.0 * fast.duration
+        assert np.array_equal(slowed.positions[[0, -1]], fast.positions[[0, -1]])
+        assert limit_usage(slowed, TWO).within(0.103)
+    with pytest.raises(PlanningError, match="nothing to escape from"):
+        planner.escape(np.ones(2), shallow, TWO, rng)
+
+
+@pytest.mark.parametrize(("tilt", "satisfied", "tolerated"), [(24.9, 1, 1), (25.1, 0, 1), (26.9, 0, 1), (27.1, 0, 0)])
+@pytest.mark.parametrize("direction", [0.0, 2.0, 4.0])
+def test_upright_is_a_tilt_of_the_object_in_any_direction_and_a_little_more_in_motion(
+    kinematics, ready, rng, tilt, satisfied, tolerated, direction
+):
+    """The object lies askew in the hand: what counts is its own axis."""
+    base_from_object = Pose.from_xyz_rpy((0, 0, 0), (0, 0, direction)) @ Pose.from_xyz_rpy(
+        (0, 0, 0), (0, np.radians(tilt), 0)
+    )
+    tool_from_object = Pose(np.zeros(3), (kinematics.tool_pose(ready).inverse() @ base_from_object).quaternion)
+    upright = Upright(kinematics, tool_from_object)
+    assert upright.satisfied(ready) is bool(satisfied)
+    assert upright.tolerated(ready) is bool(tolerated)
 
 
 def test_zero_attempts_are_refused():
