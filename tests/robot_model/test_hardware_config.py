@@ -51,9 +51,62 @@ def test_safety_makes_arms_slower_and_grippers_weaker_in_the_model() -> None:
     assert safe.bases["base"].max_wz == plain.bases["base"].max_wz
 
 
+def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> None:
+    second = {
+        "arm_2": {"part": "ur5_arm", "mount": "column_top", "xyz": [0.1, 0.4, 0]},
+        "hand_2": {"part": "wsg50", "mount": "arm_2"},
+    }
+    parts = {**PARTS, **second, "base": {"part": "omni_base"}}
+    plain = robot(parts=parts)
+    safe = robot(parts=parts, safety={"joint_speed": 0.25, "gripper_force": 12, "base_speed": 0.1, "base_turn": 0.3})
+    for name, arm in plain.arms.items():
+        assert np.allclose(safe.arms[name].velocity, arm.velocity / 4)
+        with pytest.raises(ValueError, match="read-only"):
+            safe.arms[name].velocity[0] = 9.0
+        assert np.all(safe.arms[name].upper == arm.upper)
+    assert [hand.max_force for hand in safe.grippers.values()] == [12.0, 12.0]
+    base = safe.bases["base"]
+    assert (base.max_vx, base.max_vy, base.max_wz) == (0.1, 0.1, 0.3)
+    fast = robot(parts=parts, safety={"gripper_force": 1000, "base_speed": 9, "base_turn": 9})
+    assert fast.bases["base"].max_vx == plain.bases["base"].max_vx == 0.6
+    assert (fast.bases["base"].max_vy, fast.bases["base"].max_wz) == (0.6, 1.2)
+    for name, hand in plain.grippers.items():
+        assert fast.grippers[name].max_force == hand.max_force
+    still = robot(safety={"base_speed": 0, "base_turn": 0}).bases["base"]
+    assert (still.max_vx, still.max_wz) == (0.0, 0.0)
+
+
+def test_an_address_and_a_token_may_be_what_the_environment_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ARM_ADDRESS", "10.9.9.9")
+    monkeypatch.delenv("ARM_TOKEN", raising=False)
+    named = robot(connections={"c": {**XARM, "address": "${ARM_ADDRESS}", "token": "${ARM_TOKEN}"}}).connections["c"]
+    assert (named.address, named.token) == ("10.9.9.9", "")
+    plain = robot(connections={"c": {**XARM, "address": "ARM_ADDRESS", "token": "x${ARM_ADDRESS}"}}).connections["c"]
+    assert (plain.address, plain.token) == ("ARM_ADDRESS", "x${ARM_ADDRESS}")
+
+
+def test_a_load_up_to_what_the_arm_may_carry_is_taken() -> None:
+    def loaded(payload: str) -> RobotModel:
+        return robot(connections={"c": {**XARM, "options": {"payload": payload}}})
+
+    assert loaded("5 kg").connections["c"].options.payload == 5.0
+    with pytest.raises(ConfigurationError, match="connections.c.options.payload: 5.01 kg is more than 'arm' may carry"):
+        loaded("5.01 kg")
+
+
 @pytest.mark.parametrize(
     ("fields", "words"),
     [
+        ({"connections": {"c": {**XARM, "parts": ["arm", "arm"]}}}, ["connections.c.parts[1]", "'c' already"]),
+        ({"connections": {"c": {**XARM, "parts": ["gripper"]}}}, ["should name 1 of the kind arm, names 0"]),
+        (
+            {"connections": {"c": {**XARM, "parts": ["arm", "base"]}}},
+            ["connections.c.parts[1]", "'base' is of the kind"],
+        ),
+        ({"safety": {"workspace": {"lower": [1.1, 0, 0], "upper": [1, 1, 1]}}}, ["lower x = 1.1 m should be below"]),
+        ({"safety": {"base_speed": -1}}, ["safety.base_speed"]),
+        ({"safety": {"base_turn": -1}}, ["safety.base_turn"]),
+        ({"safety": {"gripper_force": -1}}, ["safety.gripper_force"]),
         ({"connections": {"c": {**XARM, "driver": "xram"}}}, ["connections.c.driver", "did you mean 'xarm'"]),
         ({"connections": {"c": {**XARM, "parts": []}}}, ["connections.c.parts", "at least one part"]),
         ({"connections": {"c": {**XARM, "parts": ["arn"]}}}, ["connections.c.parts[0]", "did you mean 'arm'"]),
