@@ -7,9 +7,13 @@ from importlib import import_module
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, algorithm_parameters, load_run
-from bestman_bt.registry import ALGORITHMS
+from bestman_bt.navigation.global_planning.grid_astar import GridAStar
+from bestman_bt.navigation.global_planning.theta_star import ThetaStar
+from bestman_bt.registry import ALGORITHMS, UnknownNameError
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.algorithms import make_algorithms
+from bestman_bt.runtime.algorithms import follower_by_name, make_algorithms, planner_by_name
+
+WITHOUT_PARAMETERS = ("collision/coal_world", "localization/wheel_odometry")
 
 
 def faults(*settings: str) -> list[str]:
@@ -54,18 +58,39 @@ def test_a_wrong_parameter_is_told_with_what_is_right(settings: list[str], fault
     assert faults(*settings) == [fault]
 
 
+def test_an_algorithm_without_parameters_refuses_any() -> None:
+    assert faults("collision.margin=0.1") == ["collision: coal_world takes no parameters, got margin"]
+
+
+def test_a_planner_or_follower_that_a_tree_names_is_made_or_refused_with_the_closest(monkeypatch) -> None:
+    made: list[object] = []
+    for kind in (GridAStar, ThetaStar):
+        monkeypatch.setattr(kind, "__init__", lambda self, parameters: made.append(parameters))
+    run = load_run("navigate_kitchen", settings=["algorithms.global_planning.turn_cost=7"])
+    for name in ("grid_astar", "theta_star"):
+        planner_by_name(run, name)
+    assert [(type(each).__name__, each.turn_cost) for each in made] == [  # the configured one has what is configured
+        ("GridAStarParameters", 7.0),
+        ("ThetaStarParameters", 0.1),
+    ]
+    for by_name in (planner_by_name, follower_by_name):
+        with pytest.raises(UnknownNameError, match="unknown algorithm 'astar'"):
+            by_name(run, "astar")
+
+
 def test_faults_of_several_slots_are_told_at_once() -> None:
     told = faults("costmap.resolution=0", "slam.min_hits=0", "local_planning.max_speed=0", "localization.slip=-1")
     assert len(told) == 4
 
 
-@pytest.mark.parametrize("name", ALGORITHMS.names())
+@pytest.mark.parametrize("name", [name for name in ALGORITHMS.names() if name not in WITHOUT_PARAMETERS])
 def test_the_defaults_lie_within_their_own_bounds(name: str) -> None:
     algorithm = ALGORITHMS.resolve(name)
-    parameters = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
-    if parameters is not None:
-        defaults = {k: v for k, v in vars(algorithm_parameters(name, {}, parameters)).items() if _is_plain(v)}
-        algorithm_parameters(name, defaults, parameters)
+    parameters = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters")
+    defaults = {k: v for k, v in vars(parameters()).items() if _is_plain(v)}
+    assert defaults
+    checked = vars(algorithm_parameters(name, defaults, parameters))
+    assert {k: checked[k] for k in defaults} == defaults
 
 
 def _is_plain(value: object) -> bool:

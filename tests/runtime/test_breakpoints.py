@@ -17,6 +17,8 @@ from bestman_bt.engine import IDLE, RUNNING, SUCCESS, ManualClock, NodeRegistry,
 from bestman_bt.monitor.control_client import ControlError, request
 from bestman_bt.monitor.events import RunEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
+from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
+from bestman_bt.runtime.executor import Hold
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -254,3 +256,139 @@ def test_who_watches_is_told_where_it_holds_and_the_tick_of_each_step(debugged: 
         while (event := next(told)).event != "paused" or event.reason != "breakpoint":
             pass
         assert (event.node, event.when) == ("work", "before")
+
+
+class Scripted:
+    """An execution without threads that goes on at once wherever it held. ``at_hold``: what is done there."""
+
+    def __init__(self, body: str, ticks: int = 40) -> None:
+        registry = NodeRegistry()
+        registry.register(Work)
+        self.done: list[str] = []
+        xml = f'<root BTCPP_format="4" main_tree_to_execute="Main">{body}</root>'
+        self.tree = load_tree(xml, registry, clock=ManualClock(), context=self.done)
+        self.executor = Executor(self.tree, self.tree.clock, after_tick=self._count)
+        self.executor.watchers.append(self)
+        self.changes = 0
+        self.breakpoints = Breakpoints(self.executor, self._changed)
+        self.holds: list[tuple[str | None, str | None]] = []
+        self.at_hold = lambda: None
+        self.ticks = ticks
+
+    def run(self) -> list[tuple[str | None, str | None]]:
+        self.executor.run()
+        return self.holds
+
+    def held(self, hold: Hold | None) -> None:
+        if hold is not None:
+            self.holds.append((hold.node, hold.when))
+            self.at_hold()
+            self.executor.resume()
+
+    def after_tick(self) -> None:
+        pass
+
+    def _count(self) -> None:
+        if self.executor.ticks >= self.ticks:
+            self.executor.cancel()
+
+    def _changed(self) -> None:
+        self.changes += 1
+
+
+MAIN = """<BehaviorTree ID="Main"><Repeat num_cycles="-1" name="again"><Sequence name="both">
+  <Script name="count" code="n += 1"/><Work name="work"/></Sequence></Repeat></BehaviorTree>"""
+
+
+def counting(ticks: int = 40) -> Scripted:
+    scripted = Scripted(MAIN, ticks)
+    scripted.tree.blackboard.set("n", 0)
+    return scripted
+
+
+def test_a_condition_that_was_false_in_between_holds_again() -> None:
+    scripted = counting()
+    scripted.breakpoints.add("work", "before", "n >= 3")
+    held_at = []
+
+    def start_again() -> None:
+        held_at.append(scripted.tree.blackboard.get("n"))
+        scripted.tree.blackboard.set("n", 0)
+
+    scripted.at_hold = start_again
+    assert len(scripted.run()) >= 3
+    assert set(held_at) == {3}
+
+
+def test_a_breakpoint_in_the_place_of_another_is_the_only_one_there() -> None:
+    scripted = counting()
+    scripted.breakpoints.add("work", "before", "n == 2")
+    scripted.breakpoints.add(4, "before", "n == 4", once=True)
+    scripted.breakpoints.add("count", "after", "n == 3")
+    assert [one["condition"] for one in scripted.breakpoints.documents()] == ["n == 4", "n == 3"]
+    assert scripted.run() == [("count", "after"), ("work", "before")]
+    assert scripted.changes == 4
+    assert [one["path"] for one in scripted.breakpoints.documents()] == ["count"]
+
+
+def test_those_of_one_moment_can_be_cleared_everywhere() -> None:
+    scripted = counting(ticks=6)
+    for node in ("count", "work"):
+        for when in ("before", "after"):
+            scripted.breakpoints.add(node, when)
+    scripted.breakpoints.clear(when="after")
+    assert [(one["path"], one["when"]) for one in scripted.breakpoints.documents()] == [
+        ("count", "before"),
+        ("work", "before"),
+    ]
+    assert set(scripted.run()) == {("count", "before"), ("work", "before")}
+    scripted.breakpoints.clear("work")
+    scripted.breakpoints.clear("count", "after")
+    assert [one["path"] for one in scripted.breakpoints.documents()] == ["count"]
+    scripted.breakpoints.clear()
+    assert all(node.hooks is None for node in scripted.tree.nodes)
+
+
+def test_a_condition_is_read_in_the_scope_of_its_node() -> None:
+    inner = '<BehaviorTree ID="Inner"><Sequence><Script code="n := 7"/><Work name="work"/></Sequence></BehaviorTree>'
+    outer = """<BehaviorTree ID="Main"><Repeat num_cycles="-1" name="again"><Sequence><Script code="n := 1"/>
+        <SubTree ID="Inner" name="inside"/></Sequence></Repeat></BehaviorTree>"""
+    scripted = Scripted(outer + inner, ticks=8)
+    scripted.breakpoints.add("inside/work", "before", "n == 7", once=True)
+    scripted.breakpoints.add("again", "before", "n == 7")
+    assert scripted.run() == [("inside/work", "before")]
+
+
+def test_a_forced_result_is_given_once_and_each_node_gets_its_own() -> None:
+    scripted = counting(ticks=12)
+    results: list[int] = []
+    scripted.tree.node("work").add_post_tick(lambda node, status: results.append(status))
+    scripted.breakpoints.force(4, "SUCCESS")
+    scripted.breakpoints.force("count", "SUCCESS")
+    scripted.run()
+    assert results[:3] == [SUCCESS, RUNNING, SUCCESS]
+    assert scripted.tree.blackboard.get("n") == scripted.done.count("start")  # of both, the first tick was replaced
+    assert scripted.tree.node("count").hooks is None
+
+
+def test_a_forced_failure_is_one_though_the_node_would_succeed() -> None:
+    scripted = counting(ticks=12)
+    scripted.breakpoints.force("work", "SUCCESS")
+    scripted.breakpoints.force("work", "FAILURE")
+    scripted.run()
+    assert scripted.done == []
+    assert scripted.executor.ticks == 1
+
+
+@pytest.mark.parametrize("node", [0, 5, True, "nowhere", None, 1.0])
+def test_what_names_no_node_is_refused(node: Any) -> None:
+    scripted = counting()
+    for refused in (
+        lambda: scripted.breakpoints.add(node, "before"),
+        lambda: scripted.breakpoints.force(node, "SUCCESS"),
+    ):
+        with pytest.raises(BreakpointError, match="node"):
+            refused()
+    assert scripted.breakpoints.documents() == []
+    for uid in (1, 4):
+        scripted.breakpoints.add(uid, "after")

@@ -23,6 +23,7 @@ from bestman_bt.engine import (
     load_tree,
 )
 from bestman_bt.runtime import Ending, Executor
+from bestman_bt.runtime.executor import MAX_TASKS, Hold
 from hal.api import CommandRefusedError
 
 HALTED: list[str] = []
@@ -174,6 +175,72 @@ def test_the_first_interrupt_cancels_between_ticks_and_the_handler_is_put_back()
     assert (execution.ending, execution.why) == (Ending.CANCELLED, "interrupted from the keyboard")
     assert signal.getsignal(signal.SIGINT) is before
     assert HALTED == ["work"]
+
+
+def test_a_termination_signal_cancels_too_and_both_handlers_are_put_back() -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    execution = at_tick(3, lambda _: os.kill(os.getpid(), signal.SIGTERM)).run()
+    assert (execution.ending, execution.why, execution.ticks) == (Ending.CANCELLED, "terminated", 3)
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    assert HALTED == ["work"]
+
+
+def test_what_was_cancelled_before_its_start_ticks_nothing() -> None:
+    executor = executor_of('<Work name="work"/>')
+    executor.cancel("too early")
+    execution = executor.run()
+    assert (execution.ending, execution.why, execution.ticks) == (Ending.CANCELLED, "too early", 0)
+    assert all(node.state == IDLE for node in executor.tree.nodes)
+
+
+def test_a_node_that_breaks_because_it_was_stopped_was_cancelled() -> None:
+    def cancel(executor: Executor) -> None:
+        executor.cancel("stopped")
+        raise CommandRefusedError("the robot is stopped")
+
+    execution = at_tick(2, cancel).run()
+    assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped")
+    assert HALTED == ["work"]
+
+
+def test_the_time_limit_counts_from_the_start_of_the_run_and_ends_at_its_tick() -> None:
+    executor = executor_of('<Work name="work"/>', time_limit=0.5, period=0.125)
+    executor.clock.sleep(100.0)
+    execution = executor.run()
+    assert (execution.ending, execution.ticks, execution.sim_time_s) == (Ending.TIMEOUT, 5, 0.5)
+
+
+def test_watchers_are_told_of_each_pause_with_its_reason_and_of_its_end() -> None:
+    class Watching:
+        def __init__(self) -> None:
+            self.told: list[object] = []
+
+        def after_tick(self) -> None:
+            self.told.append(executor.ticks)
+
+        def held(self, hold: Hold | None) -> None:
+            self.told.append(hold)
+            if hold is not None:
+                executor.step() if executor.ticks < 2 else executor.cancel()
+
+    executor = executor_of('<Work name="work"/>')
+    watching = Watching()
+    executor.watchers.append(watching)
+    executor.pause()
+    executor.run()
+    assert watching.told == [Hold(), None, 1, Hold(), None, 2, Hold(), None]
+
+
+def test_what_is_asked_for_is_done_in_its_order_and_some_of_a_flood_waits_for_the_next_turn() -> None:
+    done: list[int] = []
+    executor = at_tick(1, lambda e: None)
+    flood = [executor.between_ticks(lambda number=number: done.append(number)) for number in range(3 * MAX_TASKS)]
+    before: list[int] = []
+    executor.after_tick = lambda: before.append(len(done)) if executor.ticks < 5 else executor.cancel()
+    executor.run()
+    assert before[:3] == [MAX_TASKS, 2 * MAX_TASKS, 3 * MAX_TASKS]
+    assert done == list(range(3 * MAX_TASKS))
+    assert all(future.done() and not future.cancelled() for future in flood)
 
 
 def test_the_second_interrupt_does_not_wait_and_still_halts_the_tree() -> None:

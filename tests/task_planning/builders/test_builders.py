@@ -2,23 +2,44 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations, permutations, product
 
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, NodeRegistry
+from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.builders import (
     BackchainBuilder,
+    BackchainBuilderParameters,
     ReactiveBuilder,
+    ReactiveBuilderParameters,
     SequenceBuilder,
+    SequenceBuilderParameters,
     TreeBuilder,
     kernels,
     staircase,
     steps_one_by_one,
     steps_side_by_side,
 )
+from bestman_bt.task_planning.builders.replanning import with_replanning
+from bestman_bt.task_planning.builders.steps import depend
+from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run, load_simulated
-from bestman_bt.task_planning.symbolic import PlanningError, Problem, parse_literals
+from bestman_bt.task_planning.symbolic import (
+    Action,
+    Fact,
+    Literal,
+    Operator,
+    PlanningError,
+    Problem,
+    TaskPlan,
+    instantiate,
+    parse_literals,
+)
 from tests.task_planning.disturbed_world import Upset
 from tests.task_planning.kitchen_domain import DOOR, FETCH, FETCH_GOAL, facts, kitchen, operator, plan_of
 
@@ -215,3 +236,176 @@ def many_drawers(count: int) -> tuple[Problem, tuple[str, ...]]:
         behind.append(f"behind(chest/drawer_{i}, drawer_{i})")
         actions += [f"OpenContainer(drawer_{i})", f"PickUp(thing_{i}, table)", f"PutAt(thing_{i}, chest/drawer_{i})"]
     return Problem(objects, problem.state | facts(*behind), problem.goal, problem.operators), tuple(actions)
+
+
+FACTS = [Fact(name) for name in "abcd"]
+STATES = [frozenset(some) for count in range(5) for some in combinations(FACTS, count)]
+SETTINGS = st.dictionaries(st.sampled_from(FACTS), st.booleans(), max_size=3)
+
+
+def action_of(name: str, pre: dict[Fact, bool], effects: dict[Fact, bool], parts: Sequence[str] = ("arm",)) -> Action:
+    add, delete = ([fact for fact, holds in effects.items() if holds is value] for value in (True, False))
+    literals = tuple(Literal(fact, not holds) for fact, holds in pre.items())
+    made = Operator(name, {}, literals, add=tuple(add), delete=tuple(delete), parts=tuple(parts))
+    return instantiate(Problem({}, frozenset(), (), (made,)), made, [])
+
+
+@st.composite
+def plans(draw: st.DrawFn) -> TaskPlan:
+    parts = st.sampled_from([("arm",), ("base",), ("arm", "base"), ("head",), ()])
+    drawn = [(draw(SETTINGS), draw(SETTINGS), draw(parts)) for _ in range(draw(st.integers(1, 4)))]
+    return TaskPlan(tuple(action_of(f"Act{i}", *each) for i, each in enumerate(drawn)))
+
+
+def reaches(actions: Sequence[Action], state: frozenset[Fact], goal: frozenset[Literal]) -> bool:
+    for action in actions:
+        if action.broken_in(state):
+            return False
+        state = action.applied_to(state)
+    return all(literal.holds_in(state) for literal in goal)
+
+
+def begun_with(index: int, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
+    """An action and any of those after it, in their order."""
+    rest = actions[index + 1 :]
+    for count in range(len(rest) + 1):
+        for some in combinations(rest, count):
+            yield (actions[index], *some)
+
+
+@settings(max_examples=60, deadline=None)
+@given(plans(), SETTINGS.filter(bool))
+def test_a_step_is_ready_only_where_it_leads_to_the_goal_and_some_step_is_where_one_does(
+    plan: TaskPlan, wanted: dict[Fact, bool]
+) -> None:
+    goal = frozenset(Literal(fact, not holds) for fact, holds in wanted.items())
+    steps = steps_one_by_one(plan)
+    try:
+        kernel = kernels(steps, goal)
+    except PlanningError:
+        assume(False)
+    stairs = staircase(steps, goal, 1000)
+    for state in STATES:
+        ready = [each.holds_in(state) for each in stairs]
+        leads = [any(reaches(some, state, goal) for some in begun_with(i, plan.actions)) for i in range(len(plan))]
+        assert all(may for is_ready, may in zip(ready, leads, strict=True) if is_ready)
+        assert any(ready) or not any(leads) or all(literal.holds_in(state) for literal in goal)
+        for index, needed in enumerate(kernel):
+            assert all(one.holds_in(state) for one in needed) is reaches(plan.actions[index:], state, goal)
+
+
+@settings(max_examples=80, deadline=None)
+@given(plans())
+def test_steps_keep_the_order_of_what_depends_on_each_other_and_begin_as_early_as_they_can(plan: TaskPlan) -> None:
+    steps = steps_side_by_side(plan)
+    assert sorted(str(action) for step in steps for action in step.actions) == sorted(map(str, plan.actions))
+    number = {action: index for index, step in enumerate(steps) for action in step.actions}
+    for index, action in enumerate(plan.actions):
+        before = [number[one] for one in plan.actions[:index] if depend(one, action)]
+        assert number[action] == max(before, default=-1) + 1
+    for one, other in permutations(plan.actions, 2):
+        assert depend(one, other) is depend(other, one)
+        if not depend(one, other):
+            assert one.parts
+            assert other.parts
+            for state in STATES:
+                if not one.broken_in(state) and not other.broken_in(state):
+                    assert not other.broken_in(one.applied_to(state))
+                    assert other.applied_to(one.applied_to(state)) == one.applied_to(other.applied_to(state))
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "parts", "dependent"),
+    [
+        (({}, {"a": True}), ({"a": True}, {}), ("arm", "base"), True),
+        (({"a": True}, {}), ({}, {"a": False}), ("arm", "base"), True),
+        (({}, {"a": True}), ({}, {"a": False}), ("arm", "base"), True),
+        (({}, {"a": False}), ({}, {"a": False}), ("arm", "base"), True),
+        (({"a": True}, {"b": True}), ({"a": True}, {"c": False}), ("arm", "base"), False),
+        (({"a": True}, {"b": True}), ({"a": True}, {"c": False}), ("arm", "arm"), True),
+        (({}, {"b": True}), ({}, {"c": False}), ("", "arm"), True),
+    ],
+)
+def test_the_order_matters_where_one_changes_what_the_other_changes_or_needs_or_a_part_is_shared(
+    one: tuple[dict[str, bool], ...], other: tuple[dict[str, bool], ...], parts: tuple[str, str], dependent: bool
+) -> None:
+    first, second = (
+        action_of("Act", *({Fact(name): holds for name, holds in each.items()} for each in given), part.split())
+        for given, part in ((one, parts[0]), (other, parts[1]))
+    )
+    assert depend(first, second) is depend(second, first) is dependent
+
+
+def test_a_plan_goes_one_by_one_where_nothing_may_go_side_by_side() -> None:
+    plan = ("TuckArm()", "GoTo(table)")
+    for parallel, begun in product((True, False), (ReactiveBuilder, SequenceBuilder)):
+        parameters = {ReactiveBuilder: ReactiveBuilderParameters, SequenceBuilder: SequenceBuilderParameters}[begun]
+        problem = kitchen("tucked and near(table)")
+        xml = begun(parameters(parallel=parallel)).build(plan_of(problem, *plan), problem.goal).document().to_xml()
+        assert ("<Parallel" in xml) is parallel
+        assert ('success_count="-1" failure_count="1"' in xml) is parallel
+        world = SymbolicWorld(problem)
+        assert dry_run(xml, world, NodeRegistry()).status == SUCCESS
+        assert world.reached
+
+
+def test_builders_take_their_own_numbers_of_attempts() -> None:
+    problem = kitchen(FETCH_GOAL)
+    plan = plan_of(problem, *FETCH)
+    for builder in (
+        ReactiveBuilder(ReactiveBuilderParameters(attempts=7, rounds=2)),
+        BackchainBuilder(BackchainBuilderParameters(attempts=7)),
+    ):
+        xml = builder.build(plan, problem.goal).document().to_xml()
+        assert 'name="attempts" num_attempts="7"' in xml
+    assert (
+        'name="round_by_round" num_attempts="8"'
+        in ReactiveBuilder(ReactiveBuilderParameters(rounds=2)).build(plan, problem.goal).document().to_xml()
+    )
+
+
+BACKCHAINED = """\
+<RetryUntilSuccessful name="attempts" num_attempts="3">
+    <Sequence name="reach_the_goal">
+        <Fallback name="2_unless_done">
+            <Holds name="2_is_done" fact="holding(mug)"/>
+            <Sequence name="2_do">
+                <Holds name="2_can_be_done" fact="hand_empty and on(mug, chest/drawer_1)"/>
+                <Fallback name="1_unless_done">
+                    <Holds name="1_is_done" fact="open(drawer_1)"/>
+                    <Sequence name="1_do">
+                        <Holds name="1_can_be_done" fact="hand_empty and not locked(drawer_1) and not open(drawer_1)"/>
+                        <SubTree ID="OpenContainer" name="1_OpenContainer" container="drawer_1"/>
+                    </Sequence>
+                </Fallback>
+                <Holds name="2_is_ready" fact="hand_empty and on(mug, chest/drawer_1) and open(drawer_1)"/>
+                <SubTree ID="PickUp" name="2_PickUp" object="mug" place="chest/drawer_1"/>
+            </Sequence>
+        </Fallback>
+        <Holds name="goal_reached" fact="holding(mug)"/>
+    </Sequence>
+</RetryUntilSuccessful>"""
+
+
+def test_a_back_chained_tree_reads_as_the_plan_that_it_was_made_from(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = kitchen("holding(mug)")
+    plan = plan_of(problem, *FETCH[:2])
+    written = BackchainBuilder().build(plan, problem.goal).document().to_xml()
+    assert "\n".join(" " * 8 + line for line in BACKCHAINED.splitlines()) in written
+    monkeypatch.setattr("bestman_bt.task_planning.builders.backchain.MAX_ACTIONS", 2)
+    assert BackchainBuilder().build(plan, problem.goal).document().to_xml() == written
+    monkeypatch.setattr("bestman_bt.task_planning.builders.backchain.MAX_ACTIONS", 1)
+    with pytest.raises(PlanningError, match="the tree would have more than 1 actions"):
+        BackchainBuilder().build(plan, problem.goal)
+
+
+def test_a_tree_that_plans_anew_keeps_to_the_limits_and_counts_that_it_was_given() -> None:
+    goal = parse_literals("tucked")
+    problem = kitchen("tucked")
+    made = SequenceBuilder().build(TaskPlan(()), problem.goal)
+    limits = PlanLimits(max_actions=7)
+    xml = with_replanning(made, goal, "symbolic", "backchain", node_registry(), limits, replans=5)
+    anew = next(line for line in xml.splitlines() if 'name="anew"' in line)
+    for entry in ('limits="steps=7"', 'replans="5"', 'builder="backchain"', 'planner="symbolic"', 'goal="tucked"'):
+        assert entry in anew
+    assert 'limits=""' in with_replanning(made, goal, "symbolic", "backchain", node_registry())
