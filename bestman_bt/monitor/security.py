@@ -7,10 +7,10 @@ import ipaddress
 import secrets
 from collections.abc import Iterable
 from dataclasses import dataclass
-from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import cookie_parser
 from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -159,12 +159,4 @@ def _host_name(host: str) -> str:
 
 
 def _cookies(headers: Iterable[str], name: str) -> list[str]:
-    values = []
-    for header in headers:
-        try:
-            cookie = SimpleCookie(header)
-        except CookieError:
-            continue
-        if name in cookie:
-            values.append(cookie[name].value)
-    return values
+    return [cookies[name] for cookies in map(cookie_parser, headers) if name in cookies]

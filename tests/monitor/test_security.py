@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import socket
 from collections.abc import Callable
+from typing import Any
+from urllib.parse import quote
 
 import pytest
+from starlette.responses import PlainTextResponse
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from bestman_bt.monitor.address import page_address
-from bestman_bt.monitor.security import AccessRules, is_loopback, new_token
+from bestman_bt.monitor.security import AccessRules, Guard, is_loopback, new_token
 from bestman_bt.monitor.server import LARGEST_REQUEST, STATIC
 from tests.monitor.conftest import Monitor
 
@@ -50,10 +54,12 @@ def refused(monitor: Monitor, **headers: str) -> int:
 
 def test_loopback_is_told_apart_from_addresses_that_others_reach() -> None:
     assert [is_loopback(host) for host in ("127.0.0.1", "127.0.0.9", "::1", "localhost")] == [True] * 4
-    assert [is_loopback(host) for host in ("0.0.0.0", "::", "192.168.1.4", "robot", "127.0.0.1.evil.org", "")] == [
-        False
-    ] * 6
+    assert [
+        is_loopback(host)
+        for host in ("0.0.0.0", "::", "192.168.1.4", "10.0.0.1", "fe80::1", "robot", "127.0.0.1.evil.org", "")
+    ] == [False] * 8
     assert AccessRules.of("0.0.0.0", 1, TOKEN).hosts == frozenset()
+    assert AccessRules.of("127.0.0.9", 1, TOKEN).hosts == {"localhost", "127.0.0.1", "::1", "127.0.0.9"}
 
 
 def test_tokens_are_long_and_never_the_same() -> None:
@@ -133,10 +139,89 @@ def test_answers_forbid_foreign_scripts_and_frames(open_monitor: Monitor) -> Non
         for path in ("/health", "/", "/runs/x/images/1.jpg", "/nothing"):
             headers = http.get(path).headers
             policy = dict(part.strip().split(" ", 1) for part in headers["content-security-policy"].split(";"))
-            assert policy["default-src"] == policy["frame-ancestors"] == "'none'"
-            assert policy["script-src"] == policy["style-src"] == policy["connect-src"] == "'self'"
+            assert policy.pop("img-src") == "'self' data:"
+            forbidden = {"default-src", "base-uri", "form-action", "frame-ancestors"}
+            assert {name for name, allowed in policy.items() if allowed == "'none'"} == forbidden
+            assert {name for name, allowed in policy.items() if allowed == "'self'"} == policy.keys() - forbidden
+            assert {"script-src", "style-src", "connect-src"} < policy.keys()
             assert (headers["x-content-type-options"], headers["x-frame-options"]) == ("nosniff", "DENY")
+            assert headers["referrer-policy"] == "no-referrer"  # the token stands in an address
+            assert headers["cross-origin-opener-policy"] == headers["cross-origin-resource-policy"] == "same-origin"
             assert "server" not in headers
+
+
+class Door:
+    """A guard before an application that lets everybody in."""
+
+    def __init__(self, rules: AccessRules) -> None:
+        self.guard = Guard(PlainTextResponse("inside"), rules)
+
+    def ask(self, *headers: tuple[str, str], path: str = "/", query: str = "") -> tuple[int, dict[str, str]]:
+        """Status and headers of the answer to a GET."""
+        told: list[Any] = []
+
+        async def send(message: Any) -> None:
+            told.append(message)
+
+        async def receive() -> Any:
+            return {"type": "http.request", "body": b"", "more_body": False}
+
+        raw = [(name.lower().encode(), value.encode("latin-1")) for name, value in (("Host", "robot:80"), *headers)]
+        scope = {"type": "http", "method": "GET", "path": path, "query_string": query.encode(), "headers": raw}
+        asyncio.run(self.guard(scope, receive, send))
+        return told[0]["status"], {name.decode(): value.decode() for name, value in told[0]["headers"]}
+
+    def cookie(self) -> tuple[str, str]:
+        """The cookie that the token is changed for: name and value."""
+        told = self.ask(query=f"token={TOKEN}")[1]["set-cookie"]
+        name, _, value = told.split(";")[0].partition("=")
+        return name, value
+
+
+@pytest.mark.parametrize(
+    ("scheme", "token", "status"),
+    [
+        ("Bearer", TOKEN, 200),
+        ("bEARER", f"  {TOKEN} ", 200),
+        ("Basic", TOKEN, 401),
+        ("", TOKEN, 401),
+        ("Bearer", f"{TOKEN}x", 401),
+        ("Bearer", TOKEN[:-1], 401),
+        ("Bearer", TOKEN.upper(), 401),
+        ("Bearer", "", 401),
+        ("Bearer", "é\x80", 401),
+    ],
+)
+def test_only_the_whole_token_of_its_kind_opens(scheme: str, token: str, status: int) -> None:
+    door = Door(AccessRules.of("0.0.0.0", 80, TOKEN))
+    assert door.ask(("Authorization", f"{scheme} {token}"))[0] == status
+    assert door.ask(path="/", query=f"token={quote(token.strip())}")[0] == (303 if token.strip() == TOKEN else 401)
+
+
+def test_the_cookie_is_found_among_others_and_whole() -> None:
+    door = Door(AccessRules.of("0.0.0.0", 80, TOKEN))
+    name, value = door.cookie()
+    ours = f"{name}={value}"
+    for cookies in (ours, f"a=1; {ours}; b=2", f"odd:name/@=1; {ours}", f"broken; {ours}", f'{name}="{value}"'):
+        assert door.ask(("Cookie", cookies))[0] == 200, cookies
+    assert door.ask(("Cookie", "a=1"), ("Cookie", ours))[0] == 200
+    for cookies in (f"{ours}x", ours[:-1], f"{name}=", f"x{ours}", f"{name}={TOKEN}", "é=\x80", ""):
+        assert door.ask(("Cookie", cookies))[0] == 401, cookies
+
+
+def test_a_cookie_is_of_one_server_and_one_port() -> None:
+    rules = AccessRules.of("0.0.0.0", 80, TOKEN)
+    name, value = Door(rules).cookie()
+    assert Door(rules).ask(("Cookie", f"{name}={value}"))[0] == 401
+    other = AccessRules.of("0.0.0.0", 81, TOKEN)
+    assert Door(other).cookie()[0] != name
+    assert min(len(cookie) for cookie in (value, Door(other).cookie()[1])) >= 32
+
+
+def test_without_a_token_none_is_asked_for_and_none_is_taken() -> None:
+    door = Door(AccessRules.of("127.0.0.1", 80, None))
+    assert door.ask()[0] == 403  # by another name
+    assert Door(AccessRules(80)).ask(query="token=None")[0] == 200
 
 
 @pytest.mark.parametrize(
