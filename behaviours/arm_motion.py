@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 from behaviours.computation import Job
 from behaviours.context import SkillContext
 from behaviours.skill import Skill, Steps, StepsTo
-from bestman_bt.manipulation.collision import CollisionWorld, hand_links
-from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode, TimedPlan, Upright
 from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import JointTrajectory
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld
+    from bestman_bt.manipulation.motion_planning import TimedPlan
 
 MAX_HELD_TILT = math.radians(25.0)
 FREE_SPEED = SpeedScale(0.5, 0.35)
@@ -24,6 +27,8 @@ ESCAPE_SPEED = SpeedScale(0.05, 0.05)
 
 def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
     """Pairs of hand and finger links with other bodies, to be allowed where the hand works."""
+    from bestman_bt.manipulation.collision import hand_links
+
     return [(link, other) for link in hand_links(skills.robot, skills.arm.name) for other in others]
 
 
@@ -33,6 +38,8 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
     What is held stays upright within 25°, if it is now. Where the arm is believed to touch something already, a small
     motion with ever more clearance comes first.
     """
+    from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+
     skills = skill.skills
     around = world if world is not None else skills.arm_world(skills.planning_scene())
     try:
@@ -47,6 +54,8 @@ def move_free(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisi
 
 def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: CollisionWorld) -> Job[TimedPlan]:
     """A motion from where the arm is."""
+    from bestman_bt.manipulation.motion_planning import Upright
+
     skills = skill.skills
     start = skills.arm_positions()
     constraint, speed = None, FREE_SPEED

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from behaviours.context import SkillContext
 from behaviours.surfaces import measured_surface
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose
-from bestman_bt.perception.detection import DetectedScene, Detection, LabelledCluster
-from bestman_bt.perception.pose_estimation import Observation
-from bestman_bt.perception.segmentation import Cluster
-from bestman_bt.perception.tracking import THING
-from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.detection import DetectedScene, Detection
+    from bestman_bt.perception.pose_estimation import Observation
+    from bestman_bt.perception.segmentation import Cluster
+    from bestman_bt.sensing.rgbd import RGBDView
 
 REMEMBERED_VIEWS = 4
 """Views of one object that are kept, to be joined with the next one."""
@@ -37,6 +39,8 @@ def believe_objects(
     skills: SkillContext, view: RGBDView, scene: DetectedScene, surface: str | None = None
 ) -> tuple[str, ...]:
     """Explain what was seen by what is believed; returns the identities: of the detections, then of the unknown."""
+    from bestman_bt.perception.pose_estimation import Observation
+
     world = skills.world
     things = [cluster for cluster in scene.unknown if not _part_of_furniture(skills, view, cluster, surface)]
     clusters = [*(found.cluster for found in scene.detections), *things]
@@ -118,6 +122,9 @@ def _sighting(view: RGBDView, found: Detection, surface: str | None) -> ObjectBe
 
 def _thing(view: RGBDView, cluster: Cluster, surface: str | None) -> ObjectBelief:
     """A thing that no model explains, named where a detector has a name for it: its box is its model."""
+    from bestman_bt.perception.detection import LabelledCluster
+    from bestman_bt.perception.tracking import THING
+
     name = cluster.label if isinstance(cluster, LabelledCluster) else THING
     placed = cluster.bounding_box
     assert isinstance(placed.shape, Box)

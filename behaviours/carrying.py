@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from behaviours.context import SkillContext
-from bestman_bt.manipulation.collision import CollisionWorld, SceneObstacle
 from bestman_bt.messages import Box, Cylinder, PlacedShape, Pose
 from bestman_bt.world_model import HeldObject
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld, SceneObstacle
 
 BESIDE = (
     (0.0, 0.25, 1.45),
@@ -90,12 +92,16 @@ def _things_that_are_not_there(skills: SkillContext, things: Sequence[SceneObsta
 
 
 def _lines(skills: SkillContext, points: Sequence[ArrayLike]) -> SceneObstacle:
+    from bestman_bt.manipulation.collision import SceneObstacle
+
     eye = skills.camera.base_from_camera().position
     return SceneObstacle("sight", tuple(_line_of_sight(eye, np.asarray(point)) for point in points))
 
 
 def _fence() -> SceneObstacle:
     """About the base."""
+    from bestman_bt.manipulation.collision import SceneObstacle
+
     back, front, side = ROOM_TO_TURN
     boards = tuple(
         PlacedShape(Box(size), Pose(np.array(middle)))
@@ -111,6 +117,8 @@ def _fence() -> SceneObstacle:
 
 def _line_of_sight(eye: NDArray[np.float64], point: NDArray[np.float64]) -> PlacedShape:
     """A cylinder from a camera at ``eye`` to ``point``, (3,) metres, without its ends."""
+    from scipy.spatial.transform import Rotation
+
     radius, after, before = SIGHT
     line = point - eye
     distance = float(np.linalg.norm(line))

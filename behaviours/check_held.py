@@ -9,7 +9,6 @@ from py_trees.ports import PortInformation
 from behaviours.grasp import grip_problem
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.perception import View
-from bestman_bt.perception.held_object import look_between_fingers
 
 EMPTY = 0.6
 """Share of the gap between the fingers that the camera must look through for the hand to be empty."""
@@ -59,6 +58,8 @@ class CheckHeld(Skill):
         return f"nothing presses on {', '.join(loose)}" if loose else ""
 
     def _sight_problem(self, width: float) -> str:
+        from bestman_bt.perception.held_object import look_between_fingers
+
         skills = self.skills
         assert skills.wrist_camera is not None
         seen = skills.wrist_camera.capture()

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import move_free
 from behaviours.closing import BEFORE, Push, pushes
-from behaviours.following import CODES, followed
+from behaviours.following import error_code, followed
 from behaviours.leaf import Leaf, find_leaf, free_along, world_at_leaf
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
-from bestman_bt.control.arm import FollowEnd, FollowGuide, GuardedOutcome
-from bestman_bt.manipulation.kinematics import arc_path_through
-from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import FollowGuide, GuardedOutcome
+    from bestman_bt.manipulation.motion_planning import Approach
 
 FINGER_FORCE = 10.0
 """Newtons with which the fingers are held together."""
@@ -94,6 +95,9 @@ class Close(Skill):
         self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
 
     def _plan(self, leaf: Leaf) -> _Plan | None:
+        from bestman_bt.manipulation.kinematics import arc_path_through
+        from bestman_bt.manipulation.motion_planning import approaches
+
         skills = self.skills
         kinematics, base_from_map = skills.algorithms.kinematics, skills.map_from_base.inverse()
         plans: list[_Plan] = []
@@ -138,6 +142,8 @@ class Close(Skill):
 
     def _push(self, plan: _Plan, start: float) -> StepsTo[float]:
         """Push until something resists; how far it may be open then."""
+        from bestman_bt.control.arm import FollowEnd
+
         skills, push, leaf = self.skills, plan.push, plan.push.leaf
         base_from_map = skills.map_from_base.inverse()
         axis, base = push.axis(), base_from_map.rotation
@@ -163,7 +169,7 @@ class Close(Skill):
         skills.world.believe_articulation(leaf.articulation, min(left, leaf.leaf.upper))
         if left > self.get_input("opening"):
             self.set_output("left", left)
-            code = "jammed" if resisted else CODES[motion.end]
+            code = "jammed" if resisted else error_code(motion.end)
             raise SkillFailure(code, f"{leaf.articulation} is still open by {left:.2f}: {failure}")
         return left
 

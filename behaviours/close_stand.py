@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
@@ -13,8 +13,10 @@ from behaviours.closing import BEFORE, Push, pushes
 from behaviours.leaf import Leaf, find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from bestman_bt.manipulation.kinematics import StandAlong, stands_around
 from bestman_bt.messages import Pose2D
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.kinematics import StandAlong
 
 DISTANCES = (0.55, 0.65, 0.75, 0.85, 0.95)
 """Metres from the middle of the pushed point's way to the middle of the base."""
@@ -66,6 +68,8 @@ class FindCloseStand(Skill):
 
 
 def _around(push: Push) -> tuple[Pose2D, ...]:
+    from bestman_bt.manipulation.kinematics import stands_around
+
     middle = push.start / 2
     outward = -push.leaf.front(middle).rotation[:, 0]
     front = math.atan2(outward[1], outward[0])

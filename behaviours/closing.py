@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.leaf import Leaf
-from bestman_bt.control.arm import FollowGuide, JointAxis
-from bestman_bt.manipulation.kinematics import ArcPath
 from bestman_bt.messages import Box, Pose
 from bestman_bt.world_model import handle_shape
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import FollowGuide, JointAxis
+    from bestman_bt.manipulation.kinematics import ArcPath
 
 STEP = 0.04
 """Metres of the pushed point's way between two stations."""
@@ -76,6 +79,8 @@ class Push:
 
     def axis(self) -> JointAxis:
         """The joint's axis in the map frame; it closes in the positive sense."""
+        from bestman_bt.control.arm import JointAxis
+
         point, direction = self.leaf.axis()
         if self.leaf.leaf.kind == "prismatic":
             return JointAxis("prismatic", self.at(self.start), -direction, 0.0, 0.0)
@@ -90,6 +95,8 @@ class Push:
 
     def guide(self, arc: ArcPath) -> FollowGuide:
         """What hand and arm are to do along the way."""
+        from bestman_bt.control.arm import FollowGuide
+
         closed_by = self.start - np.array(self.positions()[: len(arc.path)])
         tilts = np.array([self.tilts[option] for option in arc.options])
         door = np.zeros(len(tilts)) if self.leaf.leaf.kind == "prismatic" else closed_by

@@ -5,45 +5,43 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.computation import Computation, TimeSource
 from behaviours.failure import Failure
-from bestman_bt.control.arm import ArmController
-from bestman_bt.control.gripper import GripperController
-from bestman_bt.control.head import HeadController
-from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.control.wheeled import BaseController, footprint_of
-from bestman_bt.manipulation.collision import (
-    CollisionModel,
-    CollisionWorld,
-    PlanningScene,
-    planning_scene_from_world_model,
-)
-from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics
-from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
-from bestman_bt.manipulation.policy import Policy, load_policy
 from bestman_bt.messages import Pose
-from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
-from bestman_bt.navigation.local_planning import PathFollower
-from bestman_bt.navigation.localization import GlobalLocalizer
-from bestman_bt.navigation.slam import FrontierExplorer, Slam
-from bestman_bt.perception.affordance import HandleDetector
-from bestman_bt.perception.detection import Detector
-from bestman_bt.perception.grasp_pose import GraspPlanner
-from bestman_bt.perception.occupancy import OccupancyMapper
-from bestman_bt.perception.pose_estimation import MultiView, Observation
-from bestman_bt.perception.segmentation import SupportSurfaces
-from bestman_bt.perception.tracking import Tracker
-from bestman_bt.perception.view_planning import ViewPlanner
-from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
-from bestman_bt.sensing.force_torque import WristWrench
-from bestman_bt.sensing.joint_state import JointStateSensor
-from bestman_bt.sensing.rgbd import RGBDSensor
-from bestman_bt.sensing.tactile import TactileSensor
 from bestman_bt.world_model import WorldModel
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import ArmController
+    from bestman_bt.control.gripper import GripperController
+    from bestman_bt.control.head import HeadController
+    from bestman_bt.control.robot_stop import RobotStop
+    from bestman_bt.control.wheeled import BaseController
+    from bestman_bt.manipulation.collision import CollisionModel, CollisionWorld, PlanningScene
+    from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics
+    from bestman_bt.manipulation.motion_planning import TimedMotionPlanner
+    from bestman_bt.manipulation.policy import Policy
+    from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
+    from bestman_bt.navigation.local_planning import PathFollower
+    from bestman_bt.navigation.localization import GlobalLocalizer
+    from bestman_bt.navigation.slam import FrontierExplorer, Slam
+    from bestman_bt.perception.affordance import HandleDetector
+    from bestman_bt.perception.detection import Detector
+    from bestman_bt.perception.grasp_pose import GraspPlanner
+    from bestman_bt.perception.occupancy import OccupancyMapper
+    from bestman_bt.perception.pose_estimation import MultiView, Observation
+    from bestman_bt.perception.segmentation import SupportSurfaces
+    from bestman_bt.perception.tracking import Tracker
+    from bestman_bt.perception.view_planning import ViewPlanner
+    from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
+    from bestman_bt.sensing.force_torque import WristWrench
+    from bestman_bt.sensing.joint_state import JointStateSensor
+    from bestman_bt.sensing.rgbd import RGBDSensor
+    from bestman_bt.sensing.tactile import TactileSensor
 
 SWAY = 0.01
 """Metres that an arm and what it holds may be beside where its encoders say while the base drives."""
@@ -107,9 +105,9 @@ class SkillContext:
     rng: np.random.Generator
     planners: Callable[[str], GlobalPlanner]
     followers: Callable[[str], PathFollower]
+    policies: Callable[[str], Policy]
     failures: list[Failure] = field(default_factory=list)
     observations: dict[str, list[Observation]] = field(default_factory=dict)
-    policies: Callable[[str], Policy] = load_policy
 
     @property
     def arm_model(self) -> ArmModel:
@@ -139,6 +137,8 @@ class SkillContext:
         self, ignore: Iterable[str] = (), allowed_pairs: Iterable[tuple[str, str]] = ()
     ) -> PlanningScene:
         """The scene around the arm, from beliefs and encoders."""
+        from bestman_bt.manipulation.collision import planning_scene_from_world_model
+
         return planning_scene_from_world_model(
             self.world, self.robot, self.joints.positions(), self.arm.name, ignore, allowed_pairs
         )
@@ -149,6 +149,8 @@ class SkillContext:
         ``posture``: of the robot, in which the arm will be; the base alone where the robot has none of this name. By
         default the arm is where it is now.
         """
+        from bestman_bt.control.wheeled import footprint_of
+
         base, positions = footprint_of(self.base.description), self.joints.positions()
         if posture is None:
             return base.carrying(self._arm_bodies.at(positions, self.world.held), SWAY)
@@ -171,6 +173,8 @@ class SkillContext:
 
     @cached_property
     def _arm_bodies(self) -> ArmBodies:
+        from bestman_bt.manipulation.kinematics import ArmBodies
+
         return ArmBodies(self.robot, self.arm.name)
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:

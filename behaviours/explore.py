@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
@@ -15,11 +15,12 @@ from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import OccupancyGrid, Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Positive
 from bestman_bt.messages.occupancy_grid import FREE
-from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
-from bestman_bt.navigation.localization import Localizer
-from bestman_bt.navigation.map_file import MapFileError, write_map
-from bestman_bt.navigation.slam import FrontierView, Overhangs, SlamLocalizer
 from bestman_bt.world_model import BasePose
+
+if TYPE_CHECKING:
+    from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFailure
+    from bestman_bt.navigation.localization import Localizer
+    from bestman_bt.navigation.slam import FrontierView, Overhangs
 
 AHEAD = (1.5, 0.0, 0.35)
 """Where the camera looks on the way, metres in the base frame."""
@@ -64,6 +65,9 @@ class ExploreAndMap(Skill):
 
     def execute(self) -> Steps:
         """Explore, then save."""
+        from bestman_bt.navigation.map_file import MapFileError, write_map
+        from bestman_bt.navigation.slam import SlamLocalizer
+
         skills = self.skills
         slam, told = skills.algorithms.slam, skills.world.base
         before = skills.base.localise_by(SlamLocalizer(slam))
@@ -97,6 +101,8 @@ class ExploreAndMap(Skill):
 
     def _explore(self) -> StepsTo[bool]:
         """Whether nothing is left to see; False where the time is up."""
+        from bestman_bt.navigation.slam import Overhangs
+
         skills = self.skills
         end = skills.clock.now() + self.get_input("max_time")
         slam, explorer = skills.algorithms.slam, skills.algorithms.exploration
@@ -129,6 +135,8 @@ class ExploreAndMap(Skill):
 
     def _grown(self, footprint: Footprint) -> Footprint:
         """The outline of base and arm as one: how high something is that the lidar has seen is not known."""
+        from bestman_bt.navigation.global_planning import Footprint
+
         corners = footprint.corners * (1.0 + PADDING / np.linalg.norm(footprint.corners, axis=1, keepdims=True))
         above = footprint.above.corners
         reaching = np.column_stack([above, np.zeros(len(above))])

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from behaviours.skill import SkillFailure, StepsTo
-from bestman_bt.control import ControlHandle
-from bestman_bt.control.arm import FollowedMotion, FollowEnd
+from typing import TYPE_CHECKING
 
-CODES = {
-    FollowEnd.LOCKED: "locked",
-    FollowEnd.JAMMED: "jammed",
-    FollowEnd.GRIP_LOST: "grip_lost",
-    FollowEnd.OBSTACLE: "obstacle",
-    FollowEnd.ARM_LIMIT: "out_of_reach",
-    FollowEnd.TIMEOUT: "timeout",
-}
-"""What skills report where a following failed."""
+from behaviours.skill import SkillFailure, StepsTo
+
+if TYPE_CHECKING:
+    from bestman_bt.control import ControlHandle
+    from bestman_bt.control.arm import FollowedMotion, FollowEnd
+
+
+def error_code(end: FollowEnd, reached: str = "") -> str:
+    """What skills report where a following failed, and where it ``reached`` its end and more was asked."""
+    from bestman_bt.control.arm import FollowEnd
+
+    codes = {
+        FollowEnd.REACHED: reached,
+        FollowEnd.LOCKED: "locked",
+        FollowEnd.JAMMED: "jammed",
+        FollowEnd.GRIP_LOST: "grip_lost",
+        FollowEnd.OBSTACLE: "obstacle",
+        FollowEnd.ARM_LIMIT: "out_of_reach",
+        FollowEnd.TIMEOUT: "timeout",
+    }
+    return codes[end]
 
 
 def followed(following: ControlHandle[FollowedMotion]) -> StepsTo[tuple[FollowedMotion, SkillFailure | None]]:

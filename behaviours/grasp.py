@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
@@ -11,11 +11,12 @@ from py_trees.ports import PortInformation
 from behaviours.arm_motion import follow_path, hand_contacts, move_free, timed_path
 from behaviours.grasp_candidates import grasp_candidates
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
-from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
-from bestman_bt.perception.grasp_pose import GraspCandidate, rank_grasps
-from bestman_bt.perception.occupancy import freed
 from bestman_bt.world_model import HeldObject, ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.motion_planning import Approach
+    from bestman_bt.perception.grasp_pose import GraspCandidate
 
 WIDTH_TOLERANCE = 0.008
 """Metres by which the hand may close further than the grasp foresees and still be said to hold the object."""
@@ -71,6 +72,9 @@ class PlanGrasp(Skill):
         self.feedback_message = f"{len(grasps)} grasps"
 
     def _plan(self, belief: ObjectBelief, count: int) -> list[PlannedGrasp]:
+        from bestman_bt.manipulation.motion_planning import approaches
+        from bestman_bt.perception.grasp_pose import rank_grasps
+
         skills = self.skills
         scene = skills.planning_scene()
         free = skills.arm_world(scene)
@@ -178,6 +182,8 @@ class Grasp(Skill):
 
     def _believe(self, held: HeldObject) -> None:
         """The object is in the hand, and where it stood is free."""
+        from bestman_bt.perception.occupancy import freed
+
         world = self.skills.world
         belief = world.objects.pop(held.name)
         self.skills.observations.pop(held.name, None)

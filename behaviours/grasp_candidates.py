@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget
-from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.world_model import HandleBelief, ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.grasp_pose import GraspCandidate
 
 NEIGHBOURHOOD = 0.5
 """Metres around an object in which other things may be in the hand's way."""
@@ -23,6 +25,8 @@ SURROUNDINGS_SPACING = 0.01
 
 def grasp_candidates(skills: SkillContext, belief: ObjectBelief) -> tuple[GraspCandidate, ...]:
     """Grasps of a believed object in the base frame, best first; of a thing without a model, from its points."""
+    from bestman_bt.perception.grasp_pose import GraspTarget
+
     base_from_map = skills.map_from_base.inverse()
     base_from_object = base_from_map @ belief.pose
     support_height = float(base_from_object.position[2] + belief.model.bounds()[0, 2])
@@ -66,6 +70,8 @@ def _camera_above(skills: SkillContext, candidates: tuple[GraspCandidate, ...]) 
 
 def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple[GraspCandidate, ...]:
     """Grasps of a believed handle in the base frame, best first."""
+    from bestman_bt.perception.grasp_pose import GraspTarget
+
     handle = belief.handle.seen_from(skills.map_from_base.inverse())
     size = (handle.length, 2 * handle.radius, 2 * handle.radius)
     target = GraspTarget(PlacedShape(Box(size), handle.pose), handle=handle)
@@ -74,6 +80,8 @@ def handle_grasp_candidates(skills: SkillContext, belief: HandleBelief) -> tuple
 
 def _surroundings(skills: SkillContext, belief: ObjectBelief, base_from_map: Pose) -> NDArray[np.float64]:
     """Points of everything else that is believed near an object, (N, 3) metres in the base frame."""
+    from bestman_bt.perception.pose_estimation.model_surface import sample_shape
+
     points = [np.empty((0, 3))]
     for other in skills.world.objects.values():
         near = np.linalg.norm(other.pose.position - belief.pose.position) < NEIGHBOURHOOD

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +13,11 @@ from behaviours.grasp_candidates import handle_grasp_candidates
 from behaviours.leaf import LeafWorlds, world_at_leaf
 from behaviours.leaf_stand import LeafWay, stands_along_leaf
 from behaviours.opening import FINGER_ROOM, Opening, before, guide, stations
-from bestman_bt.control.arm import FollowGuide
-from bestman_bt.manipulation.kinematics import StandAlongParameters, cartesian_path
-from bestman_bt.perception.grasp_pose import GraspCandidate, rank_grasps
 from bestman_bt.world_model import HandleBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import FollowGuide
+    from bestman_bt.perception.grasp_pose import GraspCandidate
 
 ENOUGH = 1
 """Grasps from which the end of the way is reached, after which no further ones are looked at."""
@@ -25,8 +27,6 @@ SAME_PLACE = 0.02
 """Metres between the grasps of a bar that count as one."""
 SAME_BRANCH = 0.3
 """Radians by which the straight way in may end beside the posture from which the arc was planned."""
-HERE = StandAlongParameters(enough=1, most=1, starts=6, options=7, min_fraction=0.3)
-
 DEPTH = 0.3
 """Share of what a bar stands off beyond the fingers' room by which it is held deeper than in the middle of the pads.
 
@@ -56,9 +56,12 @@ class HandlePull:
 
 def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> HandlePull | None:
     """The grasp from which the arm gets farthest from where it stands; None if there is none within reach."""
+    from bestman_bt.manipulation.kinematics import StandAlongParameters, cartesian_path
+
     base_from_map, here = skills.map_from_base.inverse(), [skills.world.base.pose]
     free = world_at_leaf(skills, opening.leaf, opening.start, "free")
     contact = world_at_leaf(skills, opening.leaf, opening.start, "fingers")
+    from_here = StandAlongParameters(enough=1, most=1, starts=6, options=7, min_fraction=0.3)
     plans: list[HandlePull] = []
     worlds: LeafWorlds = {}
     for candidate in pull_grasps(skills, opening, belief):
@@ -66,7 +69,7 @@ def plan_pull(skills: SkillContext, opening: Opening, belief: HandleBelief) -> H
         tilts = opening.tilts(grasp)
         way = [before(opening, grasp, pre_grasp, tilts), *stations(opening, grasp, tilts)]
         along_leaf = LeafWay(here, way, opening.positions(), opening.touching, skip=1)
-        for stand in stands_along_leaf(skills, opening.leaf, along_leaf, worlds, parameters=HERE):
+        for stand in stands_along_leaf(skills, opening.leaf, along_leaf, worlds, from_here):
             arc = replace(stand.arc, path=stand.arc.path[1:], options=stand.arc.options[1:])
             if len(arc.path) < 2 or not free.is_free(stand.arc.path[0]):
                 continue
@@ -86,6 +89,8 @@ def pull_grasps(skills: SkillContext, opening: Opening, belief: HandleBelief) ->
 
     Of those that hold a bar at the same place with the same finger up, which are turns about it, only the best.
     """
+    from bestman_bt.perception.grasp_pose import rank_grasps
+
     ranked = [entry.candidate for entry in rank_grasps(handle_grasp_candidates(skills, belief))]
     if not opening.bar_turns:
         return ranked[:GRASPS]

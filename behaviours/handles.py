@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
@@ -12,8 +12,10 @@ from behaviours.leaf import Leaf, find_leaf
 from behaviours.leaf_seen import opening_seen, opening_since
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.messages import Handle, Pose
-from bestman_bt.perception.affordance import HandleScene
 from bestman_bt.world_model import HandleBelief, MapFurniture
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.affordance import HandleScene
 
 MAP_MARGIN = 0.10
 """Metres around a piece of furniture on the map in which its handles may be: the map is off, handles stick out."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,12 @@ from numpy.typing import NDArray
 from behaviours.arm_motion import hand_contacts
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
-from bestman_bt.manipulation.collision import (
-    CollisionWorld,
-    PlanningScene,
-    finger_contacts,
-    planning_scene_from_world_model,
-)
-from bestman_bt.manipulation.kinematics import IsFreeAt
 from bestman_bt.messages import PlacedShape, Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapLeaf, Obstacle, WorldModel
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
+    from bestman_bt.manipulation.kinematics import IsFreeAt
 
 MEASURED = 0.01
 """Metres of a piece's position error up to which its doors are where they are believed to be, for the palm too."""
@@ -32,7 +29,7 @@ Touching = Literal["free", "nothing", "fingers", "hand"]
 and the hand may be within them. ``free``: nothing may.
 """
 
-LeafWorlds: TypeAlias = dict[tuple[Pose2D | None, float, Touching], CollisionWorld]
+LeafWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
 """What the arm has around it at a leaf, by stand, the leaf's position and what may touch."""
 
 
@@ -117,6 +114,8 @@ def _scene_at_leaf(
     ignore: Iterable[str],
     felt: Obstacle | None = None,
 ) -> PlanningScene:
+    from bestman_bt.manipulation.collision import finger_contacts, planning_scene_from_world_model
+
     world = replace(skills.world, articulations={**skills.world.articulations, leaf.articulation: position})
     if felt is not None:
         world = replace(world, obstacles={**world.obstacles, felt.name: felt})

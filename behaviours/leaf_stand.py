@@ -4,29 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import DRIVEN, SkillContext
 from behaviours.leaf import Leaf, LeafWorlds, Touching, free_along
-from bestman_bt.manipulation.kinematics import (
-    DampedLeastSquares,
-    ReachabilityMap,
-    StandAlong,
-    StandAlongParameters,
-    Stations,
-    body_between,
-    promising_stands,
-    rank_stand_poses_along,
-    reachability_map,
-)
 from bestman_bt.messages import Box, Pose2D
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.kinematics import ReachabilityMap, StandAlong, StandAlongParameters, Stations
 
 BASE_GAP = 0.05
 """Metres that the robot's body keeps from where the leaf passes."""
 SAME_STAND = 0.05
-STANDS = StandAlongParameters(enough=2, starts=3)
 BATCHES = (slice(0, 6), slice(6, 18))
 """Which of the most promising stands are looked at for all ways first, and then, where none is good."""
 ROOM = 0.05
@@ -40,6 +32,8 @@ def room_beside(skills: SkillContext, leaf: Leaf, positions: Sequence[float]) ->
 
     Body and head may be below or above the leaf; the arm is not looked at.
     """
+    from bestman_bt.manipulation.kinematics import body_between
+
     front = leaf.leaf.shapes[0]
     assert isinstance(front.shape, Box)
     height, thickness = front.shape.size[2], front.shape.size[0]
@@ -87,11 +81,14 @@ def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> li
 
     The arm's reachability map says which stands are looked at, so that few paths are searched in vain.
     """
+    from bestman_bt.manipulation.kinematics import StandAlongParameters, promising_stands
+
     kinematics, current = skills.algorithms.kinematics, skills.world.base.pose
     reachability = _reachability(skills)
     found: list[StandAlong] = []
     promising: list[LeafWay] = []
     worlds: LeafWorlds = {}
+    few = StandAlongParameters(enough=2, starts=3)
     for batch in BATCHES:
         for way in promising or ways:
             if batch is BATCHES[0]:
@@ -100,7 +97,8 @@ def find_stands(skills: SkillContext, leaf: Leaf, ways: Iterable[LeafWay]) -> li
                     stands = promising_stands(stands, way.stations, kinematics, reachability, current)
                 way = replace(way, stands=stands)
                 promising.append(way)
-            found += stands_along_leaf(skills, leaf, replace(way, stands=way.stands[batch]), worlds, reachability)
+            these = replace(way, stands=way.stands[batch])
+            found += stands_along_leaf(skills, leaf, these, worlds, few, reachability)
             if any(stand.arc.margin >= ROOM for stand in found):
                 return sorted(found, key=lambda stand: -stand.score)
     return sorted(found, key=lambda stand: -stand.score)
@@ -111,13 +109,15 @@ def stands_along_leaf(
     leaf: Leaf,
     way: LeafWay,
     worlds: LeafWorlds,
+    parameters: StandAlongParameters,
     reachability: ReachabilityMap | None = None,
-    parameters: StandAlongParameters = STANDS,
 ) -> tuple[StandAlong, ...]:
     """Of the stands of ``way`` those, best first, from which the arm follows it while the leaf moves.
 
     ``worlds``: as in ``free_along``.
     """
+    from bestman_bt.manipulation.kinematics import rank_stand_poses_along
+
     return rank_stand_poses_along(
         way.stands,
         way.stations,
@@ -134,5 +134,7 @@ def stands_along_leaf(
 
 def _reachability(skills: SkillContext) -> ReachabilityMap | None:
     """The arm's map, from the disk; None where the kinematics in use has none."""
+    from bestman_bt.manipulation.kinematics import DampedLeastSquares, reachability_map
+
     kinematics = skills.algorithms.kinematics
     return reachability_map(kinematics) if isinstance(kinematics, DampedLeastSquares) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 from annotated_types import Gt, Lt
@@ -13,7 +13,9 @@ from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, S
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Pose2D
 from bestman_bt.messages.bounds import Count, Positive
-from bestman_bt.navigation.localization import OdometryScan, Place
+
+if TYPE_CHECKING:
+    from bestman_bt.navigation.localization import OdometryScan, Place
 
 KNOWN_POSITION_STD = 0.5
 """Metres; a pose that is less certain is none."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +13,11 @@ from py_trees.ports import PortInformation
 from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.carrying import out_of_sight, postures_beside
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
-from bestman_bt.manipulation.kinematics import cartesian_path
-from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode, Upright
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
 
 PULL_OUT = 0.30
 """Metres straight back with something that was taken from the side."""
@@ -77,6 +77,8 @@ class Retreat(Skill):
 
     def _straight_back(self, world: CollisionWorld, distance: float) -> Steps:
         """As far as that is free."""
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
         skills = self.skills
         back = skills.base_from_tool() @ Pose(np.array([0.0, 0.0, -distance]))
         line = cartesian_path(skills.algorithms.kinematics, skills.arm_positions(), back, world.is_free)
@@ -86,6 +88,8 @@ class Retreat(Skill):
 
 def _move_to(skill: Skill, choices: Sequence[list[NDArray[np.float64]]]) -> Steps:
     """Go to one of the first of ``choices`` to which there is a way; at once done where the arm is there already."""
+    from bestman_bt.manipulation.motion_planning import PlanningError, PlanningErrorCode
+
     for goals in choices:
         if min(np.abs(skill.skills.arm_positions() - goal).max() for goal in goals) <= ARRIVED:
             return
@@ -105,6 +109,8 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
     an underscore, in the same way; then any that hold it upright beside the robot. ``sight``: a point (3,), base frame,
     that the head camera shall see past what is held.
     """
+    from bestman_bt.manipulation.motion_planning import Upright
+
     skills = skill.skills
     posture = _posture(skill, name)
     held = skills.world.held

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 from itertools import count
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.skill import Declaration, Skill, SkillCondition, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until
-from bestman_bt.control import READING_ERRORS, ControlHandle
+from bestman_bt.control import READING_ERRORS
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Positive, WholeNumber
-from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
 from bestman_bt.world_model import BasePose
+
+if TYPE_CHECKING:
+    from bestman_bt.control import ControlHandle
+    from bestman_bt.navigation.global_planning import Costmap, PlanningFailure
 
 CHECK_PERIOD = 0.2
 """Seconds between two looks whether the path is still free."""
@@ -122,6 +125,8 @@ class NavigateTo(Skill):
 
         ``known``: what the map has. ``most``: metres; a longer one has to wait, too. SkillFailure where there is none.
         """
+        from bestman_bt.navigation.global_planning import PlanningFailure
+
         base, clock = self.skills.base, self.skills.clock
         begin, failure = clock.now(), None
         while True:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
-from behaviours.following import CODES, followed
+from behaviours.following import error_code, followed
 from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
 from behaviours.leaf import world_at_leaf
@@ -131,5 +131,5 @@ class Open(Skill):
             why = f"{leaf.articulation} is open by {opened:.2f} of {opening.asked:.2f} only"
             if failure is None and share < 1.0:
                 raise SkillFailure("out_of_reach", f"{why}: the arm gets no farther from here")
-            raise SkillFailure(CODES.get(motion.end, "not_open"), f"{why}: {failure}" if failure else why)
+            raise SkillFailure(error_code(motion.end, reached="not_open"), f"{why}: {failure}" if failure else why)
         return opened

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
@@ -15,9 +15,11 @@ from behaviours.leaf import find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.opening import Opening, before, plan_opening, stations
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from bestman_bt.manipulation.kinematics import StandAlong, stands_around
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import HandleBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.kinematics import StandAlong
 
 LOOK_DISTANCES = (0.90, 1.05, 0.75, 1.20)
 """Metres from a front to the middle of the base that looks at it."""
@@ -45,6 +47,8 @@ class FindLookStand(Skill):
 
     def execute(self) -> Steps:
         """The first distance at which the base has room; each time it is asked again from another side, in turn."""
+        from bestman_bt.manipulation.kinematics import stands_around
+
         articulation: str = self.get_input("articulation")
         leaf = find_leaf(self.skills, articulation)
         front = leaf.front(self.skills.world.articulations.get(articulation, 0.0))
@@ -101,6 +105,8 @@ class FindOpenStand(Skill):
         return find_stands(self.skills, opening.leaf, self._ways(opening, belief))
 
     def _ways(self, opening: Opening, belief: HandleBelief) -> Iterator[LeafWay]:
+        from bestman_bt.manipulation.kinematics import stands_around
+
         skills = self.skills
         position, outward = opening.handle.pose.position, opening.handle.outward
         front = math.atan2(outward[1], outward[0])

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
 from behaviours.leaf import MEASURED, Leaf, Touching, find_leaf
-from bestman_bt.control.arm import FollowGuide, JointAxis
-from bestman_bt.manipulation.kinematics import ArcPath
 from bestman_bt.messages import Handle, Pose
-from bestman_bt.perception.grasp_pose import HandShapeParameters, handle_motion
 from bestman_bt.world_model import HandleBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import FollowGuide, JointAxis
+    from bestman_bt.manipulation.kinematics import ArcPath
 
 STEP = 0.04
 """Metres of the handle's way between two stations."""
@@ -61,6 +63,8 @@ class Opening:
 
     def axis(self, base_from_map: Pose) -> JointAxis | None:
         """Where a door's hinge is believed to be, in the base frame; it opens in the positive sense."""
+        from bestman_bt.control.arm import JointAxis
+
         handle = self.handle.seen_from(base_from_map)
         if self.angle is None or handle.hinge is None or handle.hinge_direction is None:
             return None
@@ -128,6 +132,8 @@ def _palm_limit(skills: SkillContext, handle: Handle) -> float:
 
     Where the map is too vague to check the palm against it, what was seen of the handle tells how far the front is.
     """
+    from bestman_bt.perception.grasp_pose import HandShapeParameters
+
     depth, half = skills.gripper_model.finger_depth, HandShapeParameters().palm_size[1] / 2
     room = max(0.0, handle.standoff - PALM_GAP)
     return math.asin(min(1.0, room / math.hypot(depth, half))) + math.atan2(depth, half)
@@ -140,6 +146,8 @@ def stations(
 
     In the base frame if ``base_from_map`` is given.
     """
+    from bestman_bt.perception.grasp_pose import handle_motion
+
     handle, frame = opening.handle, base_from_map or Pose()
     turned = [_turned(opening, grasp, tilt) for tilt in tilts]
     return [[frame @ handle_motion(handle, float(distance)) @ pose for pose in turned] for distance in opening.way()]
@@ -152,6 +160,8 @@ def before(opening: Opening, grasp: Pose, pre_grasp: Pose, tilts: tuple[float, .
 
 def guide(opening: Opening, grasp: Pose, arc: ArcPath, tilts: tuple[float, ...]) -> FollowGuide:
     """What the hand is to do along the way of ``arc`` from ``grasp`` (map frame) on, whose options are ``tilts``."""
+    from bestman_bt.control.arm import FollowGuide
+
     way = opening.way()[: len(arc.path)]
     hand = np.array([tilts[option] for option in arc.options])
     doors = np.zeros(len(way)) if opening.angle is None else way / _radius(opening.handle)

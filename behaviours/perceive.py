@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from py_trees.ports import PortInformation
 
@@ -12,10 +12,12 @@ from behaviours.context import SkillContext
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import surface_region
 from bestman_bt.messages import Pose
-from bestman_bt.perception.detection import DetectedScene
-from bestman_bt.perception.segmentation import Region
-from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.segmentation import Region
+    from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 
 
 class DetectObjects(Skill):
@@ -130,6 +132,8 @@ class EstimatePose(Skill):
 
 def region_around(base_from_object: Pose, height: float) -> Region:
     """Half a metre square around an object of ``height`` metres that stands upright, in the base frame."""
+    from bestman_bt.perception.segmentation import Region
+
     foot = base_from_object.position - [0.0, 0.0, height / 2]
     return Region(Pose(foot), (0.5, 0.5))
 

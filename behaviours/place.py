@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +14,15 @@ from behaviours.beliefs import believe_surface
 from behaviours.perceive import camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import surface_region
-from bestman_bt.control.arm import GuardedOutcome
-from bestman_bt.manipulation.collision import CollisionWorld
-from bestman_bt.manipulation.kinematics import cartesian_path
-from bestman_bt.manipulation.motion_planning import Approach, approaches
 from bestman_bt.messages import Pose
-from bestman_bt.perception.detection import DetectedScene
-from bestman_bt.perception.segmentation import FREE, OCCUPIED, SurfaceCoverage, surface_coverage
 from bestman_bt.world_model import HeldObject, ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import GuardedOutcome
+    from bestman_bt.manipulation.collision import CollisionWorld
+    from bestman_bt.manipulation.motion_planning import Approach
+    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.segmentation import SurfaceCoverage
 
 DROP = 0.002
 """Metres above the measured surface at which an object is let go by a hand that feels nothing."""
@@ -70,6 +71,8 @@ class FindPlacePose(Skill):
 
     def execute(self) -> Steps:
         """Capture, measure the surface, look for room."""
+        from bestman_bt.perception.segmentation import surface_coverage
+
         skills = self.skills
         name: str = self.get_input("object")
         surface: str = self.get_input("surface")
@@ -92,6 +95,8 @@ class FindPlacePose(Skill):
         self.set_output("pose", view.map_from_base @ upright)
 
     def _check_room(self, coverage: SurfaceCoverage, point: NDArray[np.float64], surface: str) -> None:
+        from bestman_bt.perception.segmentation import FREE, OCCUPIED
+
         radius: float = self.get_input("radius")
         shares = coverage.disc(point, radius)
         if shares[OCCUPIED] <= MAX_TAKEN and shares[FREE] >= MIN_FREE:
@@ -145,6 +150,8 @@ class PlaceOn(Skill):
             raise SkillFailure("nothing_below", f"the {name} stands on nothing 1 cm below the measured surface")
 
     def _plan(self, held: HeldObject, base_from_object: Pose) -> Approach | None:
+        from bestman_bt.manipulation.motion_planning import approaches
+
         skills = self.skills
         free = skills.arm_world(skills.planning_scene())
         lowering, arm_alone = self._lowering_world(held), self._lowering_world(held, hand=True)
@@ -166,6 +173,8 @@ class PlaceOn(Skill):
 
         The wrist feels what the object and the hand touch, but not what the arm does.
         """
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
         lowest = Pose(down.position - np.array([0.0, 0.0, lift + SEARCH]), down.quaternion)
         kinematics = self.skills.algorithms.kinematics
         return cartesian_path(kinematics, approach.into[-1], lowest, world.is_free).complete

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.computation import TimeSource
 from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure, Steps, StepsTo
-from bestman_bt.control import ControlHandle, ControlStatus
-from bestman_bt.control.gripper import GripperOutcome
-from bestman_bt.manipulation.policy import (
-    ActionChunk,
-    ChunkStream,
-    ChunkStreamParameters,
-    StreamedMotion,
-    Workspace,
-)
+from bestman_bt.control import ControlStatus
 from bestman_bt.manipulation.trajectory import SpeedScale
 from bestman_bt.messages import Pose
 
-POLICY_STREAM = ChunkStreamParameters(speed=SpeedScale(0.5, 0.35))
+if TYPE_CHECKING:
+    from bestman_bt.control import ControlHandle
+    from bestman_bt.control.gripper import GripperOutcome
+    from bestman_bt.manipulation.policy import ActionChunk, StreamedMotion, Workspace
+
+POLICY_SPEED = SpeedScale(0.5, 0.35)
 OUTSIDE = 0.02
 """Metres by which the measured tool may leave the box before the arm is stopped: its plans may not leave it at all."""
 CLOSED = 0.002
@@ -34,8 +33,10 @@ class PolicyMotion:
     """
 
     def __init__(self, skills: SkillContext, box: Workspace, deadline: float) -> None:
+        from bestman_bt.manipulation.policy import ChunkStream, ChunkStreamParameters
+
         self._skills, self.box, self.deadline = skills, box, deadline
-        self.stream = ChunkStream(skills.arm_model, POLICY_STREAM)
+        self.stream = ChunkStream(skills.arm_model, ChunkStreamParameters(speed=POLICY_SPEED))
         self.closed_at: Pose | None = None
         self._arm: ControlHandle[None] | None = None
         self._fingers: ControlHandle[GripperOutcome] | None = None

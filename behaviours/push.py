@@ -9,22 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
-from scipy.spatial.transform import Rotation
 
 from behaviours.arm_motion import follow_path, move_free
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import find_surface
-from bestman_bt.control.arm import GuardedOutcome
-from bestman_bt.manipulation.collision import AttachedObject, CollisionWorld, PlanningScene, finger_contacts
-from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.messages import ObjectModel, Pose
-from bestman_bt.perception.occupancy import freed
 from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.control.arm import GuardedOutcome
+    from bestman_bt.manipulation.collision import CollisionWorld, PlanningScene
 
 TILTS = tuple(math.radians(tilt) for tilt in (45.0, 35.0, 55.0, 65.0))
 """How far the hand leans back from what it pushes, so that the fingertips touch it before the palm does."""
@@ -136,6 +135,8 @@ class Push(Skill):
             )
 
     def _plan(self, belief: ObjectBelief, goal: Pose) -> PushPlan | None:
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
         skills = self.skills
         kinematics, reference = skills.algorithms.kinematics, skills.arm_positions()
         base_from_map = skills.map_from_base.inverse()
@@ -185,6 +186,8 @@ class Push(Skill):
 
     def _pushing_world(self, scene: PlanningScene, belief: ObjectBelief, tool_from_object: Pose) -> CollisionWorld:
         """The object goes with the hand; it slides on its surface and touches nothing else, nor the palm."""
+        from bestman_bt.manipulation.collision import AttachedObject, finger_contacts
+
         skills = self.skills
         moving = AttachedObject(
             belief.name, belief.model.collision, skills.arm_model.tool_frame, tool_from_object, frozenset()
@@ -197,6 +200,8 @@ class Push(Skill):
 
     def _believe(self, belief: ObjectBelief, went: NDArray[np.float64]) -> None:
         """It went along with the hand, ``went`` (3,) metres in the base frame, as far as can be felt."""
+        from bestman_bt.perception.occupancy import freed
+
         skills = self.skills
         if skills.world.occupancy is not None:
             left = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
@@ -208,6 +213,8 @@ class Push(Skill):
 
     def _withdraw(self, name: str, plan: PushPlan) -> Steps:
         """Straight back as far as that is free; the object itself is ahead of the hand and in nobody's way."""
+        from bestman_bt.manipulation.kinematics import cartesian_path
+
         skills = self.skills
         here = skills.base_from_tool()
         world = skills.arm_world(skills.planning_scene(ignore=[name]))
@@ -225,6 +232,8 @@ def spread(model: ObjectModel, max_width: float) -> float:
 
 def push_tool_poses(model: ObjectModel, frame_from_object: Pose, direction: NDArray[np.float64]) -> Iterator[Pose]:
     """Tool poses behind an object that is to go in ``direction`` (3,), leaning back, either side of the hand up."""
+    from scipy.spatial.transform import Rotation
+
     radius = float(np.linalg.norm(model.size[:2])) / 2
     bottom = float(frame_from_object.position[2] + model.bounds()[0, 2])
     behind = frame_from_object.position - (radius + STANDOFF) * direction

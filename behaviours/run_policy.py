@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,20 +13,11 @@ from behaviours.arm_motion import hand_contacts
 from behaviours.policy_motion import CLOSED, PolicyMotion
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.manipulation.policy import (
-    Observation,
-    Policy,
-    PolicySpecification,
-    StaleChunkError,
-    StreamedMotion,
-    Workspace,
-    chunk_path,
-    pose_error,
-    pose_vector,
-)
-from bestman_bt.manipulation.trajectory import first_touch
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.policy import Observation, Policy, PolicySpecification, StreamedMotion, Workspace
 
 STILL = 1e-3
 """Radians below which a chunk moves nothing."""
@@ -97,6 +88,8 @@ class RunPolicy(Skill):
             policy.close()
 
     def _run(self, policy: Policy, motion: PolicyMotion, goal: Pose | None) -> Steps:
+        from bestman_bt.manipulation.policy import StaleChunkError, chunk_path
+
         clock, spec = self.skills.clock, policy.specification
         policy.reset()
         done, still = 0, 0
@@ -140,6 +133,8 @@ class RunPolicy(Skill):
 
     def _check(self, spec: PolicySpecification, goal: Pose | None) -> Workspace:
         """Refuse before anything moves; returns the box."""
+        from bestman_bt.manipulation.policy import Workspace
+
         skills = self.skills
         if spec.joint_names != skills.arm_model.joint_names or spec.robot not in ("", skills.robot.name):
             raise SkillFailure("other_robot", f"the policy moves {spec.robot} {spec.joint_names}, not this arm")
@@ -176,6 +171,8 @@ class RunPolicy(Skill):
             yield skills.gripper.open(spec.open_width)
 
     def _succeeded(self, motion: PolicyMotion, goal: Pose | None) -> bool:
+        from bestman_bt.manipulation.policy import pose_error
+
         success = self.get_input("success")
         if success != "goal":
             if not self.skills.gripper.pressing():
@@ -193,6 +190,8 @@ class RunPolicy(Skill):
         )
 
     def _distance(self, goal: Pose | None) -> str:
+        from bestman_bt.manipulation.policy import pose_error
+
         if goal is None or self.get_input("success") != "goal":
             return ""
         error = pose_error(goal, self.skills.base_from_tool())
@@ -201,6 +200,8 @@ class RunPolicy(Skill):
     def _observation(
         self, spec: PolicySpecification, goal: Pose | None, velocities: NDArray[np.float64]
     ) -> Observation:
+        from bestman_bt.manipulation.policy import Observation, pose_vector
+
         skills = self.skills
         cameras = {"head": skills.camera, "wrist": skills.wrist_camera}
         images: dict[str, NDArray[np.uint8]] = {}
@@ -222,6 +223,8 @@ class RunPolicy(Skill):
         self, motion: PolicyMotion, path: NDArray[np.float64], dt: float, seen: float, begin: float
     ) -> StreamedMotion:
         """The motion along ``path`` (H + 1, n) from the clock's ``begin`` on: in the box, and it touches nothing."""
+        from bestman_bt.manipulation.trajectory import first_touch
+
         skills = self.skills
         kinematics = skills.algorithms.kinematics
         outside = motion.box.first_outside(path, kinematics)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,13 @@ from behaviours.beliefs import believe_objects, believe_surface
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import find_surface, surface_region
 from bestman_bt.messages import Pose
-from bestman_bt.perception.detection import DetectedScene
-from bestman_bt.perception.occupancy import VoxelRegion
-from bestman_bt.perception.pose_estimation import PoseHypothesis
-from bestman_bt.perception.segmentation import Region, SupportPlane, surface_regions
-from bestman_bt.sensing.rgbd import RGBDView
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.occupancy import VoxelRegion
+    from bestman_bt.perception.pose_estimation import PoseHypothesis
+    from bestman_bt.perception.segmentation import Region, SupportPlane
+    from bestman_bt.sensing.rgbd import RGBDView
 
 SPREAD = 0.6
 """Share of a surface's longer side over which the views are spread."""
@@ -95,6 +97,8 @@ class ScanScene(Skill):
 
     def _detect(self, view: RGBDView) -> StepsTo[Sequence[str]]:
         """Believe in what one view shows; returns the identities."""
+        from bestman_bt.perception.segmentation import surface_regions
+
         skills = self.skills
         name = self.get_input("surface")
         if name:
@@ -129,6 +133,8 @@ class ScanScene(Skill):
 
     def _mapped(self) -> VoxelRegion:
         """The box to map, in the map frame."""
+        from bestman_bt.perception.occupancy import VoxelRegion
+
         skills = self.skills
         name = self.get_input("surface")
         if not name:

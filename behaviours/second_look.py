@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +16,13 @@ from behaviours.beliefs import only_nearest, remember_view
 from behaviours.perceive import region_around
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.messages import PlacedShape, Pose
-from bestman_bt.perception.detection import DetectedScene
-from bestman_bt.perception.pose_estimation import Observation, PoseHypothesis
-from bestman_bt.perception.view_planning import RankedView
-from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.detection import DetectedScene
+    from bestman_bt.perception.pose_estimation import Observation, PoseHypothesis
+    from bestman_bt.perception.view_planning import RankedView
+    from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 
 TRIED_VIEWS = 24
 """Views, the most telling first, for which a posture of the arm is sought."""
@@ -111,6 +113,8 @@ class SecondLook(Skill):
         yield from move_free(self, [postures[-1]])
 
     def _look(self, belief: ObjectBelief, camera: RGBDSensor) -> StepsTo[ObjectBelief]:
+        from bestman_bt.perception.pose_estimation import Observation
+
         skills = self.skills
         view: RGBDView = camera.capture()
         base_from_object = view.map_from_base.inverse() @ belief.pose

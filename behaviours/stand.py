@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +16,12 @@ from behaviours.grasp_candidates import grasp_candidates
 from behaviours.place import place_tool_poses
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import find_surface, with_open_drawers
-from bestman_bt.manipulation.collision import CollisionWorld, planning_scene_from_world_model
-from bestman_bt.manipulation.kinematics import StandPose, rank_stand_poses, stands_along
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld
+    from bestman_bt.manipulation.kinematics import StandPose
 
 SAME_STAND = 0.05
 """Metres: a stand nearer than this to one that was tried is the same one."""
@@ -125,6 +127,8 @@ class FindStandPose(Skill):
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
     def _rank(self, furniture: MapFurniture, target: StandTarget) -> tuple[StandPose, ...]:
+        from bestman_bt.manipulation.kinematics import rank_stand_poses, stands_along
+
         skills = self.skills
         corners = np.array(skills.base.description.footprint)
         costmap = skills.seen_costmap(DRIVEN)
@@ -150,6 +154,8 @@ class FindStandPose(Skill):
 
         What is in the way at a goal is for the one to tell who looks at the place.
         """
+        from bestman_bt.manipulation.collision import planning_scene_from_world_model
+
         skills = self.skills
         there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), held=None)
         name: str = self.get_input("object") or ""

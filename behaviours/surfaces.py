@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,9 +11,11 @@ from behaviours.context import SkillContext
 from behaviours.skill import SkillFailure
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.perception.errors import NoSurfaceError
-from bestman_bt.perception.segmentation import Region, SupportPlane, surface_regions
-from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.world_model import MapFurniture, MapSurface, Obstacle, leaf_shapes
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.segmentation import Region, SupportPlane
+    from bestman_bt.sensing.rgbd import RGBDView
 
 MARGIN = 0.08
 """Metres beyond the mapped rectangle in which a surface is sought: the map is off by up to 3 cm and 2°."""
@@ -57,6 +60,8 @@ def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
     A surface with another one above it, such as a shelf board, is enclosed by walls: there the measured board is taken,
     without its rim, where ``view`` shows it.
     """
+    from bestman_bt.perception.segmentation import Region, surface_regions
+
     furniture, surface = find_surface(skills, name)
     base_from_surface = skills.map_from_base.inverse() @ furniture.pose.to_pose() @ surface.pose
     above = [other.pose.position[2] - surface.pose.position[2] for other in furniture.surfaces]

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from behaviours.skill import Skill, Steps
-from bestman_bt.sensing.force_torque import WristWrench
+
+if TYPE_CHECKING:
+    from bestman_bt.sensing.force_torque import WristWrench
 
 
 class _Taring:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,10 @@ from behaviours.skill import Declaration, Explained, Skill, SkillCondition, Skil
 from behaviours.surfaces import find_surface, surface_region
 from bestman_bt.engine import SyncAction
 from bestman_bt.messages import ObjectModel, Pose
-from bestman_bt.perception.detection import DetectedScene
-from bestman_bt.perception.segmentation import surface_coverage
 from bestman_bt.world_model import ObjectBelief
+
+if TYPE_CHECKING:
+    from bestman_bt.perception.detection import DetectedScene
 
 SAME_PLACE = 0.08
 """Metres: a place nearer than this to one that was given before is the same one."""
@@ -120,6 +121,8 @@ class FindFreePlace(Skill):
 
     def execute(self) -> Steps:
         """Capture, measure the surface, look for room."""
+        from bestman_bt.perception.segmentation import surface_coverage
+
         skills = self.skills
         name: str = self.get_input("object")
         surface: str = self.get_input("surface")

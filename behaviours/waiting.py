@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from behaviours.skill import Awaitable
-from bestman_bt.control import ControlHandle
+
+if TYPE_CHECKING:
+    from bestman_bt.control import ControlHandle
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from behaviours.arm_motion import follow_path, move_free
@@ -9,10 +11,11 @@ from behaviours.context import SkillContext
 from behaviours.leaf import Leaf, world_at_leaf
 from behaviours.leaf_felt import grown
 from behaviours.skill import ALGORITHM_ERRORS, Skill, SkillFailure, Steps
-from bestman_bt.manipulation.collision import CollisionWorld
-from bestman_bt.manipulation.kinematics import cartesian_path
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import Obstacle
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision import CollisionWorld
 
 BACK_OFF = 0.12
 """Metres that the hand goes straight back first."""
@@ -28,6 +31,8 @@ def withdraw(skill: Skill, leaf: Leaf, posture: str, felt: Obstacle | None = Non
     ``felt``: where the leaf is, by feel; without it the arm goes by the map. The hand may be closer to the leaf than
     the map's error lets any motion come, the arm only where it is so already.
     """
+    from bestman_bt.manipulation.kinematics import cartesian_path
+
     skills = skill.skills
     position = skills.world.articulations.get(leaf.articulation, 0.0)
     for bodies in ([], leaf.bodies()):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from py_trees.ports import PortInformation
 
@@ -11,8 +11,9 @@ from behaviours.nav2.ports import SERVER, PlannerName
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Goals, Path2D, Pose2D
-from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure
-from bestman_bt.navigation.path_pieces import joined
+
+if TYPE_CHECKING:
+    from bestman_bt.navigation.global_planning import Costmap, GlobalPlanner, PlanningFailure
 
 ALL_GOALS = -1
 """What ``last_reached_index`` is where the path leads through all poses."""
@@ -40,6 +41,8 @@ class _ComputePath(Skill):
 
     def _plan(self, start: Pose2D | None, goals: Sequence[Pose2D]) -> StepsTo[tuple[int, PlanningFailure | None]]:
         """Plan through ``goals`` and put the path out; how many of them it can get to, and what ended that."""
+        from bestman_bt.navigation.path_pieces import joined
+
         skills = self.skills
         name = self.get_input("planner_id")
         planner = skills.planners(name) if name else skills.algorithms.global_planning
@@ -101,6 +104,8 @@ def _legs(
     planner: GlobalPlanner, start: Pose2D, goals: Sequence[Pose2D], costmap: Costmap
 ) -> tuple[list[Path2D], PlanningFailure | None]:
     """The paths from each pose to the next as far as there are any, and what ended that."""
+    from bestman_bt.navigation.global_planning import PlanningFailure
+
     legs: list[Path2D] = []
     for goal in goals:
         planned = planner.plan(start, goal, costmap)

@@ -13,17 +13,12 @@ from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
 from bestman_bt.messages.bounds import Count, Positive
-from bestman_bt.navigation.global_planning import PlanningFailure
-from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters
-from bestman_bt.navigation.localization import front_edge
 from bestman_bt.world_model import MapFurniture
 
 STAGED, STAGED_HEADING = 0.05, math.radians(5.0)
 """Metres and radians from the staging pose within which the base need not drive there first."""
 LOOKS, LOOK_PERIOD = 5, 0.1
 """Scans of a front that are taken at rest, and the seconds between them: their noise is independent."""
-DOCKING = PurePursuitParameters(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
-"""Slow, and steering for a near point: what is off at the side goes away on the way."""
 
 
 class DockAt(Skill):
@@ -54,6 +49,10 @@ class DockAt(Skill):
 
     def execute(self) -> Steps:
         """Get behind the goal, look, approach, judge."""
+        from bestman_bt.navigation.local_planning import PurePursuit, PurePursuitParameters
+
+        # Slow, and steering for a near point: what is off at the side goes away on the way.
+        docking = PurePursuitParameters(min_lookahead=0.12, max_lookahead=0.2, max_speed=0.2, position_tolerance=0.002)
         skills = self.skills
         goal, piece = self.get_input("goal"), self._piece()
         approach, attempts = self.get_input("approach"), self.get_input("attempts")
@@ -66,7 +65,7 @@ class DockAt(Skill):
             axis = goal @ Pose2D(-approach / 2, 0.0, 0.0)
             path = Path2D(np.array([begin.xy, axis.xy, goal.xy]), goal)
             try:
-                yield skills.base.follow(path, None, PurePursuit(DOCKING))
+                yield skills.base.follow(path, None, PurePursuit(docking))
             except SkillFailure as failure:
                 if failure.code != "tolerance":
                     raise
@@ -87,6 +86,8 @@ class DockAt(Skill):
 
     def _stage(self, staging: Pose2D) -> StepsTo[None]:
         """Drive to the staging pose, by the shortest way if the base stands before it."""
+        from bestman_bt.navigation.global_planning import PlanningFailure
+
         skills, pose = self.skills, self.skills.world.base.pose
         back = staging.inverse() @ pose
         if abs(back.y) < STAGED and abs(wrap_angle(back.theta)) < STAGED_HEADING and back.x > STAGED:
@@ -100,6 +101,8 @@ class DockAt(Skill):
 
     def _seen(self, piece: MapFurniture, goal: Pose2D) -> StepsTo[Pose2D]:
         """The goal by where the front of ``piece`` is seen."""
+        from bestman_bt.navigation.localization import front_edge
+
         skills = self.skills
         hits: list[NDArray[np.float64]] = []
         for _ in range(LOOKS):

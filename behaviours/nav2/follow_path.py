@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import SERVER, FollowerName, without_meaning
 from behaviours.skill import Awaitable, Skill, SkillFailure, Steps
-from bestman_bt.control import READING_ERRORS, ControlHandle
+from bestman_bt.control import READING_ERRORS
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D
 from bestman_bt.world_model import BasePose
+
+if TYPE_CHECKING:
+    from bestman_bt.control import ControlHandle
 
 
 class FollowPath(Skill):

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from annotated_types import Ge, Le
 
 from behaviours.nav2.ports import SERVER, are_literals, without_meaning
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from behaviours.waiting import Until
-from bestman_bt.control import ControlHandle
 from bestman_bt.engine import BoundedPort, NotZero
 from bestman_bt.messages.bounds import NonNegative
 from bestman_bt.world_model import BasePose
+
+if TYPE_CHECKING:
+    from bestman_bt.control import ControlHandle
 
 TURN_AT_ONCE = math.pi / 2
 """Radians; a base turns within ±pi, so longer turns are made of several."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from py_trees.ports import PortInformation
@@ -13,10 +13,9 @@ from behaviours.skill import InstantSkill, SkillCondition
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Goals, Path2D, Pose2D
 from bestman_bt.messages.bounds import NonNegative, Positive
-from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.navigation.local_planning import SweptPath
-from bestman_bt.navigation.path_pieces import before_goal, nearest_along, piece
-from bestman_bt.navigation.path_smoothing import PathSmoother
+
+if TYPE_CHECKING:
+    from bestman_bt.navigation.global_planning import Costmap
 
 LEAVES = 1e-3
 """Metres by which interpolation may make a place that is left seem nearer."""
@@ -34,6 +33,8 @@ class TruncatePath(InstantSkill):
 
     def act(self) -> None:
         """Cut."""
+        from bestman_bt.navigation.path_pieces import before_goal
+
         path: Path2D = self.get_input("input_path")
         whole = len(path.points) < 2 or self.get_input("distance") <= 0.0
         self.set_output("output_path", path if whole else before_goal(path, self.get_input("distance")))
@@ -66,6 +67,8 @@ class TruncatePathLocal(InstantSkill):
 
     def act(self) -> None:
         """Cut."""
+        from bestman_bt.navigation.path_pieces import piece
+
         path: Path2D = self.get_input("input_path")
         pose = self.get_input("pose") or self.skills.world.base.pose
         if len(path.points) > 1:
@@ -95,6 +98,8 @@ class SmoothPath(InstantSkill):
 
     def act(self) -> None:
         """Smooth."""
+        from bestman_bt.navigation.path_smoothing import PathSmoother
+
         self.get_input("smoother_id")  # read to be checked where it is an entry: it must name what there is
         path: Path2D = self.get_input("unsmoothed_path")
         smoothed = PathSmoother().smooth(path)
@@ -123,6 +128,8 @@ class IsPathValid(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Asks the costmap."""
+        from bestman_bt.navigation.path_pieces import nearest_along, piece
+
         path: Path2D = self.get_input("path")
         ahead = self.get_input("max_lookahead_distance")
         if len(path.points) > 1:
@@ -181,6 +188,8 @@ class PlaceOnPath:
 
     def find(self, path: Path2D, pose: Pose2D, window: float) -> float:
         """Metres along ``path``, at most ``window`` beyond where it was the last time."""
+        from bestman_bt.navigation.path_pieces import nearest_along
+
         if path is not self._path or math.isinf(window):
             self._path, self._at = path, 0.0
         self._at = nearest_along(path, pose.xy, self._at, self._at + window)
@@ -192,6 +201,8 @@ def first_contact(path: Path2D, costmap: Costmap) -> Pose2D | None:
 
     A base that stands within a margin already may leave it: up to the first free pose it only must not come nearer.
     """
+    from bestman_bt.navigation.local_planning import SweptPath
+
     poses = SweptPath(path).ahead
     clearance = costmap.footprint_clearance(poses)
     leaving = np.logical_and.accumulate((clearance <= 0.0) & (np.diff(clearance, prepend=-np.inf) > -LEAVES))

@@ -8,12 +8,23 @@ from py_trees.ports import PortInformation
 
 from bestman_bt.engine import Node, OneOf
 from bestman_bt.engine.ports import key_of
-from bestman_bt.navigation.global_planning import GlobalPlanner
-from bestman_bt.navigation.local_planning import PathFollower
 from bestman_bt.registry import ALGORITHMS
 
-PlannerName = Annotated[str, OneOf(lambda: ["", *ALGORITHMS.of_kind("global_planning", GlobalPlanner)])]
-FollowerName = Annotated[str, OneOf(lambda: ["", *ALGORITHMS.of_kind("local_planning", PathFollower)])]
+
+def _planners() -> list[str]:
+    from bestman_bt.navigation.global_planning import GlobalPlanner
+
+    return ["", *ALGORITHMS.of_kind("global_planning", GlobalPlanner)]
+
+
+def _followers() -> list[str]:
+    from bestman_bt.navigation.local_planning import PathFollower
+
+    return ["", *ALGORITHMS.of_kind("local_planning", PathFollower)]
+
+
+PlannerName = Annotated[str, OneOf(_planners)]
+FollowerName = Annotated[str, OneOf(_followers)]
 SmootherName = Annotated[str, OneOf(lambda: ("", "simple_smoother"))]
 """Names of algorithms; an empty one is what is configured, or the only one that there is."""
 

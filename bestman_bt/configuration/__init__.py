@@ -1,6 +1,11 @@
-"""YAML to checked frozen dataclasses, and where shipped data lies."""
+"""YAML to checked frozen dataclasses, and where shipped data lies.
 
-from bestman_bt.configuration.checked import check, override, salvage
+What reads YAML is imported when it is used: who only looks for a file need not load the machinery of the checks.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from bestman_bt.configuration.data import (
     NO_PYBULLET_DATA,
     beside,
@@ -13,20 +18,48 @@ from bestman_bt.configuration.data import (
     pybullet_data,
     user_folders,
 )
-from bestman_bt.configuration.disturbance import DisturbanceConfig
-from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
-from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
-from bestman_bt.configuration.task import (
-    GoalConfig,
-    OpeningConfig,
-    TaskConfig,
-    TidyConfig,
-    TolerancesConfig,
-    algorithm_parameters,
-    load_task,
-    task_of_tree,
-)
+
+if TYPE_CHECKING:
+    from bestman_bt.configuration.checked import check, override, salvage
+    from bestman_bt.configuration.disturbance import DisturbanceConfig
+    from bestman_bt.configuration.document import Document, dotted, parse_document, parse_value, read_document
+    from bestman_bt.configuration.run import RunConfig, dump_run, load_run, parse_settings, read_run
+    from bestman_bt.configuration.task import (
+        GoalConfig,
+        OpeningConfig,
+        TaskConfig,
+        TidyConfig,
+        TolerancesConfig,
+        algorithm_parameters,
+        load_task,
+        task_of_tree,
+    )
+
+_HOMES = {
+    "DisturbanceConfig": "disturbance",
+    "Document": "document",
+    "GoalConfig": "task",
+    "OpeningConfig": "task",
+    "RunConfig": "run",
+    "TaskConfig": "task",
+    "TidyConfig": "task",
+    "TolerancesConfig": "task",
+    "algorithm_parameters": "task",
+    "check": "checked",
+    "dotted": "document",
+    "dump_run": "run",
+    "load_run": "run",
+    "load_task": "task",
+    "override": "checked",
+    "parse_document": "document",
+    "parse_settings": "run",
+    "parse_value": "document",
+    "read_document": "document",
+    "read_run": "run",
+    "salvage": "checked",
+    "task_of_tree": "task",
+}
 
 __all__ = [
     "NO_PYBULLET_DATA",
@@ -65,3 +98,9 @@ __all__ = [
     "task_of_tree",
     "user_folders",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)

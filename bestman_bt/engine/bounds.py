@@ -40,7 +40,9 @@ class BoundedPort(PortInformation):
             object.__setattr__(self, "data_type", data_type)
             object.__setattr__(self, "bounds", tuple(_flat(bounds)))
         super().__post_init__()
-        if self.has_default and (message := refusal(self.default_value, self.bounds)):
+        # Names are looked up when they are used: what has them may not be loaded yet.
+        checked = [bound for bound in self.bounds if not isinstance(bound, OneOf)]
+        if self.has_default and (message := refusal(self.default_value, checked)):
             raise ValueError(f"default: {message}")
 
 

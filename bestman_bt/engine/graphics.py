@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import Final
-from xml.sax.saxutils import escape
 
 from bestman_bt.engine.display import node_label, port_texts
 from bestman_bt.engine.node import Node
@@ -50,7 +50,7 @@ def render_svg(tree: Tree, states: Mapping[int, int] | None = None) -> str:
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" height="{height:.0f}" '
         f'viewBox="0 0 {width:.0f} {height:.0f}" font-family="ui-monospace, monospace" font-size="11">',
-        f"<title>{escape(tree.tree_id)}</title>",
+        f"<title>{escape(tree.tree_id, quote=False)}</title>",
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="#ffffff"/>',
     ]
     _draw(root, states, parts)
@@ -104,7 +104,7 @@ def _draw(box: _Box, states: Mapping[int, int] | None, parts: list[str]) -> None
             f'<path d="M{x0:.1f},{y0:.1f} C{middle:.1f},{y0:.1f} {middle:.1f},{y1:.1f} {x1:.1f},{y1:.1f}" '
             'fill="none" stroke="#8a8f98"/>'
         )
-    parts.append(f"<g><title>{escape(box.node.path)} {STATUS_NAMES[status]}</title>")
+    parts.append(f"<g><title>{escape(box.node.path, quote=False)} {STATUS_NAMES[status]}</title>")
     parts.append(
         f'<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}" height="{box.height:.1f}" rx="5" '
         f'fill="{fill}" stroke="{stroke}" stroke-width="{1 if status == IDLE else 2.5}"/>'
@@ -112,7 +112,8 @@ def _draw(box: _Box, states: Mapping[int, int] | None, parts: list[str]) -> None
     for index, line in enumerate(box.lines):
         style = 'font-weight="bold"' if index == 0 else 'fill="#57606a"'
         parts.append(
-            f'<text x="{box.x + _PADDING:.1f}" y="{box.y + _LINE * (index + 1):.1f}" {style}>{escape(line)}</text>'
+            f'<text x="{box.x + _PADDING:.1f}" y="{box.y + _LINE * (index + 1):.1f}" {style}>'
+            f"{escape(line, quote=False)}</text>"
         )
     parts.append("</g>")
     for child in box.children:

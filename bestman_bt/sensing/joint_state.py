@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 from bestman_bt.perception.errors import PerceptionError
-from bestman_bt.robot_model import RobotModel
 from hal.api import Gripper, JointGroup, Part, RobotError
+
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import RobotModel
 
 
 class JointStateError(PerceptionError):

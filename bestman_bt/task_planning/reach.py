@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
-from bestman_bt.robot_model import RobotModel
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import RobotModel
 
 
 def highest_reach(robot: RobotModel) -> float:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import (
@@ -25,12 +26,14 @@ from bestman_bt.engine import (
 )
 from bestman_bt.engine import Problem as Fault
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model import RobotModel
 from bestman_bt.task_planning.builders.steps import depend
 from bestman_bt.task_planning.reach import highest_reach, widest_grasp
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
 from bestman_bt.task_planning.symbolic import Action, Operator, PlanningError, Problem, instantiate
-from bestman_bt.world_model import WorldModel
+
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import RobotModel
+    from bestman_bt.world_model import WorldModel
 
 _HARMLESS = frozenset({"AlwaysSuccess", "AlwaysFailure", "Holds"})
 """Leaves beside the abilities that a tree of a plan may have."""

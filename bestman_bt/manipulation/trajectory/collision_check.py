@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.collision.base import CollisionWorld
 from bestman_bt.messages import JointTrajectory
+
+if TYPE_CHECKING:
+    from bestman_bt.manipulation.collision.base import CollisionWorld
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import toppra
 from numpy.typing import ArrayLike, NDArray
-from toppra import algorithm, constraint
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.joint_values import JointLimits, joint_path
 from bestman_bt.manipulation.trajectory.base import SpeedScale, TimeParametrization, TrajectoryError
 from bestman_bt.messages import JointTrajectory
+
+if TYPE_CHECKING:
+    import toppra
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,9 @@ class Toppra(TimeParametrization):
     def _solve(
         self, waypoints: NDArray[np.float64], velocity: NDArray[np.float64], acceleration: NDArray[np.float64]
     ) -> toppra.interpolator.AbstractGeometricPath:
+        import toppra
+        from toppra import algorithm, constraint
+
         lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
         marks = np.concatenate([[0.0], np.cumsum(lengths)])
         grid = max(self.parameters.min_grid, self.parameters.grid_per_waypoint * len(waypoints))
