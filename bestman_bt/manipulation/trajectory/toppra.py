@@ -47,6 +47,8 @@ class Toppra(TimeParametrization):
     """A cubic spline along the path, as fast as velocity and acceleration limits allow."""
 
     def __init__(self, parameters: ToppraParameters | None = None) -> None:
+        import toppra  # noqa: F401 - now, for it takes half a second, which the first motion does not have
+
         self.parameters = parameters or ToppraParameters()
 
     def parametrize(self, path: ArrayLike, limits: JointLimits, scale: SpeedScale | None = None) -> JointTrajectory:
