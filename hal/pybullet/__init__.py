@@ -1,6 +1,5 @@
 """The Robotics API over PyBullet: honest physics, no resets, no glue."""
 
-import hal.pybullet.silent_import  # noqa: F401 - before anything else imports pybullet
 from hal.pybullet.client import SimulationError
 from hal.pybullet.disturber import Disturber
 from hal.pybullet.ground_truth import GroundTruth

@@ -1,7 +1,13 @@
-"""The package pybullet (extra ``sim``). Robots that are real do without it, so it is missed when a world is started."""
+"""The package pybullet (extra ``sim``). Robots that are real do without it, so it is missed when a world is started.
+
+It is imported here alone, without the line about its build time that it writes to standard error.
+"""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from bestman_bt.extras import missing_extra
@@ -16,7 +22,21 @@ class _Missing:
         raise missing_extra("simulation", "sim")
 
 
+@contextmanager
+def _nothing_on_standard_error() -> Iterator[None]:
+    """A C library writes past ``sys.stderr``, to the file descriptor."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
 try:
-    import pybullet
+    with _nothing_on_standard_error():
+        import pybullet
 except ModuleNotFoundError:
     pybullet = _Missing()

@@ -20,7 +20,6 @@ from hal.pybullet import PyBulletRobot, Viewpoint
 from hal.pybullet.client import ReadPurpose
 from hal.pybullet.package import pybullet
 from hal.pybullet.render import smooth_picture
-from hal.pybullet.silent_import import pybullet
 
 
 class Stage:
