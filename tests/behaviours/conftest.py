@@ -11,7 +11,7 @@ import pytest
 from bestman_bt.configuration import load_run
 from bestman_bt.runtime import Session, session
 from hal.pybullet import GroundTruth
-from tests.behaviours.at_the_table import AT_THE_TABLE
+from tests.behaviours.at_the_table import standing_at_a_table
 from tests.behaviours.driving import BEFORE_THE_DOORWAY
 from tests.behaviours.truth import THINGS, known_world
 
@@ -19,14 +19,14 @@ from tests.behaviours.truth import THINGS, known_world
 @pytest.fixture
 def at_table() -> Iterator[Session]:
     """A robot of its own for each test."""
-    with session(seed=1, settings=AT_THE_TABLE) as opened:
+    with session(seed=1, settings=standing_at_a_table(110.0)) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
 def bystander() -> Iterator[Session]:
     """One robot for all tests of a module that leave the world as it is."""
-    with session(seed=1, settings=AT_THE_TABLE) as opened:
+    with session(seed=1, settings=standing_at_a_table(-70.0)) as opened:
         yield opened
 
 

@@ -10,14 +10,14 @@ from bestman_bt.configuration import load_run
 from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.runtime import Session, open_session
 from hal.pybullet.camera import CameraFault
-from tests.behaviours.at_the_table import AT_THE_TABLE, failures_of, tick, tree_of
+from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 DETECT = '<Sequence><LookAt surface="table"/><DetectObject object="cup" surface="table"/></Sequence>'
 
 
 @pytest.fixture(scope="module")
 def session() -> Iterator[Session]:
-    with open_session(load_run("fetch_cup", seed=3, settings=AT_THE_TABLE)) as opened:
+    with open_session(load_run("fetch_cup", seed=3, settings=standing_at_a_table(-100.0))) as opened:
         yield opened
 
 

@@ -41,7 +41,7 @@ def assert_rests(robot: Session) -> None:
 @pytest.mark.parametrize(
     ("leaf", "body", "moving_for"),
     [
-        ("NavigateTo", '<NavigateTo goal="1.5;-0.4;0"/>', 1.0),
+        ("NavigateTo", '<NavigateTo goal="0.8;-1.2;3.0"/>', 1.0),
         ("MoveArm", '<MoveArm posture="home"/>', 0.3),
         ("LookAt", '<LookAt point="3.2;1.2;0.7"/>', 0.1),
         ("Grasp", GRASP, 0.5),
@@ -58,7 +58,7 @@ def test_a_skill_that_is_halted_in_motion_comes_to_rest(
 def test_a_reactive_parent_that_halts_its_child_stops_the_robot(at_table: Session) -> None:
     body = """<ReactiveSequence>
       <ScriptCondition code="go"/>
-      <NavigateTo goal="1.5;-0.4;0"/>
+      <NavigateTo goal="0.8;-1.2;3.0"/>
     </ReactiveSequence>"""
     tree = at_table.load(tree_of(body))
     tree.blackboard.set("go", True)

@@ -24,7 +24,7 @@ from bestman_bt.runtime.policies import find_policy
 from bestman_bt.world_model import HeldObject
 from tests.behaviours.at_the_table import PERIOD, failures_of, fastest, tick, tree_of
 
-OPEN_FLOOR = ("scene.robot_start.x=[1.0, 1.0]", "scene.robot_start.y=[-1.0, -1.0]", "scene.robot_start.yaw=[0.0, 0.0]")
+OPEN_FLOOR = ("scene.robot_start.x=[1.0, 1.0]", "scene.robot_start.y=[-1.0, -1.0]", "scene.robot_start.yaw=[1.9, 1.9]")
 FAR = Pose.from_xyz_rpy((0.5, 0.29, 0.84), (np.pi, 0.0, 0.3))
 GOAL = Pose.from_xyz_rpy((0.55, 0.15, 0.95), (np.pi, 0.0, 0.2))
 WIDE = "-1;-1;0;1.2;1;2"

@@ -13,7 +13,7 @@ from bestman_bt.engine import FAILURE, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, open_session
 from hal.pybullet import GroundTruth
-from tests.behaviours.at_the_table import AT_THE_TABLE, failures_of, tick, tree_of
+from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
 LOOK = """<Sequence>
   <LookAt surface="table"/>
@@ -28,7 +28,8 @@ def looked() -> Iterator[tuple[Session, GroundTruth, dict[str, Any]]]:
     """A robot that has looked at the table, the truth, and what the look gave."""
     truths: list[GroundTruth] = []
     with open_session(
-        load_run("fetch_cup", seed=1, settings=AT_THE_TABLE), lambda robot: truths.append(GroundTruth(robot))
+        load_run("fetch_cup", seed=1, settings=standing_at_a_table(75.0)),
+        lambda robot: truths.append(GroundTruth(robot)),
     ) as opened:
         tree = opened.load(tree_of(LOOK))
         assert tick(tree, 100) == SUCCESS
@@ -71,7 +72,7 @@ def test_an_object_is_at_a_goal_within_its_tolerance(looked, off: float, status:
 def test_there_is_room_where_the_table_is_empty_and_none_where_the_can_stands(looked) -> None:
     robot, truth, found = looked
     body = '<FindPlacePose object="cup" surface="table" goal="{there}" pose="{place}"/>'
-    beside = np.add(found["estimated"].position, [-0.1, 0.15, 0.0])
+    beside = found["estimated"].position + truth.furniture_pose("table").rotation @ [-0.1, 0.15, 0.0]
     tree = robot.load(tree_of(body))
     tree.blackboard.set("there", Pose(beside))
     assert tick(tree, 100) == SUCCESS
