@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from bestman_bt.control import ControlErrorCode, ControlStatus
-from bestman_bt.control.wheeled import BaseController
+from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.messages import LaserScan, Path2D, Pose, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
-from bestman_bt.navigation.local_planning import FollowerCommand, PathFollower, PurePursuit, RotateToHeading
+from bestman_bt.navigation.local_planning import (
+    FollowerCommand,
+    MovingObstacle,
+    ObstacleLayer,
+    PathFollower,
+    PurePursuit,
+    RotateToHeading,
+)
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch
 from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
-from hal.api import NoDataError, NotConnectedError
+from hal.api import Bumper, BumperReading, BumperZone, NoDataError, NotConnectedError
 from tests.control.scripted_parts import CORNERS, RoomLidar, ScriptedBase
 
 ROOM = np.array([(-4, -4, 4, -4), (4, -4, 4, 4), (4, 4, -4, 4), (-4, 4, -4, -4)], dtype=float)
@@ -76,7 +84,13 @@ class Driven:
         return handle
 
 
-def driven(segments=ROOM, follower: PathFollower | None = None, rotation: RotateToHeading | None = None) -> Driven:
+def driven(
+    segments=ROOM,
+    follower: PathFollower | None = None,
+    rotation: RotateToHeading | None = None,
+    bumpers: Sequence[Bumper] = (),
+    layer: ObstacleLayer | None = None,
+) -> Driven:
     base = ScriptedBase(START, ODOMETRY)
     lidar = RoomLidar(base, BASE_FROM_LIDAR, segments)
     localizer = Told()
@@ -89,6 +103,8 @@ def driven(segments=ROOM, follower: PathFollower | None = None, rotation: Rotate
         follower or PurePursuit(),
         world,
         rotation=rotation,
+        monitor=CollisionMonitor(base.description, bumpers),
+        layer=layer,
     )
     controller.start()
     base.clock.sleep(0.2)
@@ -485,3 +501,59 @@ def test_scans_that_do_not_fit_mark_no_obstacles():
     it.localizer.fits = False
     it.sleep(0.5)
     assert not len(it.controller.layer.points)
+
+
+class PressedBumper(Bumper):
+    """One strip at the front."""
+
+    def __init__(self) -> None:
+        super().__init__("bumper")
+        self.pressed = False
+
+    @property
+    def zones(self) -> tuple[BumperZone, ...]:
+        return (BumperZone((0.28, -0.2), (0.28, 0.2)),)
+
+    def read(self) -> BumperReading:
+        return BumperReading((0,) if self.pressed else (), 0.0)
+
+
+def test_a_base_that_bumps_into_something_is_blocked_at_once():
+    bumper = PressedBumper()
+    it = driven(bumpers=[bumper])
+    handle = it.controller.drive(1.0)
+    it.sleep(0.3)
+    bumper.pressed = True
+    it.sleep(0.1)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.BLOCKED)
+    assert "bumper" in handle.error.text
+    assert it.controller.stuck
+    bumper.pressed = False
+    assert it.wait(it.controller.drive(-0.2)).status is ControlStatus.SUCCEEDED
+
+
+class Crowded(ObstacleLayer):
+    """Somebody comes towards the base; as tall as people are where ``tall``."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        (x, y), (vx, vy) = START.apply([1.4, 0.0]), START.apply([-0.6, 0.0]) - START.xy
+        self.person = MovingObstacle(float(x), float(y), float(vx), float(vy), 0.2)
+
+    @property
+    def moving(self) -> list[MovingObstacle]:
+        return [self.person]
+
+    @property
+    def walkers(self) -> list[MovingObstacle]:
+        return []
+
+
+def test_people_are_given_way_on_paths_that_were_planned_on_a_map_alone():
+    goal = START @ Pose2D(1.0, 0.0, 0.0)
+    for mapped in (True, False):
+        it = driven(layer=Crowded())
+        costmap = Costmap.from_map(it.world.map, Footprint(np.array(CORNERS))) if mapped else None
+        it.controller.follow(here_to(goal), costmap)
+        it.sleep(1.0)
+        assert (it.base.true_pose.distance_to(START) < 0.01) == mapped
