@@ -40,6 +40,7 @@ def test_home_is_in_front_with_the_hand_down(search: PostureSearch, home: np.nda
     assert abs(y) < 0.01
 
 
+@pytest.mark.slow
 def test_carry_needs_less_room_than_home_and_hides_less_of_the_table(search: PostureSearch, home: np.ndarray) -> None:
     carry = search.carry(np.random.default_rng(0), home, HEAD)
     assert_free_and_looking_down(search, carry)
@@ -47,6 +48,7 @@ def test_carry_needs_less_room_than_home_and_hides_less_of_the_table(search: Pos
     assert search.hidden(carry, HEAD) < search.hidden(home, HEAD)
 
 
+@pytest.mark.slow
 def test_what_stands_out_beyond_the_base_less_is_preferred(search: PostureSearch, home: np.ndarray) -> None:
     assert search.stands_out(home) == pytest.approx(0.25, abs=0.03)
     careless = PostureSearch(search.robot, parameters=replace(search.parameters, overhang_weight=0.0))
@@ -55,11 +57,13 @@ def test_what_stands_out_beyond_the_base_less_is_preferred(search: PostureSearch
     assert search.stands_out(beside[1]) < search.stands_out(beside[0]) - 0.05
 
 
+@pytest.mark.slow
 def test_carry_beside_is_beside_and_lower(search: PostureSearch, home: np.ndarray) -> None:
     beside = search.carry_beside(np.random.default_rng(0), home, HEAD)
     assert_free_and_looking_down(search, beside)
     assert DampedLeastSquares(search.robot).tool_pose(beside).position[1] < -0.15
 
 
+@pytest.mark.slow
 def test_equal_seeds_propose_equal_postures(search: PostureSearch, home: np.ndarray) -> None:
     np.testing.assert_array_equal(search.home(np.random.default_rng(0)), home)

@@ -22,6 +22,8 @@ from bestman_bt.perception.grasp_pose import GraspCandidate, GraspTarget, ModelB
 from bestman_bt.perception.segmentation import Cluster, PlaneDbscan
 from bestman_bt.scene import read_object
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = Path(perception.__file__)
 
 

@@ -15,6 +15,8 @@ from bestman_bt.perception.detection import ColorShape
 from bestman_bt.perception.pose_estimation.model_surface import model_surface
 from bestman_bt.perception.view_planning.expected_yaw import looking_at
 
+pytestmark = pytest.mark.slow
+
 CAMERA = looking_at(np.zeros(3), 0.0, 0.0, 1.0)
 
 

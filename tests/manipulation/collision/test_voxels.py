@@ -107,6 +107,7 @@ def test_a_believed_object_and_the_target_of_a_grasp_explain_what_was_seen_of_th
     assert scene_of(belief, diff_panda, explained=[in_base]).voxels == ()
 
 
+@pytest.mark.slow
 def test_unknown_space_counts_as_filled_when_asked(belief, diff_panda, collision_of):
     asked = SceneParameters(unknown_is_obstacle=True)
     names = [voxels.name for voxels in scene_of(belief, diff_panda, parameters=asked).voxels]
@@ -121,6 +122,7 @@ def test_unknown_space_counts_as_filled_when_asked(belief, diff_panda, collision
     assert any(cautious.is_free(q) for q in postures)
 
 
+@pytest.mark.slow
 def test_where_the_robot_is_now_nothing_else_is(belief, diff_panda, collision_of):
     """A scan that took the robot for a thing, or a space that it has never seen, does not lock its arm."""
     everything = VoxelGrid(np.full(belief.occupancy.states.shape, 2, np.uint8), 0.02, REGION.frame_from_grid, 0.0)
@@ -145,6 +147,7 @@ def test_what_is_held_must_not_touch_what_was_seen_either(belief, diff_panda, co
     assert ("occupied", "stick") in holding.colliding_pairs(near)
 
 
+@pytest.mark.slow
 def test_voxels_are_as_solid_as_boxes_of_their_size(diff_panda, collision_of):
     rng = np.random.default_rng(3)
     indices = np.unique(rng.integers([20, -25, 25], [45, 25, 50], (300, 3)), axis=0)

@@ -36,6 +36,7 @@ def test_many_positions_at_once_agree_with_the_kinematics_of_one(diff_panda, rng
         assert measures[i] == pytest.approx(kinematics.manipulability(q), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_approaches_that_inverse_kinematics_solves_score_higher_than_those_it_does_not(kinematics, full, ready, rng):
     shoulder, reach = kinematics.reach
     points = shoulder + rng.uniform(-0.6 * reach, 0.6 * reach, (60, 3))
@@ -61,6 +62,7 @@ def tool_pose(position: np.ndarray, approach: np.ndarray, roll: float) -> Pose:
     return Pose.from_matrix(matrix) @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, roll))
 
 
+@pytest.mark.slow
 def test_poses_out_of_reach_score_zero(kinematics, full):
     shoulder, reach = kinematics.reach
     far = shoulder + 1.3 * reach * even_directions(50)
@@ -128,6 +130,7 @@ def test_the_users_cache_folder_is_taken(monkeypatch, tmp_path):
     assert cache_folder().parts[-2:] == (".cache", "bestman-bt")
 
 
+@pytest.mark.slow
 def test_bad_requests_are_refused_by_name(full):
     with pytest.raises(ManipulationError, match=r"positions should be \(N, 3\) and finite"):
         full.score([[0, 0]], [[0, 0, 1]])

@@ -18,6 +18,8 @@ from bestman_bt.manipulation.kinematics import (
 from bestman_bt.messages import Pose, Pose2D
 from tests.manipulation.kinematics.door_stations import door_stations
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def mobile(diff_panda):

@@ -73,6 +73,7 @@ def test_every_ranked_stand_reaches_the_object_without_touching_the_table(diff_p
         assert world_at(stand.pose).is_free(stand.positions)
 
 
+@pytest.mark.slow
 def test_stands_where_the_base_may_not_be_are_left_out(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
     candidates = stands_along(TABLE, OBJECT, front_of(diff_panda))
@@ -102,6 +103,7 @@ def test_of_equal_stands_the_nearer_one_is_preferred(diff_panda, mobile, rng):
     assert ranked[0].pose in sides[1]
 
 
+@pytest.mark.slow
 def test_a_reachability_map_puts_the_stands_that_reach_first(diff_panda, mobile, rng):
     kinematics, limits, home = mobile
     map_ = build_reachability_map(kinematics, limits, ReachabilityMapParameters(samples=100_000))

@@ -17,6 +17,7 @@ from bestman_bt.manipulation.policy import (
 )
 from bestman_bt.robot_model import RobotModel
 
+BRIEF = BehaviourCloningParameters(hidden=(16,), steps=50)
 SHORT = BehaviourCloningParameters(hidden=(96, 96), steps=2500, batch=128, rate=4e-3)
 
 
@@ -30,6 +31,25 @@ def expert(diff_panda: RobotModel) -> ReachingExpert:
 def demonstrations(expert: ReachingExpert) -> list[Demonstration]:
     rng = np.random.default_rng(1)
     return [expert.demonstrate(rng) for _ in range(300)]
+
+
+@pytest.fixture(scope="session")
+def few_demonstrations(expert: ReachingExpert) -> list[Demonstration]:
+    rng = np.random.default_rng(1)
+    return [expert.demonstrate(rng) for _ in range(20)]
+
+
+@pytest.fixture(scope="session")
+def briefly_cloned(expert: ReachingExpert, few_demonstrations: list[Demonstration]) -> ClonedPolicy:
+    """It has learned next to nothing: for tests of files and of what goes in and out."""
+    return clone(few_demonstrations, expert.specification("diff_panda"), BRIEF)
+
+
+@pytest.fixture(scope="session")
+def briefly_trained(briefly_cloned: ClonedPolicy, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("policy") / "brief.onnx"
+    briefly_cloned.save(path)
+    return path
 
 
 @pytest.fixture(scope="session")

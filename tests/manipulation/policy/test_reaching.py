@@ -31,7 +31,7 @@ from bestman_bt.manipulation.policy import (
 TOLERANCE = 0.01, 0.1
 
 
-def reached(policy: OnnxPolicy, expert: ReachingExpert, wrong_goal: bool = False, count: int = 40) -> int:
+def reached(policy: OnnxPolicy, expert: ReachingExpert, wrong_goal: bool = False, count: int = 30) -> int:
     total = 0
     for seed in range(100, 100 + count):
         rng = np.random.default_rng(seed)
@@ -42,26 +42,29 @@ def reached(policy: OnnxPolicy, expert: ReachingExpert, wrong_goal: bool = False
     return total
 
 
+@pytest.mark.slow
 def test_a_few_seconds_of_training_reach_nine_goals_of_ten(trained: Path, expert: ReachingExpert) -> None:
-    assert reached(load_policy(trained), expert) >= 36
+    assert reached(load_policy(trained), expert) >= 27
 
 
+@pytest.mark.slow
 def test_told_a_wrong_goal_the_policy_does_not_reach_the_right_one(trained: Path, expert: ReachingExpert) -> None:
     assert reached(load_policy(trained), expert, wrong_goal=True) == 0
 
 
 def test_the_same_seed_trains_the_same_weights_and_another_seed_others(
-    expert: ReachingExpert, demonstrations: list[Demonstration]
+    expert: ReachingExpert, few_demonstrations: list[Demonstration]
 ) -> None:
     parameters = BehaviourCloningParameters(hidden=(16,), steps=50)
     specification = expert.specification("diff_panda")
     first, again, other = (
-        clone(demonstrations[:20], specification, replace(parameters, seed=seed)).layers[0][0] for seed in (3, 3, 4)
+        clone(few_demonstrations, specification, replace(parameters, seed=seed)).layers[0][0] for seed in (3, 3, 4)
     )
     np.testing.assert_array_equal(first, again)
     assert not np.array_equal(first, other)
 
 
+@pytest.mark.slow
 def test_demonstrations_end_where_they_were_to_end(demonstrations: list[Demonstration], expert: ReachingExpert) -> None:
     misses = []
     for demonstration in demonstrations[:50]:
@@ -71,22 +74,22 @@ def test_demonstrations_end_where_they_were_to_end(demonstrations: list[Demonstr
     assert np.median(misses) < 0.001
 
 
-def test_the_written_network_computes_what_was_trained(trained: Path, cloned: ClonedPolicy) -> None:
-    policy = load_policy(trained)
-    assert policy.specification == cloned.card.specification
+def test_the_written_network_computes_what_was_trained(briefly_trained: Path, briefly_cloned: ClonedPolicy) -> None:
+    policy = load_policy(briefly_trained)
+    assert policy.specification == briefly_cloned.card.specification
     raw = policy._run(np.full((1, 20), 0.3, dtype=np.float32))
     value = np.full((1, 20), 0.3, dtype=np.float32)
-    for weight, bias in cloned.layers[:-1]:
+    for weight, bias in briefly_cloned.layers[:-1]:
         value = value @ weight + bias
         value = value / (1.0 + np.exp(-value))
-    np.testing.assert_allclose(raw, (value @ cloned.layers[-1][0] + cloned.layers[-1][1])[0], atol=1e-4)
+    np.testing.assert_allclose(raw, (value @ briefly_cloned.layers[-1][0] + briefly_cloned.layers[-1][1])[0], atol=1e-4)
 
 
 @pytest.fixture
-def copy(trained: Path, tmp_path: Path) -> Path:
+def copy(briefly_trained: Path, tmp_path: Path) -> Path:
     path = tmp_path / "reach.onnx"
-    path.write_bytes(trained.read_bytes())
-    path.with_suffix(".json").write_text(trained.with_suffix(".json").read_text())
+    path.write_bytes(briefly_trained.read_bytes())
+    path.with_suffix(".json").write_text(briefly_trained.with_suffix(".json").read_text())
     return path
 
 
@@ -128,8 +131,10 @@ def test_files_that_are_missing_or_something_else_are_refused(copy: Path, seen: 
         _ = load_policy(copy).specification
 
 
-def test_an_observation_of_another_arm_or_without_a_pose_as_goal_is_refused(trained: Path, seen: Observation) -> None:
-    policy = load_policy(trained)
+def test_an_observation_of_another_arm_or_without_a_pose_as_goal_is_refused(
+    briefly_trained: Path, seen: Observation
+) -> None:
+    policy = load_policy(briefly_trained)
     assert isinstance(policy.act(seen), ActionChunk)
     with pytest.raises(PolicyObservationError, match="7 joints"):
         policy.act(replace(seen, joint_positions=np.zeros(6)))

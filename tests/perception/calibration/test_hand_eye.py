@@ -16,6 +16,7 @@ from bestman_bt.perception.calibration import (
     HandEyeParameters,
     ParkMartin,
 )
+from bestman_bt.perception.calibration.hand_eye import relative_motions
 from tests.perception.calibration.recorded import Recording, errors, hand_eye_recording, turned
 
 METHODS = (ParkMartin, Daniilidis)
@@ -31,6 +32,7 @@ def test_without_noise_the_camera_is_found_exactly(method, refine):
         assert errors(found.world_from_target, truth.world_from_target) == pytest.approx((0.0, 0.0), abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_with_noise_the_camera_is_found_to_a_millimetre_and_a_tenth_of_a_degree(method):
     found = []
@@ -43,6 +45,7 @@ def test_with_noise_the_camera_is_found_to_a_millimetre_and_a_tenth_of_a_degree(
     assert degrees < 0.1
 
 
+@pytest.mark.slow
 def test_the_refinement_is_better_than_either_closed_form():
     recordings = [hand_eye_recording(seed) for seed in range(40)]
 
@@ -54,6 +57,7 @@ def test_the_refinement_is_better_than_either_closed_form():
     assert mean_error(refine=True) < 0.97 * mean_error(refine=False)
 
 
+@pytest.mark.slow
 def test_the_covariance_tells_how_wrong_the_result_is():
     """The squared error, weighed by the stated covariance, has mean 6: the number of unknowns."""
     weighed = []
@@ -103,6 +107,23 @@ def test_motions_without_turns_are_refused(method):
     truth = about_one_axis(hand_eye_recording(1), np.zeros(3))
     with pytest.raises(DegenerateMotionError, match="not parallel"):
         method().eye_in_hand(truth.world_from_carrier, truth.eye_from_target)
+
+
+@pytest.mark.parametrize(("degrees", "used"), [(169.0, 1), (171.0, 0), (-171.0, 0), (189.0, 0), (191.0, 1)])
+def test_motions_near_half_a_turn_are_not_used(degrees: float, used: int):
+    """There the axis may as well point the other way; it counts for the carrier and for the camera."""
+    still, turn = Pose(), turned(np.radians(degrees) * np.array([0.6, 0.0, 0.8]))
+    for carriers, seen in (([still, turn], [still, still]), ([still, still], [still, turn])):
+        motions = relative_motions(carriers, seen)
+        assert len(motions.carrier) == len(motions.eye) == used
+
+
+def test_motions_are_those_of_the_camera_on_its_carrier():
+    truth = hand_eye_recording(1, views=4, position=0.0, rotation=0.0)
+    motions = relative_motions(truth.world_from_carrier, truth.eye_from_target)
+    x = truth.carrier_from_eye.matrix
+    assert 0 < len(motions.carrier) <= 6
+    assert motions.carrier @ x == pytest.approx(x @ motions.eye, abs=1e-9)
 
 
 def test_poses_and_images_in_different_orders_are_refused():

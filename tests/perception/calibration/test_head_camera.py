@@ -49,6 +49,7 @@ def views_of(mount: Pose, camera: Pose, board: Pose, holders: list[Pose], rng: n
     return views
 
 
+@pytest.mark.slow
 def test_a_fixed_board_tells_how_the_camera_sits_on_the_head():
     for seed in range(3):
         rng = np.random.default_rng(seed)
@@ -63,6 +64,7 @@ def test_a_fixed_board_tells_how_the_camera_sits_on_the_head():
         assert 0.15 < np.mean(result.chain.errors) < 0.28
 
 
+@pytest.mark.slow
 def test_a_board_in_the_hand_tells_where_the_head_stands_too():
     rng = np.random.default_rng(5)
     mount, camera, lens = really(MOUNT, rng), really(CAMERA_ON_HEAD, rng), LENS
@@ -115,6 +117,7 @@ def test_too_few_views_are_refused():
         )
 
 
+@pytest.mark.slow
 def test_one_wrong_view_does_not_spoil_a_wrist_camera():
     rng = np.random.default_rng(8)
     truth = hand_eye_recording(8, position=0.0, rotation=0.0)

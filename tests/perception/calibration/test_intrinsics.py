@@ -32,6 +32,7 @@ def sightings(rng: np.random.Generator, count: int = 25, lean: float = 0.6, came
     return found
 
 
+@pytest.mark.slow
 def test_focal_length_centre_and_distortion_are_recovered():
     parameters = IntrinsicsParameters(lens="k1_k2_p1_p2_k3")
     result = calibrate_intrinsics(sightings(np.random.default_rng(1), 40), SIZE, parameters)
@@ -72,6 +73,7 @@ def test_a_corner_of_the_image_that_was_never_covered_is_named():
         calibrate_intrinsics(left_only, SIZE)
 
 
+@pytest.mark.slow
 def test_boards_that_never_lean_are_refused():
     flat = sightings(np.random.default_rng(5), 40, lean=math.radians(2.0), camera=CAMERA)
     with pytest.raises(DegenerateMotionError, match="leaning by 15° or more"):

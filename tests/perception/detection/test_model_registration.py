@@ -20,6 +20,7 @@ def detect(scene: RenderedTable, models: tuple = MODELS) -> DetectedScene:
     return DETECTOR.detect(scene.view, scene.region, models, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(60, 64))
 def test_every_known_object_is_found_by_its_name_and_nothing_else_is(table: Tables, seed: int) -> None:
     scene = table(seed, palette=1)
@@ -33,6 +34,7 @@ def test_every_known_object_is_found_by_its_name_and_nothing_else_is(table: Tabl
             assert np.linalg.norm(found.find(item.model.name).pose.position - item.pose.position) < 0.004
 
 
+@pytest.mark.slow
 def test_an_object_that_was_taken_away_is_not_found(table: Tables) -> None:
     scene = table(61, palette=1)
     gone = next(item for item in scene.objects if item.known)
@@ -42,6 +44,7 @@ def test_an_object_that_was_taken_away_is_not_found(table: Tables) -> None:
     assert detect(without).find(gone.model.name) is None
 
 
+@pytest.mark.slow
 def test_an_empty_table_gives_no_detection(table: Tables) -> None:
     found = detect(table(3, known=0, unknown=0))
     assert found.detections == ()
@@ -57,6 +60,7 @@ def test_all_but_the_wanted_object_are_obstacles(table: Tables) -> None:
     assert len(found.obstacles_beside(None)) == len(scene.objects)
 
 
+@pytest.mark.slow
 def test_near_and_far_wall_of_a_cup_are_one_thing_even_where_the_segmentation_parts_them() -> None:
     cup = MODELS[0]
     table = Pose.from_xyz_rpy((0.75, 0.0, 0.75))

@@ -37,6 +37,7 @@ def overlap(detection: ImageDetection, box: np.ndarray) -> float:
     return float(common / ((mine[2:] - mine[:2]).prod() + (box[2:] - box[:2]).prod() - common))
 
 
+@pytest.mark.slow
 def test_a_trained_network_finds_things_in_pictures_that_it_has_not_seen(tiny: Path) -> None:
     detector = OnnxImageDetector(OnnxDetectorParameters(model=str(tiny), min_score=0.5))
     things = hits = strays = 0
@@ -51,6 +52,7 @@ def test_a_trained_network_finds_things_in_pictures_that_it_has_not_seen(tiny: P
     assert strays <= 0.1 * things
 
 
+@pytest.mark.slow
 def test_only_what_was_asked_for_is_found(tiny: Path) -> None:
     picture = training_scene(300).view.image
     detector = OnnxImageDetector(OnnxDetectorParameters(model=str(tiny)))
@@ -58,6 +60,7 @@ def test_only_what_was_asked_for_is_found(tiny: Path) -> None:
     assert detector.find(picture, ["teapot"]) == ()
 
 
+@pytest.mark.slow
 def test_boxes_become_objects_with_poses(tiny: Path) -> None:
     scene = training_scene(300)
     detector = OnnxDetector(OnnxDetectorParameters(model=str(tiny)))
@@ -68,6 +71,7 @@ def test_boxes_become_objects_with_poses(tiny: Path) -> None:
         assert np.linalg.norm(detection.pose.position - placed[detection.name]) < 0.005
 
 
+@pytest.mark.slow
 def test_boxes_of_things_without_a_model_become_labelled_clusters(tiny: Path) -> None:
     scene = training_scene(300)
     detector = OnnxDetector(OnnxDetectorParameters(model=str(tiny), names=("can",)))
@@ -89,11 +93,15 @@ def test_letterboxed_pixels_come_back_where_they_were(size: tuple[int, int]) -> 
     np.testing.assert_allclose((box - shift) / scale, [[40, 10], [44, 14]], atol=0.6)
 
 
-def save(path: Path, inputs: list[tuple[int, list]], output: list, names: str = "") -> str:
-    """A network that gives zeros of shape ``output``."""
+def save(
+    path: Path, inputs: list[tuple[int, list]], output: list, names: str = "", given: np.ndarray | None = None
+) -> str:
+    """A network that gives ``given``, or zeros, of shape ``output`` whatever it is shown."""
     values = [helper.make_tensor_value_info(f"in{i}", kind, shape) for i, (kind, shape) in enumerate(inputs)]
     result = helper.make_tensor_value_info("out", TensorProto.FLOAT, output)
-    zeros = helper.make_tensor("value", TensorProto.FLOAT, output, np.zeros(int(np.prod(output))))
+    zeros = helper.make_tensor(
+        "value", TensorProto.FLOAT, output, np.ravel(np.zeros(output) if given is None else given)
+    )
     graph = helper.make_graph([helper.make_node("Constant", [], ["out"], value=zeros)], "zeros", values, [result])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=9)
     if names:
@@ -134,16 +142,61 @@ def test_classes_may_be_given_where_the_file_has_none(tmp_path: Path) -> None:
     assert OnnxImageDetector(parameters).find(image(np.zeros((48, 64, 3), np.uint8)), ["a"]) == ()
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (3, 500), (480, 2)])
-def test_pictures_of_odd_sizes_give_boxes_inside_of_them(tiny: Path, shape: tuple[int, int]) -> None:
-    rgb = np.random.default_rng(0).integers(0, 255, (*shape, 3)).astype(np.uint8)
-    detector = OnnxImageDetector(OnnxDetectorParameters(model=str(tiny), min_score=0.05))
-    for found in detector.find(image(rgb), CLASSES):
-        left, top, right, bottom = found.box
-        assert left >= -0.5
-        assert top >= -0.5
-        assert right <= shape[1] - 0.5
-        assert bottom <= shape[0] - 0.5
+def told(tmp_path: Path, boxes: list[tuple[float, ...]], **options: object) -> OnnxImageDetector:
+    """A detector whose network tells of ``boxes``: centre, size, then the scores of a and b; its input is 64 x 64."""
+    given = np.zeros((1, 6, 10), np.float32)
+    given[0, :, : len(boxes)] = np.array(boxes).T
+    file = save(tmp_path / "told.onnx", PICTURE, [1, 6, 10], "{0: 'a', 1: 'b'}", given)
+    return OnnxImageDetector(OnnxDetectorParameters(model=file, **options))  # type: ignore[arg-type]
+
+
+SQUARE = image(np.zeros((64, 64, 3), np.uint8))
+
+
+def test_boxes_of_two_classes_may_overlap_and_those_of_one_give_way_to_the_surest(tmp_path: Path) -> None:
+    detector = told(
+        tmp_path,
+        [(20, 20, 10, 10, 0.6, 0), (21, 20, 10, 10, 0, 0.7), (20, 21, 10, 10, 0.9, 0), (50, 50, 10, 10, 0.5, 0)],
+    )
+    found = detector.find(SQUARE, ["a", "b"])
+    assert [(one.label, round(one.score, 2)) for one in found] == [("a", 0.9), ("b", 0.7), ("a", 0.5)]
+    assert found[0].box == pytest.approx((14.5, 15.5, 24.5, 25.5))
+
+
+def test_overlap_is_that_of_areas_just_below_and_just_above_the_limit(tmp_path: Path) -> None:
+    """Two boxes of 10 x 10, 3 or 4 pixels apart: 70 of 130 and 60 of 140."""
+    for aside, count in ((3.0, 1), (4.0, 2)):
+        detector = told(tmp_path, [(20, 20, 10, 10, 0.9, 0), (20 + aside, 20, 10, 10, 0.8, 0)])
+        assert len(detector.find(SQUARE, ["a"])) == count
+
+
+def test_low_scores_other_names_and_boxes_that_are_none_are_left_out(tmp_path: Path) -> None:
+    boxes = [
+        (20, 20, 10, 10, 0.29, 0),
+        (40, 20, 10, 10, 0.31, 0.9),
+        (20, 40, 0, 10, 0.9, 0),
+        (np.nan, 40, 9, 9, 0.9, 0),
+    ]
+    found = told(tmp_path, boxes).find(SQUARE, ["a"])
+    assert [(one.label, round(one.score, 2)) for one in found] == [("a", 0.31)]
+
+
+@pytest.mark.parametrize(("width", "height"), [(64, 64), (128, 64), (32, 64), (500, 3), (2, 480), (1, 1)])
+def test_boxes_are_given_in_pixels_of_the_picture_and_cut_at_its_border(
+    tmp_path: Path, width: int, height: int
+) -> None:
+    """The whole input, a box about its middle, and one in the padding or beyond the border."""
+    detector = told(
+        tmp_path, [(32, 32, 64, 64, 0.9, 0), (32, 32, 8, 8, 0, 0.8), (70, 70, 10, 10, 0.7, 0)], max_overlap=0.99
+    )
+    found = detector.find(image(np.zeros((height, width, 3), np.uint8)), ["a", "b"])
+    assert [one.label for one in found] == ["a", "b"]
+    assert found[0].box == pytest.approx((-0.5, -0.5, width - 0.5, height - 0.5))
+    left, top, right, bottom = found[1].box
+    scale = min(64 / width, 64 / height)
+    assert (left + right) / 2 == pytest.approx(width / 2 - 0.5, abs=0.5 / scale)
+    assert (top + bottom) / 2 == pytest.approx(height / 2 - 0.5, abs=0.5 / scale)
+    assert right - left == pytest.approx(min(8 / scale, width), abs=0.5 / scale)
 
 
 def test_no_file_and_no_network_in_the_file_are_told(tmp_path: Path) -> None:
@@ -155,11 +208,11 @@ def test_no_file_and_no_network_in_the_file_are_told(tmp_path: Path) -> None:
         OnnxImageDetector(OnnxDetectorParameters(model=str(path))).find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
 
 
-def test_without_onnxruntime_the_error_names_the_extra(tiny: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_onnxruntime_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    detector = OnnxImageDetector(OnnxDetectorParameters(model=str(tiny)))
+    detector = told(tmp_path, [])
     with pytest.raises(MissingExtraError, match=r"pip install 'bestman-bt\[onnx\]'"):
-        detector.find(image(np.zeros((8, 8, 3), np.uint8)), CLASSES)
+        detector.find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
 
 
 def test_all_errors_are_errors_of_perception() -> None:
@@ -167,6 +220,7 @@ def test_all_errors_are_errors_of_perception() -> None:
     assert issubclass(MissingExtraError, PerceptionError)
 
 
+@pytest.mark.slow
 def test_equal_pictures_give_equal_detections(tiny: Path) -> None:
     picture = training_scene(300).view.image
     parameters = OnnxDetectorParameters(model=str(tiny))

@@ -94,7 +94,9 @@ def test_a_neighbour_close_by_turns_or_shifts_the_grasp() -> None:
     best = plan(target)[0]
     beside = target.box.pose.apply(np.array([[x, y, 0.0] for x in (-0.02, 0.0, 0.02) for y in (-0.035, 0.035)]))
     crowded = GraspTarget(target.box, cloud=target.cloud, viewpoints=target.viewpoints, surroundings=beside)
-    for candidate in plan(crowded):
+    others = plan(crowded)
+    assert len(others) > 3
+    for candidate in others:
         moved = np.linalg.norm(candidate.grasp.position - best.grasp.position)
         turned = abs(candidate.grasp.rotation[:, 1] @ best.grasp.rotation[:, 1])
         assert moved > 0.01 or turned < math.cos(math.radians(25))

@@ -66,6 +66,7 @@ def test_no_two_grasps_are_alike(of_bar: tuple[ObjectGrasp, ...]) -> None:
             assert apart > 0.011 or math.acos(np.clip((turn - 1) / 2, -1, 1)) > math.radians(24)
 
 
+@pytest.mark.slow
 def test_a_mug_is_taken_by_its_rim_and_by_its_handle(of_mug: tuple[ObjectGrasp, ...]) -> None:
     walls = [grasp for grasp in of_mug if grasp.width < 0.006]
     handles = [grasp for grasp in of_mug if 0.009 < grasp.width < 0.014 and grasp.object_from_tool.position[0] > 0.05]
@@ -90,14 +91,17 @@ def test_the_open_hand_stays_clear_of_the_model(of_mug: tuple[ObjectGrasp, ...])
             assert not np.any(np.all(np.abs(inside - centre) < half - 1e-3, axis=1))
 
 
+@pytest.mark.slow
 def test_what_is_too_large_has_no_grasp() -> None:
     assert grasps(solid("boulder", Sphere(0.06), (1, 1, 1), 0)) == ()
 
 
+@pytest.mark.slow
 def test_no_more_grasps_than_asked_for() -> None:
     assert len(grasps(BAR, 5)) == 5
 
 
+@pytest.mark.slow
 def test_equal_generators_give_equal_grasps(of_bar: tuple[ObjectGrasp, ...]) -> None:
     for one, other in zip(of_bar, grasps(BAR), strict=True):
         np.testing.assert_array_equal(one.object_from_tool.matrix, other.object_from_tool.matrix)

@@ -29,10 +29,12 @@ def test_it_closes_across_the_smaller_side_first() -> None:
 
 
 def test_it_goes_thirty_millimetres_deep_at_most() -> None:
-    for candidate in BoundingBox().plan(box(0.07, 0.04, 0.1), GRIPPER, 0.0):
+    deep, flat = (BoundingBox().plan(box(*size), GRIPPER, 0.0) for size in ((0.07, 0.04, 0.1), (0.04, 0.04, 0.03)))
+    assert (len(deep), len(flat)) == (4, 4)
+    for candidate in deep:
         assert candidate.grasp.position[2] == pytest.approx(0.07)
-    for candidate in BoundingBox().plan(box(0.04, 0.04, 0.03), GRIPPER, 0.0):
-        assert candidate.grasp.position[2] > GRIPPER.pad_size[1] / 2 + 0.005
+    for candidate in flat:
+        assert candidate.grasp.position[2] == pytest.approx(GRIPPER.pad_size[1] / 2 + 0.006)
 
 
 def test_what_does_not_fit_between_the_fingers_has_no_grasp() -> None:

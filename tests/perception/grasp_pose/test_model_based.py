@@ -70,7 +70,9 @@ def test_from_the_side_the_hand_keeps_room_below_it_for_camera_and_wrist_where_t
 @pytest.mark.parametrize("model", [CUP, BOX, TIN, CUBE, BALL, TUB], ids=lambda m: m.name)
 def test_both_pads_touch_the_object_when_the_hand_closes(model: ObjectModel) -> None:
     pose = standing(model)
-    for candidate in plan(model, pose):
+    candidates = plan(model, pose)
+    assert len(candidates) >= 4
+    for candidate in candidates:
         closing = candidate.grasp.rotation[:, 1]
         for side in (-1.0, 1.0):
             contact = pose.inverse().apply(candidate.grasp.position + side * candidate.width / 2 * closing)

@@ -52,6 +52,7 @@ def test_two_bodies_that_share_an_edge_are_two_parts() -> None:
     assert [part.volume for part in solids(mesh_of(both))] == pytest.approx([low.volume, high.volume])
 
 
+@pytest.mark.slow
 def test_a_tray_stays_open(tray_parts: tuple[Mesh, ...]) -> None:
     body = tray()
     assert body.is_watertight
@@ -69,6 +70,7 @@ def test_a_tray_stays_open(tray_parts: tuple[Mesh, ...]) -> None:
         assert outside.max() > 0.0
 
 
+@pytest.mark.slow
 def test_the_same_mesh_gives_the_same_parts(tray_parts: tuple[Mesh, ...]) -> None:
     for a, b in zip(tray_parts, convex_parts(mesh_of(tray())), strict=True):
         np.testing.assert_array_equal(a.vertices, b.vertices)

@@ -19,7 +19,7 @@ from bestman_bt.messages import (
     distance_to_shape,
 )
 from bestman_bt.perception import PerceptionError, View
-from bestman_bt.perception.occupancy import LogOdds, VoxelRegion, freed
+from bestman_bt.perception.occupancy import LogOdds, LogOddsParameters, VoxelRegion, freed
 from tests.perception.seen_boxes import looking_at, view_of
 
 TABLE = PlacedShape(Box((0.8, 1.2, 0.04)), Pose(np.array([0.0, 0.0, 0.73])))
@@ -99,6 +99,62 @@ def test_pixels_without_depth_say_nothing():
         depth = np.full_like(blind.image.depth, value)
         grid = LogOdds().fuse([replace(blind, image=replace(blind.image, depth=depth))], REGION)
         assert (grid.states == VOXEL_UNKNOWN).all()
+
+
+FAR = VoxelRegion(Pose(np.array([5.0, 0.0, 0.0])), (2.0, 0.4, 0.4), 0.1)
+AHEAD = looking_at((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))
+
+
+def wall(distance: float) -> PlacedShape:
+    return PlacedShape(Box((0.02, 4.0, 4.0)), Pose(np.array([distance + 0.01, 0.0, 0.0])))
+
+
+@pytest.mark.parametrize(("distance", "trusted"), [(4.95, True), (5.05, False)])
+def test_depth_beyond_the_range_says_nothing_neither_of_the_wall_nor_of_what_is_before_it(distance, trusted):
+    states = LogOdds().fuse([view_of([wall(distance)], AHEAD)], FAR).states
+    assert bool((states == VOXEL_OCCUPIED).any()) is trusted
+    assert bool((states == VOXEL_FREE).any()) is trusted
+    assert (LogOdds(LogOddsParameters(max_range=5.5)).fuse([view_of([wall(distance)], AHEAD)], FAR).states != 0).any()
+
+
+def test_space_is_free_up_to_a_voxel_and_the_noise_before_a_surface_and_unknown_behind_it():
+    grid = LogOdds().fuse([view_of([wall(4.75)], AHEAD)], FAR)
+    row = grid.state_at(np.array([[x, 0.05, 0.05] for x in (4.05, 4.45, 4.65, 4.75, 4.85, 5.05)]))
+    noise = 3.0 * (0.0012 + 0.0019 * 4.35**2)
+    assert 4.65 > 4.75 - noise - 0.05 * np.sqrt(3) > 4.45
+    assert row.tolist() == [VOXEL_FREE, VOXEL_FREE, VOXEL_UNKNOWN, VOXEL_OCCUPIED, VOXEL_UNKNOWN, VOXEL_UNKNOWN]
+
+
+def test_a_surface_takes_three_points_and_a_new_beginning_forgets_all():
+    lonely = view_of([wall(4.75)], AHEAD)
+    points, _, _ = lonely.organised()
+    index = np.floor(FAR.frame_from_grid.inverse().apply(points) / 0.1)
+    in_one = np.argwhere((index == [7, 2, 2]).all(axis=-1))
+    for count, state in ((2, VOXEL_UNKNOWN), (3, VOXEL_OCCUPIED)):
+        depth = np.zeros_like(lonely.image.depth)
+        depth[tuple(in_one[:count].T)] = lonely.image.depth[tuple(in_one[:count].T)]
+        mapper = LogOdds()
+        mapper.begin(FAR)
+        mapper.add(replace(lonely, image=replace(lonely.image, depth=depth, stamp=9.0)))
+        assert mapper.grid().states[7, 2, 2] == state
+        assert mapper.grid().stamp == 9.0
+        mapper.begin(FAR)
+        assert (mapper.grid().states == VOXEL_UNKNOWN).all()
+        assert mapper.grid().stamp == 0.0
+
+
+@pytest.mark.parametrize("seen", [1, 2, 9])
+def test_however_often_a_thing_was_seen_two_views_through_its_place_free_it(seen):
+    mapper = LogOdds()
+    mapper.begin(FAR)
+    for _ in range(seen):
+        mapper.add(view_of([wall(4.25)], AHEAD))
+    place = np.array([[4.25, 0.05, 0.05]])
+    assert mapper.grid().state_at(place) == VOXEL_OCCUPIED
+    mapper.add(view_of([wall(4.9)], AHEAD))
+    assert bool(mapper.grid().state_at(place) == VOXEL_OCCUPIED) is True
+    mapper.add(view_of([wall(4.9)], AHEAD))
+    assert mapper.grid().state_at(place) == VOXEL_FREE
 
 
 def test_the_grid_stands_where_the_region_is_whatever_its_orientation():

@@ -43,6 +43,7 @@ def test_a_second_view_tells_the_yaw_that_the_first_left_open() -> None:
     assert both.confidence > 0.9
 
 
+@pytest.mark.slow
 def test_the_order_of_the_views_does_not_matter_much() -> None:
     item, first, second = looks("mug", 0.0)
     one = FUSION.estimate([first, second], [item.model])[0]
@@ -51,6 +52,7 @@ def test_the_order_of_the_views_does_not_matter_much() -> None:
     assert abs(wrap_angle(one.pose.yaw - other.pose.yaw)) < math.radians(2.0)
 
 
+@pytest.mark.slow
 def test_equal_views_give_equal_results() -> None:
     item, first, second = looks("mug", 0.0)
     one = FUSION.estimate([first, second], [item.model])[0]
@@ -60,6 +62,7 @@ def test_equal_views_give_equal_results() -> None:
     assert one.confidence == other.confidence
 
 
+@pytest.mark.slow
 def test_a_camera_that_is_believed_too_high_does_not_spoil_the_evidence() -> None:
     item, first, second = looks("box", 0.4, 0.006)
     both = FUSION.estimate([first, second], [item.model])[0]
@@ -67,6 +70,7 @@ def test_a_camera_that_is_believed_too_high_does_not_spoil_the_evidence() -> Non
     assert np.linalg.norm((both.pose.position - item.pose.position)[:2]) < 0.004
 
 
+@pytest.mark.slow
 def test_several_views_name_the_object_and_narrow_its_place() -> None:
     item, first, second = looks("box", 0.4)
     models = [shipped(name) for name in ("box", "can", "bowl", "duck", "sugar_box")]

@@ -38,6 +38,7 @@ def crowded() -> SurfaceCoverage:
     return coverage(counter_with([(x, y) for x in np.arange(-0.25, 0.26, 0.1) for y in np.arange(-0.35, 0.36, 0.1)]))
 
 
+@pytest.mark.slow
 def test_a_crowded_counter_has_no_free_disc_of_twelve_centimetres(crowded: SurfaceCoverage) -> None:
     assert crowded.free_discs(0.06, np.array([0.6, 0.0])).shape == (0, 3)
 
@@ -77,6 +78,7 @@ def test_an_empty_counter_is_seen_nearly_completely() -> None:
     assert cells.free_area() == pytest.approx(0.6 * 0.8, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_end_of_the_surface_is_told_from_the_end_of_the_image() -> None:
     scene = counter_with([])
     segmented = PlaneDbscan().segment(scene.view, scene.region, np.random.default_rng(0))

@@ -69,12 +69,14 @@ def test_a_view_that_misses_the_object_promises_nothing() -> None:
     assert PLANNER.rank(mug, [past], K)[0].expected_yaw_width == pytest.approx(mug.yaw_set.width)
 
 
+@pytest.mark.slow
 def test_two_far_apart_yaws_are_told_apart_by_either_s_handle() -> None:
     mug = believed("mug", ((0.0, 0.1), (math.pi, 0.1)))
     best = PLANNER.rank(mug, PLANNER.candidates(mug, K), K)[0]
     assert best.expected_yaw_width <= mug.yaw_set.width / 2 + 1e-9
 
 
+@pytest.mark.slow
 def test_of_an_object_without_a_yaw_the_best_view_shows_most() -> None:
     bowl = believed("bowl", ())
     ranked = PLANNER.rank(bowl, PLANNER.candidates(bowl, K), K)
@@ -83,6 +85,7 @@ def test_of_an_object_without_a_yaw_the_best_view_shows_most() -> None:
     assert fractions == sorted(fractions, reverse=True)
 
 
+@pytest.mark.slow
 def test_equal_input_gives_equal_ranks_and_no_candidate_gives_none() -> None:
     mug = believed("mug", ((0.3, 0.6),), 0.3)
     views = PLANNER.candidates(mug, K)[:20]
