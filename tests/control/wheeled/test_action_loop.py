@@ -518,13 +518,13 @@ class PressedBumper(Bumper):
         return BumperReading((0,) if self.pressed else (), 0.0)
 
 
-def test_a_base_that_bumps_into_something_is_blocked_at_once():
+def test_a_base_that_bumps_into_something_brakes_and_is_blocked_without_waiting():
     bumper = PressedBumper()
     it = driven(bumpers=[bumper])
     handle = it.controller.drive(1.0)
     it.sleep(0.3)
     bumper.pressed = True
-    it.sleep(0.1)
+    it.sleep(0.4)  # it brakes, and is told when it stands
     assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.BLOCKED)
     assert "bumper" in handle.error.text
     assert it.controller.stuck
