@@ -53,9 +53,7 @@ def main() -> None:
             frames.append(_frame(picture, nodes, changes, float(time)))
     still = [round(1000 / RATE)] * (len(frames) - 1) + [2500]
     for quality in (60, 50, 40, 30, 20):
-        frames[0].save(
-            options.out, save_all=True, append_images=frames[1:], duration=still, loop=0, quality=quality, method=6
-        )
+        frames[0].save(options.out, save_all=True, append_images=frames[1:], duration=still, loop=0, quality=quality)
         if options.out.stat().st_size <= LARGEST:
             break
     print(f"{options.out}: {len(frames)} frames, {options.out.stat().st_size / 1e6:.1f} MB")
