@@ -105,6 +105,14 @@ def test_every_extra_that_a_message_names_exists() -> None:
     assert (named | set(PACKAGE_OF_EXTRA)) - set(EXTRAS) == set()
 
 
+def test_the_page_on_installation_tells_what_every_extra_adds() -> None:
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", (CHECKOUT / "docs/installation.md").read_text(), re.MULTILINE))
+    assert set(rows) == set(EXTRAS)
+    for extra in set(EXTRAS) - {"all"}:
+        for item in EXTRAS[extra]:
+            assert Requirement(item).name in rows[extra], f"{extra}: {item}"
+
+
 def test_the_extra_all_is_made_of_the_others() -> None:
     (everything,) = map(Requirement, EXTRAS["all"])
     assert everything.name == "bestman-bt"

@@ -67,6 +67,7 @@ def test_every_file_of_the_repository_but_the_pictures_of_the_docs_is_in_it(unpa
     assert expected - files_below(unpacked) == set()
 
 
+@pytest.mark.slow
 def test_the_wheel_from_the_archive_is_the_wheel_from_the_checkout(unpacked: Path, tmp_path: Path) -> None:
     from_archive, from_checkout = tmp_path / "from_archive", tmp_path / "from_checkout"
     contents = wheel_contents(built("wheel", unpacked, from_archive))
@@ -74,6 +75,7 @@ def test_the_wheel_from_the_archive_is_the_wheel_from_the_checkout(unpacked: Pat
     assert "bestman_bt/_data/trees/fetch_cup.xml" in contents
 
 
+@pytest.mark.slow
 def test_a_test_runs_in_the_unpacked_archive(unpacked: Path) -> None:
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/messages"]
     done = subprocess.run(command, cwd=unpacked, capture_output=True, text=True, check=False)
