@@ -154,3 +154,73 @@ def test_a_turned_object_was_moved(empty_table) -> None:
 def test_presence_of_an_object_that_is_there_is_possible() -> None:
     pose = standing(CAN, 0.5, 0.1)
     assert presence(CAN, pose, table_with((CAN, pose))) is Presence.POSSIBLE
+
+
+def moved_by(distance: float, view: View, std: float = 0.001, **options: float) -> bool:
+    before, after = (replace(sighted(CAN, x, 0.1), position_std=std) for x in (0.5, 0.5 + distance))
+    return bool(update([before], [after], view, **options).changes)
+
+
+def test_an_object_counts_as_moved_from_three_centimetres_or_three_deviations_on(empty_table) -> None:
+    assert [moved_by(distance, empty_table) for distance in (0.029, 0.031)] == [False, True]
+    three = 3.0 * 0.02 * np.sqrt(2.0)
+    assert [moved_by(three + x, empty_table, std=0.02) for x in (-0.001, 0.001)] == [False, True]
+    drifting = 3.0 * np.sqrt(2 * 0.001**2 + 2 * 0.02**2)
+    assert [moved_by(drifting + x, empty_table, drift=0.02) for x in (-0.001, 0.001)] == [False, True]
+
+
+@pytest.mark.parametrize(("degrees", "moved"), [(24.0, 0), (26.0, 1), (154.0, 1), (156.0, 0), (-24.0, 0), (-26.0, 1)])
+def test_a_turn_counts_beyond_both_errors_modulo_the_symmetry(empty_table, degrees: float, moved: int) -> None:
+    """Each yaw is known to five degrees: 35 degrees apart, 25 remain; half a turn looks the same."""
+    five, middle = np.radians(5.0), np.radians(degrees + np.sign(degrees) * 10.0 * (1 if abs(degrees) < 90 else -1))
+    before = replace(sighted(BOX, 0.5, 0.1), yaw_set=YawSet(((0.0, five),)))
+    after = replace(sighted(BOX, 0.5, 0.1), pose=standing(BOX, 0.5, 0.1, middle), yaw_set=YawSet(((middle, five),)))
+    assert len(update([before], [after], empty_table).changes) == moved
+
+
+def test_sightings_are_assigned_all_at_once_at_the_least_total_distance(empty_table) -> None:
+    """The nearest pair of all would leave the other two far from each other."""
+    beliefs = [sighted(CAN, 0.50, 0.0, name="can"), sighted(CAN, 0.60, 0.0, name="can_2")]
+    tracked = update(beliefs, [sighted(CAN, 0.58, 0.0), sighted(CAN, 0.68, 0.0)], empty_table)
+    assert tracked.identities == ("can", "can_2")
+
+
+def test_a_thing_is_no_known_object_and_another_label_or_size_is_another_thing(empty_table) -> None:
+    thing = replace(sighted(BOX, 0.5, 0.1), name="thing", recognised=False)
+    known = update([sighted(BOX, 0.5, 0.1)], [thing], empty_table)
+    assert known.identities == ("thing_1",)
+    before = replace(thing, name="thing_1")
+    longer = replace(BOX, collision=(PlacedShape(Box((0.06, 0.1, 0.21)), Pose()),))
+    labelled = replace(BOX, name="parcel")
+    for model, identity in ((longer, "thing_2"), (labelled, "thing_2")):
+        tracked = update([before], [replace(thing, model=model)], empty_table)
+        assert tracked.identities == (identity,)
+
+
+@pytest.mark.parametrize(("aside", "kind"), [(0.039, "replaced"), (0.041, "removed")])
+def test_what_stands_within_four_centimetres_has_taken_the_place(empty_table, aside: float, kind: str) -> None:
+    tracked = update([sighted(CAN, 0.5, 0.1)], [sighted(BOX, 0.5, 0.1 + aside)], empty_table)
+    assert {change.kind for change in tracked.changes} == {"added", kind}
+    gone = next(change for change in tracked.changes if change.kind == kind)
+    assert (gone.name, gone.before.position[1]) == ("can", 0.1)
+
+
+def test_a_yaw_is_kept_with_its_arcs_until_it_is_known_as_well_again(empty_table) -> None:
+    mug = replace(CAN, name="mug", symmetry_order=1)
+    known = replace(sighted(mug, 0.5, 0.1), pose=standing(mug, 0.5, 0.1, 0.3), yaw_set=YawSet(((0.3, 0.1),)))
+    better = replace(sighted(mug, 0.5, 0.1), pose=standing(mug, 0.5, 0.1, 0.35), yaw_set=YawSet(((0.35, 0.05),)))
+    vague = replace(sighted(mug, 0.5, 0.1), pose=standing(mug, 0.5, 0.1, 0.9), yaw_set=YawSet(((0.5, 1.2),)))
+    assert update([known], [better], empty_table).objects["mug"].yaw_set == better.yaw_set
+    assert update([known], [vague], empty_table).objects["mug"].yaw_set == known.yaw_set
+
+
+@pytest.mark.parametrize(
+    ("behind", "state"), [(0.0, Presence.POSSIBLE), (0.03, Presence.GONE), (-0.1, Presence.HIDDEN)]
+)
+def test_presence_is_told_from_depth_beyond_the_margin(behind: float, state: Presence) -> None:
+    """The whole picture shows a wall at, behind or before the front of a thin board."""
+    board = ObjectModel("board", (1, 1, 1), 0.3, 0.6, (PlacedShape(Box((0.002, 0.1, 0.1)), Pose()),))
+    ahead = Pose.from_matrix([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
+    wall = PlacedShape(Box((0.02, 3.0, 3.0)), Pose(np.array([1.009 + behind, 0.0, 0.0])))
+    seen = render_view([(wall, (0.5, 0.5, 0.5))], ahead, np.random.default_rng(0))
+    assert presence(board, Pose(np.array([1.0, 0.0, 0.0])), seen) is state
