@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control.arm import JointAxisEstimator
+from bestman_bt.control.arm import JointAxis, JointAxisEstimator
 
 
 def arc(radius: float, angle: float, noise: float = 0.0) -> np.ndarray:
@@ -57,3 +57,52 @@ def test_before_anything_has_moved_the_guess_holds():
 
 def test_where_a_drawer_is_known_no_bend_makes_it_a_door():
     assert learn(arc(0.6, 0.4), hint="prismatic").axis.kind == "prismatic"
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("tilt", [0.0, 0.7])
+def test_an_axis_is_right_handed_about_the_way_that_was_gone_whichever_side_it_turns_to(side, tilt):
+    way = arc(0.4, 0.9)
+    way[:, 0] *= side
+    cos, sin = math.cos(tilt), math.sin(tilt)
+    way = way @ np.array([[1.0, 0.0, 0.0], [0.0, cos, sin], [0.0, -sin, cos]]) + [2.0, -1.0, 0.5]
+    axis = learn(way, direction=(side, 0.0, 0.0)).axis
+    assert axis.kind == "revolute"
+    assert axis.direction == pytest.approx(-side * np.array([0.0, -sin, cos]), abs=0.02)
+    assert axis.angle(way[0], way[-1]) == pytest.approx(0.9, abs=0.01)
+    onward = axis.tangent(way[60])
+    assert float(onward @ (way[61] - way[60])) > 0.0
+    assert axis.travelled(way[60], way[-1]) == pytest.approx(0.9 * 0.4 * 59 / 119, abs=0.005)
+    assert axis.angle(way[-1], way[0]) == pytest.approx(-0.9, abs=0.01)
+
+
+def test_a_hinge_that_is_expected_is_believed_sooner():
+    way = arc(0.6, 0.14)  # a bulge of about 1.5 mm
+    flat = arc(0.6, 0.115)  # and of about 1 mm
+    assert [learn(flat, hint).axis.kind for hint in (None, "revolute")] == ["prismatic", "revolute"]
+    assert learn(arc(0.6, 0.08), "revolute").axis.kind == "prismatic"
+    assert learn(way, "prismatic").axis.kind == "prismatic"
+
+
+def test_a_radius_beyond_that_of_any_hinge_is_a_line():
+    assert learn(arc(1.4, 0.5)).axis.kind == "revolute"
+    assert learn(arc(1.7, 0.5)).axis.kind == "prismatic"
+
+
+def test_a_line_points_the_way_that_was_gone():
+    way = np.column_stack([-np.linspace(0, 0.3, 150), np.zeros(150), np.ones(150)])
+    axis = learn(way, direction=(-0.9, 0.3, 0.0)).axis
+    assert axis.direction == pytest.approx([-1.0, 0.0, 0.0], abs=1e-3)
+    assert axis.travelled(way[0], way[-1]) == pytest.approx(0.3)
+
+
+def test_what_is_believed_holds_until_the_way_is_long_enough_and_for_good_where_nothing_is_learned():
+    way, believed = arc(0.4, 1.0), JointAxis("revolute", np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]), 0.9, 0.0)
+    for learns in (True, False):
+        estimator = JointAxisEstimator(np.array([1.0, 0.0, 0.0]), way[0], None, None, believed, learns)
+        for place in way[1:]:
+            estimator.add(place)
+            gone = float(np.linalg.norm(place - way[0]))
+            if gone < 0.12 or not learns:
+                assert estimator.axis is believed
+        assert (estimator.axis is believed) != learns

@@ -557,3 +557,28 @@ def test_people_are_given_way_on_paths_that_were_planned_on_a_map_alone():
         it.controller.follow(here_to(goal), costmap)
         it.sleep(1.0)
         assert (it.base.true_pose.distance_to(START) < 0.01) == mapped
+
+
+def test_an_action_of_a_base_at_rest_waits_for_scans_of_its_own():
+    it = driven()
+    for _ in range(2):
+        handle = it.controller.park()
+        it.sleep(0.35)
+        assert not handle.done
+        it.sleep(0.3)
+        assert handle.done
+
+
+def test_scans_that_were_refused_before_it_began_anew_do_not_make_a_base_lost():
+    it = driven()
+    it.localizer.fits = False
+    it.sleep(10.0)  # a base at rest scans once a second
+    it.controller.park()
+    it.sleep(0.9)
+    it.controller.close()
+    it.controller.start()
+    handle = it.controller.drive(2.0, speed=0.2)
+    it.sleep(1.0)
+    assert not handle.done
+    it.sleep(1.1)
+    assert handle.error.code is ControlErrorCode.LOST

@@ -53,3 +53,27 @@ def test_the_frame_of_people_is_that_of_the_pose():
 
 def test_a_base_that_rests_has_nothing_to_slow_down():
     assert share((0.6, 0.0, -0.5, 0.0), twist=Twist2D()) == 1.0
+
+
+@pytest.mark.parametrize("aside", [1.0, -1.0])
+@pytest.mark.parametrize(("gap", "passes"), [(0.19, False), (0.23, True)])
+def test_it_passes_who_walks_beside_its_way_with_the_margin_between_them(aside, gap, passes):
+    y = aside * (0.25 + 0.22 + gap)
+    assert (share((2.0, y, -0.3, 0.0)) == 1.0) == passes
+
+
+def test_who_comes_after_the_seconds_that_are_foreseen_is_no_reason_yet():
+    assert share((0.3 + 0.22 + 0.2 + 2.2 * 0.5 + 0.1, 0.0, 0.0, 0.0)) == 1.0
+    assert share((0.3 + 0.22 + 0.2 + 1.8 * 0.5, 0.0, 0.0, 0.0)) < 1.0
+
+
+def test_of_several_who_walk_the_worst_one_counts():
+    alone = share((1.0, -0.9, 0.0, 0.6))
+    assert share((3.0, 3.0, 0.0, 0.5), (1.0, -0.9, 0.0, 0.6), (-3.0, 0.0, 0.5, 0.0)) == alone < 1.0
+
+
+def test_a_turn_sweeps_its_corners_towards_who_walks_beside():
+    turning = Twist2D(wz=0.8)
+    corner = (0.0, 0.25 + 0.22 + 0.2 + 0.02, 0.0, 0.0)
+    assert share(corner, twist=turning) < 1.0
+    assert share(corner, twist=Twist2D(vx=0.01)) == 1.0

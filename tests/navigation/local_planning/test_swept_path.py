@@ -63,3 +63,20 @@ def test_backwards_it_is_the_rear_that_comes_first():
     back = Path2D(np.array([[0.0, 0.0], [-1.0, 0.0]]), Pose2D(-1.0, 0.0, 0.0), np.array([True]))
     ahead, _ = SweptPath(back).contact(np.zeros(3), np.array([[-1.2, 0.0]]), long_behind)
     assert ahead == pytest.approx(0.6, abs=0.06)
+
+
+def test_progress_does_not_jump_to_a_later_strand_close_by():
+    hairpin = Path2D(np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 0.1], [0.0, 0.1]]), Pose2D(0.0, 0.1, math.pi))
+    swept = SweptPath(hairpin)
+    for x in np.arange(0.0, 2.0, 0.2):
+        swept.advance(np.array([x, 0.07]))
+    assert swept.remaining == pytest.approx(12.1 - 1.8, abs=0.06)
+
+
+def test_metres_until_a_contact_count_from_where_the_base_has_come_to():
+    for driven in (0.0, 0.6, 1.0):
+        swept = SweptPath(Path2D(np.array([[0.0, 0.0], [4.0, 0.0]]), Pose2D(4.0, 0.0, 0.0)))
+        for x in np.arange(0.0, driven + 0.01, 0.2):
+            swept.advance(np.array([x, 0.0]))
+        metres, _ = swept.contact(np.array([driven, 0.0, 0.0]), np.array([[3.0, 0.0]]), LONG)
+        assert metres == pytest.approx(2.6 - driven, abs=0.06)
