@@ -13,6 +13,7 @@ from bestman_bt.engine import (
     Blackboard,
     BlackboardError,
     ManualClock,
+    PortInformation,
     Script,
     Sequence,
     SyncAction,
@@ -78,6 +79,30 @@ def test_the_first_typed_value_locks_an_entry() -> None:
     assert board["n"] == "now a text"
 
 
+def test_a_text_from_outside_locks_only_an_entry_that_is_there_already() -> None:
+    board = Blackboard("texts")
+    board.set("n", "5")
+    board.set("n", 6)
+    with pytest.raises(BlackboardError, match="entry 'n' is locked to int"):
+        board.set("n", [1])
+    board.set("t", "a")
+    board.set("t", "b")
+    with pytest.raises(BlackboardError, match="entry 't' is locked to str and cannot take 3"):
+        board.set("t", 3)
+    board.set("t", None)
+    assert (board.get("t"), board.entry("t").type) == (None, "str")
+
+
+def test_what_was_unset_begins_to_count_anew_and_is_no_entry(tree: Tree) -> None:
+    tree.blackboard.unset("near")
+    assert "near" not in tree.blackboard
+    assert tree.blackboard.get("near", 7) == 7
+    tree.blackboards["mapped"].unset("value")  # leads outside: stays
+    tree.blackboard.set("near", "text")
+    entry = tree.blackboard.entry("near")
+    assert (entry.value, entry.sequence) == ("text", 1)
+
+
 def test_a_missing_entry_is_an_error_by_index_and_a_default_by_get() -> None:
     board = Blackboard("missing")
     board.set("known", 1)
@@ -139,6 +164,64 @@ def test_a_backup_restores_values_and_removes_entries_made_since(tree: Tree) -> 
     assert "later" not in tree.blackboard
 
 
+def test_a_backup_keeps_the_types_of_entries_and_leaves_unmade_ones_unmade(tree: Tree) -> None:
+    board = tree.blackboard
+    board.unset("fresh")
+    board.set("queue", deque([1]))
+    board.set("count", 4)
+    saved = backup(tree)
+    board.unset("count")
+    board.set("count", "text")
+    board.set("fresh", 1)
+    for _ in range(2):
+        restore(tree, saved)
+        assert (board["count"], "fresh" in board, list(board["queue"])) == (4, False, [1])
+        assert list(tree.blackboards["mapped"]) == ["literal", "own"]
+        board["queue"].append(3)
+    board.set("count", 5.0)
+    assert type(board["count"]) is int
+
+
+class Spot:
+    """A place on a line."""
+
+    def __init__(self, x: float) -> None:
+        self.x = x
+
+    @classmethod
+    def from_string(cls, text: str) -> Spot:
+        return cls(float(text))
+
+    def to_string(self) -> str:
+        return repr(self.x)
+
+
+class Visit(SyncAction):
+    INPUT_PORTS = {"spot": PortInformation(Spot), "any": PortInformation(object, False)}
+
+    def on_tick(self) -> int:
+        return SUCCESS
+
+
+def test_values_of_own_types_lists_and_queues_go_through_json() -> None:
+    tree, again = (build_tree(Visit(spot="{spot}", any="{other}")) for _ in range(2))
+    values = {"yes": True, "n": 3, "x": 0.5, "t": "text", "list": [1, [2]], "table": {"a": 1}}
+    for key, value in {**values, "queue": deque([1, 2]), "pair": (3, 4), "spot": Spot(1.25)}.items():
+        tree.blackboard.set(key, value)
+    from_json(again, to_json(tree))
+    found = dict(again.blackboard.items())
+    assert found.pop("spot").x == 1.25
+    assert found.pop("other") is None
+    assert found == {**values, "queue": [1, 2], "pair": [3, 4]}
+    assert found["yes"] is True
+    tree.blackboard.set("other", Spot(2.0))
+    with pytest.raises(BlackboardError, match="other' holds a Spot, but no port in the tree declares that type"):
+        from_json(again, to_json(tree))
+    tree.blackboard.set("thing", object())
+    with pytest.raises(BlackboardError, match="thing' cannot be exported"):
+        to_json(tree)
+
+
 def test_a_backup_of_another_tree_is_refused(tree: Tree) -> None:
     other = load_tree('<root BTCPP_format="4"><BehaviorTree ID="M"><AlwaysSuccess/></BehaviorTree></root>')
     with pytest.raises(BlackboardError, match="has the SubTrees"):
@@ -161,6 +244,7 @@ def test_blackboards_go_through_json_and_back(tree: Tree) -> None:
         ("[]", "object of objects"),
         ('{"Other": {}}', "there are no SubTrees"),
         ('{"Main": 3}', "object"),
+        ('{"Main": {}, "mapped": []}', "object of objects"),
     ],
 )
 def test_wrong_json_is_refused(text: str, message: str, tree: Tree) -> None:

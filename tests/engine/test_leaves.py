@@ -20,6 +20,7 @@ from bestman_bt.engine import (
     Sequence,
     StatefulAction,
     SyncAction,
+    TreeLoadError,
     build_tree,
     load_tree,
 )
@@ -81,6 +82,52 @@ def test_an_output_is_written_to_the_entry_it_is_mapped_to() -> None:
     tree = build_tree(drive(target="1;2", reached="{there}"))
     tree.tick_exactly_once()
     assert tree.blackboard["there"] == Pose(1.0, 2.0)
+
+
+def test_an_output_that_is_not_mapped_is_written_nowhere() -> None:
+    tree = build_tree(drive(target="1;2"))
+    assert tree.tick_exactly_once() == SUCCESS
+    assert tree.blackboard.items() == []
+
+
+@pytest.mark.parametrize("given", ["there", "{there", "there}", "", "{}"])
+def test_an_output_that_is_mapped_to_no_entry_is_refused(given: str) -> None:
+    with pytest.raises(TreeLoadError, match="port 'reached': an output port is mapped to an entry"):
+        build_tree(drive(target="1;2", reached=given))
+
+
+def test_an_output_is_converted_to_the_ports_type_and_may_be_nothing() -> None:
+    class Tell(SyncAction):
+        OUTPUT_PORTS = {"n": PortInformation(int, False), "any": PortInformation(Any, False)}
+
+        def on_tick(self) -> int:
+            self.set_output("n", self.context.pop(0))
+            self.set_output("any", "7")
+            return SUCCESS
+
+    tree = build_tree(Tell(n="{n}", any="{any}"), context=["12", None, 3.5])
+    assert tree.tick_exactly_once() == SUCCESS
+    assert (tree.blackboard["n"], tree.blackboard["any"]) == (12, "7")
+    assert tree.tick_exactly_once() == SUCCESS
+    assert tree.blackboard.entry("n").value is None
+    with pytest.raises(NodeError, match=r"output port 'n': expected int but got 3\.5"):
+        tree.tick_exactly_once()
+
+
+def test_ports_of_the_other_direction_are_named_as_missing() -> None:
+    class Wrong(Drive):
+        def on_tick(self) -> int:
+            try:
+                self.set_output("target", Pose(0, 0))
+            except NodeError as error:
+                self.context.append(str(error))
+            self.get_input("reached")
+            return SUCCESS
+
+    told: list[str] = []
+    with pytest.raises(NodeError, match="no input port 'reached'"):
+        build_tree(Wrong("w", target="1;2"), context=told).tick_exactly_once()
+    assert "it has no output port 'target' (its output ports: reached)" in told[0]
 
 
 def test_equals_sign_maps_a_port_to_the_entry_of_its_name() -> None:

@@ -189,6 +189,49 @@ def test_a_rule_that_names_an_unknown_node_is_refused(registry: NodeRegistry) ->
         load_tree(TREE, registry, substitutions=SubstitutionRules({"first": "Nothing"}))
 
 
+def test_a_node_may_take_the_place_of_another_and_the_first_rule_that_fits_counts(registry: NodeRegistry) -> None:
+    rules = SubstitutionRules({"pick/*": "AlwaysFailure", "second": "AlwaysSuccess", "Grasp": "AlwaysSuccess"})
+    tree = load_tree(TREE, registry, substitutions=rules)
+    assert [node.type_id for node in tree.nodes if node.name in ("first", "second")] == ["AlwaysFailure"] * 2
+    tree = load_tree(TREE, registry, substitutions=SubstitutionRules({"second": "AlwaysSuccess", "pick/*": "Grasp"}))
+    assert [node.type_id for node in tree.nodes if node.name in ("first", "second")] == ["Grasp", "AlwaysSuccess"]
+
+
+def test_delays_of_rules_are_milliseconds_and_numbers(registry: NodeRegistry) -> None:
+    rule = {"return_status": "FAILURE", "async_delay": 1500, "post_script": "n := 1"}
+    text = {"TestNodeConfigs": {"slow": rule}, "SubstitutionRules": {"first": "slow", "second": "AlwaysSuccess"}}
+    config = SubstitutionRules.from_json(text).rules["first"]
+    assert config == TestNodeConfig(return_status=FAILURE, async_delay=1.5, post_script="n := 1")
+    rule["async_delay"] = "1500"
+    with pytest.raises(SubstitutionError, match="async_delay must be milliseconds but is '1500'"):
+        SubstitutionRules.from_json(text)
+
+
+def test_a_hint_names_an_entry_only_where_it_would_help(tmp_path: Path, registry: NodeRegistry) -> None:
+    path = file(
+        tmp_path,
+        '<Sequence><Script code="mug := 1; cup := 2"/><SubTree ID="Pick" hand="{gone}"/><Grasp target="{cub}"/>'
+        "</Sequence>",
+        '<BehaviorTree ID="Pick"><Sequence><Grasp target="{cap}"/><Grasp target="{hand}"/><Script code="cab := 1"/>'
+        "</Sequence></BehaviorTree>",
+    )
+    hints = [problem.suggestion for problem in validate_file(path, registry)]
+    assert sorted(hints) == ["", "did you mean '{cab}'?", "did you mean '{cup}'?"]
+
+
+def test_literals_shadow_nothing_where_nothing_is_shared(tmp_path: Path, registry: NodeRegistry) -> None:
+    inner = '<BehaviorTree ID="A"><Script code="x := name"/></BehaviorTree>'
+    script = "<Script code=\"speed := 1; name := 'a'\"/>"
+    for subtree in (
+        '<SubTree ID="A" name="b" _autoremap="true"/>',
+        '<SubTree ID="A" _autoremap="true" speed="{speed}"/>',
+        '<SubTree ID="A" _autoremap="false" speed="2"/>',
+        '<SubTree ID="A" _autoremap="true" other="2"/>',
+    ):
+        path = file(tmp_path, f"<Sequence>{script}{subtree}</Sequence>", inner)
+        assert [message for message in found(path, registry) if "shadows" in message] == []
+
+
 def test_the_text_view_shows_structure_ports_and_states(registry: NodeRegistry) -> None:
     run = simulate(TREE, registry, substitutions=rules())
     assert render_text(run.tree, ports=False) == (

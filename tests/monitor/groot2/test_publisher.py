@@ -19,7 +19,7 @@ from bestman_bt.monitor.groot2.blackboard_dump import dump_blackboards
 from bestman_bt.runtime import Ending, Execution, Executor
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
 
-msgpack = pytest.importorskip("msgpack")
+msgpack = pytest.importorskip("msgpack", reason="the extra groot2 is not installed")
 
 XML = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence name="all"><AlwaysSuccess name="first"/>
 <Sleep name="nap" msec="200"/></Sequence></BehaviorTree></root>"""
