@@ -3,22 +3,51 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Box, Handle, PlacedShape, Pose, distance_to_shape
-from bestman_bt.scene import draw_world, load_scene, semantic_map
-from bestman_bt.world_model import HandleBelief, ObjectBelief, Obstacle, WorldModel, open_leaves
+from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, distance_to_shape
+from bestman_bt.scene import SceneConfig, draw_world, load_scene, semantic_map
+from bestman_bt.world_model import (
+    HandleBelief,
+    HeldObject,
+    ObjectBelief,
+    ObjectChange,
+    Obstacle,
+    SemanticMap,
+    WorldModel,
+    open_leaves,
+)
+from bestman_bt.world_model.openness import is_open, is_shut, openness_of
 
 DRAWER = "drawer_chest/drawer_3"
 OPEN = 0.3
 
 
-@pytest.fixture
-def believed() -> WorldModel:
-    scene = load_scene("cup_in_drawer")
-    return WorldModel(semantic_map(draw_world(scene, 3)), models=dict(scene.models))
+@pytest.fixture(scope="module")
+def scene() -> SceneConfig:
+    return load_scene("cup_in_drawer")
+
+
+@pytest.fixture(scope="module")
+def mapped(scene) -> SemanticMap:
+    return semantic_map(draw_world(scene, 3))
+
+
+@pytest.fixture(params=[0.0, 0.8, -2.4], ids="{:g} rad".format)
+def believed(request, scene, mapped) -> WorldModel:
+    """A chest of drawers that stands at several headings."""
+    chest = mapped.furniture["drawer_chest"]
+    turned = replace(chest, pose=Pose2D(chest.pose.x, chest.pose.y, request.param))
+    return WorldModel(mapped.with_furniture(turned), models=dict(scene.models))
+
+
+def drawn_out(world: WorldModel) -> np.ndarray:
+    """How far things in the map go with a drawer that is opened."""
+    heading = world.map.furniture["drawer_chest"].pose.theta
+    return -OPEN * np.array([math.cos(heading), math.sin(heading), 0.0])
 
 
 def cup_on(world: WorldModel, surface: str) -> ObjectBelief:
@@ -50,10 +79,10 @@ def test_what_is_in_a_drawer_goes_with_it_and_what_is_not_stays(believed) -> Non
     board = Obstacle(f"{DRAWER}/surface", (PlacedShape(Box((0.3, 0.6, 0.01)), inside.pose),), 0.0)
     believed.obstacles[board.name] = board
     assert believed.believe_articulation(DRAWER, OPEN) == ("cup",)
-    assert believed.objects["cup"].pose.position == pytest.approx(inside.pose.position - [OPEN, 0.0, 0.0])
+    assert believed.objects["cup"].pose.position == pytest.approx(inside.pose.position + drawn_out(believed))
     assert believed.objects["cup_2"].pose.position == pytest.approx(outside.pose.position)
     moved = believed.obstacles[board.name].shapes[0].pose.position
-    assert moved == pytest.approx(inside.pose.position - [OPEN, 0.0, 0.0])
+    assert moved == pytest.approx(inside.pose.position + drawn_out(believed))
     believed.believe_articulation(DRAWER, 0.0)
     assert believed.objects["cup"].pose.position == pytest.approx(inside.pose.position)
 
@@ -64,7 +93,11 @@ def test_a_handle_goes_with_its_own_drawer_only(believed) -> None:
     believed.believe_articulation(DRAWER, OPEN)
     shifts = [believed.handles[b.name].handle.pose.position - b.handle.pose.position for b in handles]
     assert shifts[0] == pytest.approx([0.0, 0.0, 0.0])
-    assert shifts[1] == pytest.approx([-OPEN, 0.0, 0.0])
+    assert shifts[1] == pytest.approx(drawn_out(believed))
+    for belief in handles:  # of another piece, or away from the front, it stays
+        believed.handles[belief.name] = replace(belief, furniture="table")
+    believed.believe_articulation(DRAWER, 0.0)
+    assert believed.handles[handles[1].name].handle.pose.position == pytest.approx(handles[1].handle.pose.position)
 
 
 def test_only_what_stands_open_is_before_the_furniture_and_its_handle_with_it(believed) -> None:
@@ -74,12 +107,76 @@ def test_only_what_stands_open_is_before_the_furniture_and_its_handle_with_it(be
     believed.believe_articulation(DRAWER, OPEN)
     (drawer,) = open_leaves(believed)
     assert drawer.name == DRAWER
-    bar = belief.handle.pose.position - np.array([OPEN, 0.0, 0.0])
+    bar = belief.handle.pose.position + drawn_out(believed)
     front = believed.map.furniture["drawer_chest"].pose.to_pose().apply(np.array([[-0.24 - OPEN, 0.3, 0.7]]))
-    free = bar + np.array([-0.05, 0.0, 0.0])
+    free = bar + drawn_out(believed) * 0.05 / OPEN
     distances = [
         min(float(distance_to_shape(p[None], shape)[0]) for shape in drawer.shapes) for p in (bar, front[0], free)
     ]
     assert distances[0] <= 0.0
     assert distances[1] <= 1e-6
     assert distances[2] > 0.03
+
+
+@pytest.mark.parametrize(("kind", "enough", "shut"), [("prismatic", 0.25, 0.02), ("revolute", 0.9 * 1.45, 0.035)])
+def test_open_and_shut_hold_up_to_their_bounds(mapped, kind, enough, shut) -> None:
+    chest = mapped.furniture["drawer_chest"]
+    leaf = replace(chest.leaf("drawer_3"), kind=kind, upper=2.0)
+    world = WorldModel(mapped.with_furniture(replace(chest, leaves=(leaf,))))
+    assert is_shut(world, DRAWER)
+    for position, opened, closed in (
+        (shut, False, True),
+        (shut + 1e-6, False, False),
+        (enough - 1e-6, False, False),
+        (enough, True, False),
+    ):
+        world.articulations[DRAWER] = position
+        assert (is_open(world, DRAWER), is_shut(world, DRAWER)) == (opened, closed), position
+    short = openness_of(replace(leaf, upper=0.2))
+    assert (short.asked, short.enough) == pytest.approx((0.19, 0.171))
+    assert openness_of(leaf).asked == {"prismatic": 0.28, "revolute": 1.45}[kind]
+
+
+def test_what_stood_open_on_the_map_is_believed_to_until_it_moves(mapped) -> None:
+    chest = mapped.furniture["drawer_chest"]
+    ajar = replace(chest, leaves=tuple(replace(one, position=0.1 * i) for i, one in enumerate(chest.leaves)))
+    world = WorldModel(mapped.with_furniture(ajar), articulations={DRAWER: 0.07})
+    assert world.articulations == {"drawer_chest/drawer_2": 0.1, DRAWER: 0.07}
+    world.blocked.add("table/top")
+    world.believe_articulation(DRAWER, 0.071)
+    assert world.blocked == {"table/top"}
+    world.believe_articulation(DRAWER, 0.2)
+    assert world.blocked == set()
+
+
+def test_a_thing_may_be_where_it_was_not_looked_for_since_it_was_lost(mapped, scene) -> None:
+    world = WorldModel(mapped, models=dict(scene.models))
+    assert world.may_be_on("cup", "table/top")
+    world.changes += [ObjectChange("removed", "cup", 5.0), ObjectChange("moved", "cup", 3.0)]
+    world.changes.append(ObjectChange("removed", "can", 9.0))
+    for stamp, may in ((4.9, True), (5.0, False), (8.0, False)):
+        world.searched["cup", "table/top"] = stamp
+        assert world.may_be_on("cup", "table/top") is may
+    world.told["cup"] = DRAWER
+    assert world.may_be_on("cup", DRAWER)
+    assert not world.may_be_on("cup", "counter/top")
+    world.searched["cup", DRAWER] = 4.0
+    assert not world.may_be_on("cup", "counter/top")
+    world.searched["cup", DRAWER] = 6.0
+    assert world.may_be_on("cup", "counter/top")
+    world.held = HeldObject("can", world.models["cup"], Pose(), 0.05)
+    assert world.may_be_on("cup", "counter/top")
+    world.held = HeldObject("cup", world.models["cup"], Pose(), 0.05)
+    assert not world.may_be_on("cup", "counter/top")
+
+
+def test_a_new_start_knows_what_was_known_at_the_first_and_shares_nothing(mapped, scene) -> None:
+    world = WorldModel(mapped, models=dict(scene.models), told={"cup": DRAWER})
+    world.locked.add(DRAWER)
+    world.objects["cup"] = cup_on(world, "table/top")
+    again = world.as_at_the_start()
+    assert (again.objects, again.locked, again.told, again.base) == ({}, set(), {"cup": DRAWER}, world.base)
+    again.told["cup"] = "table/top"
+    again.models.clear()
+    assert world.told == {"cup": DRAWER}
+    assert world.models
