@@ -12,6 +12,7 @@ import pytest
 from bestman_bt.configuration import ConfigurationError, Document, check, override, parse_document
 from bestman_bt.configuration.checked import salvage
 from bestman_bt.configuration.quantity import Length, Mass, WholeNumber
+from bestman_bt.messages.bounds import check_order
 
 
 @dataclass(frozen=True)
@@ -153,3 +154,27 @@ def test_the_faults_of_all_overrides_are_told_and_a_list_that_is_replaced_is_of_
     changed = override(document, Cart, {"path": [[0, "1 s"]]})
     with pytest.raises(ConfigurationError, match=r"^--set path=\[\[0, '1 s'\]\]: path\[0\]\[1\]: expected a length"):
         check(changed, Cart)
+
+
+@dataclass(frozen=True)
+class Speeds:
+    slow: float = 0.1
+    fast: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_order(self, "slow", "fast")
+
+
+@dataclass(frozen=True)
+class Machine:
+    speeds: Speeds = field(default_factory=Speeds)
+    rate: float = 1.0
+
+
+def test_what_does_not_fit_to_a_default_after_something_was_left_out_is_no_second_fault() -> None:
+    document = Document({"speeds": {"slow": 2.0, "fast": "x"}, "rate": 3.0})
+    value, problems = salvage(document, Machine)
+    assert value == Machine(Speeds(), 3.0)
+    assert [problem.field for problem in problems] == ["speeds.fast"]
+    with pytest.raises(ConfigurationError, match="speeds.slow: slow .2. should not be larger than fast .1."):
+        check(Document({"speeds": {"slow": 2.0}}), Machine)

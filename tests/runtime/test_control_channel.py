@@ -152,6 +152,82 @@ def test_stop_stops_the_robot_and_cancels_the_execution(served: Served) -> None:
     assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped through the control channel")
 
 
+def test_stop_reaches_the_robot_while_a_tick_goes_on_and_also_when_nothing_runs_any_more(served: Served) -> None:
+    begun, release = threading.Event(), threading.Event()
+
+    def long_tick() -> None:
+        begun.set()
+        release.wait(5.0)
+
+    served.executor.after_tick = long_tick
+    assert begun.wait(5.0)
+    try:
+        assert served.ask("stop")["ok"]
+        assert len(served.stops) == 1
+        assert not served.finished.is_set()
+    finally:
+        release.set()
+    assert served.wait().ending is Ending.CANCELLED
+    assert served.ask("stop")["ok"]
+    assert len(served.stops) == 2
+
+
+def test_after_the_end_nothing_can_be_set_any_more(served: Served) -> None:
+    served.ask("halt")
+    served.wait()
+    with pytest.raises(ControlError, match="the tree does not tick any more"):
+        served.ask("set", key="speed", value=3)
+    assert served.ask("status")["root"] == "IDLE"
+
+
+def test_an_entry_is_set_in_the_scope_that_is_named(tmp_path: Path) -> None:
+    xml = """<root BTCPP_format="4" main_tree_to_execute="Main"><BehaviorTree ID="Main"><SubTree ID="In" name="in"/>
+        </BehaviorTree><BehaviorTree ID="In"><Script name="own" code="speed := 1"/></BehaviorTree></root>"""
+    clock = ManualClock()
+    executor = Executor(load_tree(xml, clock=clock), clock)
+    channel = ControlChannel(executor, lambda: None, Telemetry(executor, described("scopes")))
+    answers = []
+    thread = threading.Thread(
+        target=lambda: answers.extend(
+            channel.answer({"do": "set", "key": "speed", "value": value, "scope": scope})
+            for value, scope in ((3, ""), (4, "in"), (5, "out"), (6, 7), (7, None))
+        )
+    )
+    thread.start()
+    executor.pause()
+    running = threading.Thread(target=executor.run)
+    running.start()
+    thread.join(5.0)
+    boards = executor.tree.blackboards
+    assert (boards[""].get("speed"), boards["in"].get("speed")) == (7, 4)
+    executor.cancel()
+    running.join(5.0)
+    assert [answer["ok"] for answer in answers] == [True, True, False, False, True]
+    assert [answer["error"] for answer in answers[2:4]] == ["there is no SubTree 'out'", "there is no SubTree 7"]
+
+
+def test_serving_leaves_the_rights_of_new_files_as_they_were(served: Served, tmp_path: Path) -> None:
+    mask = os.umask(0o022)
+    os.umask(mask)
+    assert mask != 0o177
+    (tmp_path / "new").touch()
+    assert stat.S_IMODE((tmp_path / "new").stat().st_mode) == 0o666 & ~mask
+
+
+def test_the_folder_of_sockets_is_made_private_and_refused_where_it_is_somebody_elses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    folder = tmp_path / f"bestman-bt-{os.getuid()}"
+    folder.mkdir(mode=0o777)
+    folder.chmod(0o777)
+    assert socket_folder() == folder
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    monkeypatch.setattr("os.getuid", lambda: 54321)
+    with pytest.raises(ControlError, match="bestman-bt-54321"):
+        socket_folder()
+
+
 def test_halt_cancels_the_execution_and_leaves_the_robot_its_commands(served: Served) -> None:
     served.ask("halt")
     assert served.wait().why == "halted through the control channel"

@@ -155,6 +155,7 @@ def test_a_plug_in_may_bring_the_driver(tmp_path: Path) -> None:
         prepare(load_run("fetch_cup", driver="mine"))
 
 
+@pytest.mark.slow
 def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tmp_path: Path) -> None:
     path = tmp_path / "cheat.py"
     path.write_text("from pybullet import resetJointState\nprint(resetJointState.__module__)\n")

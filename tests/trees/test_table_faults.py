@@ -24,6 +24,7 @@ def bring_the_cup() -> SubTree:
     return SubTree(pick_and_place, tree_id="PickAndPlace", object="cup", source="table", target="table", goal="{goal}")
 
 
+@pytest.mark.slow
 def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_path) -> None:
     """Someone takes it out of the hand and puts it back onto the table."""
     with known_world(table_with(tmp_path, seed=3, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
@@ -49,6 +50,7 @@ def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_pat
         assert np.linalg.norm(truth.object_pose("cup").position[:2] - goal[:2]) < 0.02
 
 
+@pytest.mark.slow
 def test_a_cup_that_cannot_be_placed_is_put_aside_and_the_hand_is_empty(tmp_path) -> None:
     with known_world(table_with(tmp_path, seed=3, heading=0.0, cup=("cup", -0.2, 0.0, 0.0))) as (session, truth):
         aside = SubTree(put_aside, tree_id="PutAside", object="cup", surface="table")

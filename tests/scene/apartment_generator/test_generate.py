@@ -65,6 +65,7 @@ def test_a_disc_gets_from_every_room_into_every_other(apartments: list[Apartment
             assert sum(room.contains(x, y) for x, y in points[::7]) > 20
 
 
-def test_without_doorways_wide_enough_there_is_no_apartment() -> None:
-    with pytest.raises(ApartmentError, match="no apartment in 400 draws"):
+def test_without_doorways_wide_enough_there_is_no_apartment(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bestman_bt.scene.apartment_generator.generate._ATTEMPTS", 12)
+    with pytest.raises(ApartmentError, match="no apartment in 12 draws"):
         generate_apartment(ApartmentOptions(rooms=(3, 3), doorway=(0.6, 0.6)), 0)
