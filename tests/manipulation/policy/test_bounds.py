@@ -13,17 +13,20 @@ from bestman_bt.manipulation.policy import (
     ChunkStream,
     ChunkStreamParameters,
     Observation,
+    Policy,
     PolicyActionError,
     PolicyModelError,
     PolicyNormalization,
     PolicyObservationError,
     PolicySpecification,
+    Rollout,
     StaleChunkError,
     Workspace,
     chunk_path,
     feature_vector,
     pose_error,
     pose_vector,
+    roll_out,
 )
 from bestman_bt.manipulation.trajectory import SpeedScale, limit_usage
 from bestman_bt.messages import Pose
@@ -277,3 +280,41 @@ def test_the_older_chunk_counts_until_it_was_over_or_the_blend_is(stream: ChunkS
 def test_parameters_of_a_stream_are_above_nothing(make: Callable[[], object]) -> None:
     with pytest.raises(ValueError, match="should be above 0"):
         make()
+
+
+class Pushing(Policy):
+    """Moves a by 0.02 and b by -0.01 in each 0.1 s, and notes what it sees; 3 of 4 actions are executed."""
+
+    specification = PolicySpecification(("a", "b"), "joint_deltas", 4, 0.1, executed=3)
+
+    def __init__(self) -> None:
+        self.seen: list[Observation] = []
+
+    def reset(self) -> None:
+        self.seen.clear()
+
+    def act(self, observation: Observation) -> ActionChunk:
+        self.seen.append(observation)
+        return ActionChunk(np.tile([0.02, -0.01], (4, 1)), 0.1, DELTAS)
+
+
+def test_a_policy_is_tried_action_by_action_and_sees_how_fast_it_moves() -> None:
+    policy = Pushing()
+    tried = roll_out(policy, Slides(), LIMITS, np.array([0.1, 0.0]), at(0.16), chunks=3)
+    assert tried.path[:, 0] == pytest.approx(0.1 + 0.02 * np.arange(10))
+    assert [seen.joint_velocities.tolist() for seen in policy.seen] == [
+        [0.0, 0.0],
+        pytest.approx([0.2, -0.1]),
+        pytest.approx([0.2, -0.1]),
+    ]
+    assert policy.seen[1].goal == pytest.approx(pose_vector(at(0.16)))
+    assert tried.errors[:, 0] == pytest.approx([0.03, 0.0, 0.03], abs=1e-9)
+    elsewhere = roll_out(policy, Slides(), LIMITS, np.array([0.1, 0.0]), at(0.16), at(1.0), chunks=1)
+    assert elsewhere.errors[0, 0] == pytest.approx(0.87)
+
+
+def test_a_goal_is_reached_only_where_place_and_turn_are_right_at_once() -> None:
+    tried = Rollout(np.zeros((1, 2)), np.array([[0.005, 0.2], [0.02, 0.01]]))
+    assert not tried.reached(0.01, 0.1)
+    assert tried.reached(0.03, 0.1)
+    assert tried.reached(0.01, 0.3)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import msgpack
 import numpy as np
 import pytest
 
@@ -25,7 +26,8 @@ from bestman_bt.manipulation.policy import (
     PolicyUnreachableError,
     load_policy,
 )
-from bestman_bt.manipulation.policy.msgpack_numpy import pack
+from bestman_bt.manipulation.policy.msgpack_numpy import pack, unpack
+from bestman_bt.manipulation.policy.openpi_client import resize_with_pad
 from bestman_bt.messages import Pose
 
 JOINTS = tuple(f"panda_joint{i}" for i in range(1, 8))
@@ -72,6 +74,38 @@ def test_an_observation_goes_out_and_actions_come_back(serve: Callable[[str], Op
     expected[:, 0] += np.arange(16) * 0.01
     np.testing.assert_allclose(chunk.actions, expected, atol=1e-6)
     np.testing.assert_allclose(chunk.gripper_widths, 0.06, atol=1e-6)
+
+
+def test_widths_go_out_and_come_back_between_closed_and_open(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
+    """A hand that is open a little farther than it should be, or closed a little more, is open or closed."""
+    policy = OpenpiPolicy(serve("good"))
+    for width, told in ((0.1, 0.08), (-0.01, 0.0), (0.02, 0.02)):
+        chunk = policy.act(replace(observation(), gripper_width=width))
+        np.testing.assert_allclose(chunk.gripper_widths, told, atol=1e-6)
+    policy.close()
+
+
+@pytest.mark.parametrize(
+    ("shape", "rows", "columns"), [((48, 64), (28, 196), (0, 224)), ((64, 48), (0, 224), (28, 196))]
+)
+def test_pictures_keep_their_form_and_lie_in_the_middle_of_black(
+    shape: tuple[int, int], rows: tuple[int, int], columns: tuple[int, int]
+) -> None:
+    padded = resize_with_pad(np.full((*shape, 3), 90, dtype=np.uint8), (224, 224))
+    filled = np.zeros((224, 224, 3), dtype=np.uint8)
+    filled[slice(*rows), slice(*columns)] = 90
+    np.testing.assert_array_equal(padded, filled)
+
+
+@pytest.mark.parametrize("dtype", ["|O", "|V8", "<c16"])
+def test_arrays_that_are_no_numbers_are_neither_sent_nor_accepted(dtype: str) -> None:
+    told = {b"__ndarray__": True, b"data": b"\0" * 16, b"dtype": dtype, b"shape": (1,)}
+    with pytest.raises(PolicyServerError, match="no msgpack with numpy arrays"):
+        unpack(msgpack.packb(told))
+    with pytest.raises(ValueError, match="cannot be sent"):
+        pack(np.zeros(1, dtype=dtype))
+    numbers = np.arange(6, dtype="<i2").reshape(2, 3)
+    np.testing.assert_array_equal(unpack(pack({"a": numbers}))["a"], numbers)
 
 
 def test_pictures_go_out_as_large_as_the_server_wants_them(serve: Callable[[str], OpenpiPolicyParameters]) -> None:
@@ -150,5 +184,9 @@ def test_the_specification_can_be_read_without_a_server(tmp_path: Path) -> None:
 def test_a_server_that_is_described_wrongly_is_refused(tmp_path: Path, field: str, told: str) -> None:
     path = tmp_path / "server.yaml"
     path.write_text(f"url: ws://127.0.0.1:9\n{field}\n")
+    nowhere = tmp_path / "nowhere.yaml"
+    nowhere.write_text("joint_names: [a]\n")
+    with pytest.raises(PolicyModelError, match="should have 'url'"):
+        load_policy(nowhere)
     with pytest.raises(PolicyModelError, match=told):
         load_policy(path)
