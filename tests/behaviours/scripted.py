@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from behaviours.computation import InlineComputation
-from behaviours.context import SkillContext
+from behaviours.context import Algorithms, SkillContext
 from bestman_bt.configuration import load_run
 from bestman_bt.control import ControlErrorCode, ControlHandle
-from bestman_bt.engine import RUNNING, ManualClock, Tree, load_tree
+from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.runtime.algorithms import make_algorithms
-from bestman_bt.runtime.setup import prepare
+from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.world_model import BasePose
 from tests.behaviours.at_the_table import PERIOD, tree_of
 
@@ -62,20 +63,22 @@ class ScriptedController:
         return [handle for handle in self.handles if not handle.done]
 
 
+@cache
+def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> tuple[Setup, Algorithms]:
+    """What tests leave as it is."""
+    setup = prepare(load_run(task, seed=seed, settings=settings))
+    return setup, make_algorithms(setup.config, setup.robot_model)
+
+
 def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: str, seed: int = 3) -> Any:
     """A context whose robot believes to stand at ``base``, as a SkillContext and with ``setup`` beside it."""
-    setup = prepare(load_run(task, seed=seed, settings=settings))
+    setup, algorithms = _prepared(task, seed, settings)
     skills: Any = SkillContext.__new__(SkillContext)
-    skills.setup, skills.clock, skills.robot, skills.world = (
-        setup,
-        ManualClock(50.0),
-        setup.robot_model,
-        setup.world_model,
-    )
+    skills.setup, skills.robot, skills.algorithms = setup, setup.robot_model, algorithms
+    skills.clock, skills.world = ManualClock(50.0), setup.world_model.as_at_the_start()
     skills.world.base = BasePose(base, 0.01, 0.01, 50.0)
     skills.failures, skills.observations, skills.costs = [], {}, defaultdict(float)
     skills.computation, skills.rng = InlineComputation(skills.clock), np.random.default_rng(seed)
-    skills.algorithms = make_algorithms(setup.config, setup.robot_model)
     arm, gripper = next(iter(setup.robot_model.arms)), next(iter(setup.robot_model.grippers))
     skills.arm = ScriptedController("follow", "move_until", "follow_constraint", name=arm)
     skills.gripper = ScriptedController(
@@ -90,6 +93,12 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     skills.wrist_wrench = skills.wrist_camera = skills.camera = None
     skills.tactile = ()
     return skills
+
+
+def register(skills: Any, leaf: type[Node]) -> None:
+    """Let trees use a leaf of a test."""
+    if leaf.__name__ not in skills.setup.registry:
+        skills.setup.registry.register(leaf)
 
 
 def load(skills: Any, body: str, **entries: Any) -> Tree:

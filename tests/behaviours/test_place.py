@@ -9,26 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from behaviours.place import (
-    HOVER,
-    LET_GO,
-    LOOSE,
-    NUDGE,
-    PRE_PLACE,
-    SEARCH,
-    SET_DOWN_FORCE,
-    SET_DOWN_SPEED,
-    place_tool_poses,
-)
+from behaviours.place import PlaceOn, place_tool_poses
 from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
+from bestman_bt.perception import segmentation
 from bestman_bt.perception.segmentation import FREE, OCCUPIED
 from bestman_bt.world_model import HeldObject
-from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, run, scripted_skills
+from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, register, run, scripted_skills
 
 RELEASE = '<Release object="cup" surface="table/top"/>'
-WIDTH = 0.06
+WIDTH, LET_GO, LOOSE = 0.06, 0.004, 3.0
+HOVER, PRE_PLACE = 0.008, 0.12
 
 
 def opened(width: float) -> SimpleNamespace:
@@ -64,7 +56,7 @@ def test_what_is_caught_between_the_fingers_is_held_loosely_raised_a_little_and_
     skills.gripper.ends["release"] = [caught, free]
     assert run(skills, load(skills, RELEASE)) == SUCCESS
     assert skills.gripper.asked == [("release",), ("close", LOOSE), ("release",)]
-    assert skills.arm.asked == [("move_until", (0.0, 0.0, 1.0), SET_DOWN_SPEED, NUDGE, SET_DOWN_FORCE)]
+    assert skills.arm.asked == [("move_until", (0.0, 0.0, 1.0), 0.02, 0.001, 4.0)]
     assert skills.world.held is None
 
 
@@ -159,7 +151,7 @@ def test_room_at_a_goal_is_seen_free_and_hardly_taken(
     skills.algorithms = SimpleNamespace(detection=SimpleNamespace(detect=lambda *_: scene))
     monkeypatch.setattr("behaviours.place.surface_region", lambda *_: None)
     monkeypatch.setattr("behaviours.place.believe_surface", lambda *_: ())
-    monkeypatch.setattr("behaviours.place.surface_coverage", lambda *_: coverage)
+    monkeypatch.setattr(segmentation, "surface_coverage", lambda *_: coverage)
     goal = Pose.from_xyz_rpy(map_from(ASKEW, 0.8, 0.1, 0.7), (0.0, 0.0, ASKEW.theta + 0.4))
     body = '<FindPlacePose object="cup" surface="table" goal="{goal}" pose="{pose}"/>'
     tree = load(skills, body, goal=goal)
@@ -172,18 +164,17 @@ def test_room_at_a_goal_is_seen_free_and_hardly_taken(
         assert pose.yaw == pytest.approx(goal.yaw)
 
 
+class Lower(PlaceOn):
+    """The last part of it."""
+
+    def execute(self) -> Any:
+        yield from self._set_down("cup")
+
+
 def test_an_object_is_lowered_by_feel_until_it_stands_and_no_farther(skills: Any) -> None:
-    from behaviours.place import PlaceOn
-
-    class Lower(PlaceOn):
-        """The last part of it."""
-
-        def execute(self) -> Any:
-            yield from self._set_down("cup")
-
-    skills.setup.registry.register(Lower)
+    register(skills, Lower)
     for touched, status in ((True, SUCCESS), (False, FAILURE)):
         skills.arm.ends["move_until"] = [SimpleNamespace(touched=touched)]
         assert run(skills, load(skills, '<Lower object="cup" pose="0;0;0"/>')) == status
     assert codes(skills) == ["nothing_below"]
-    assert set(skills.arm.asked) == {("move_until", (0.0, 0.0, -1.0), SET_DOWN_SPEED, HOVER + SEARCH, SET_DOWN_FORCE)}
+    assert skills.arm.asked == [("move_until", (0.0, 0.0, -1.0), 0.02, pytest.approx(0.018), 4.0)] * 2

@@ -15,7 +15,7 @@ from behaviours.push import Push, PushPlan
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
-from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, run, scripted_skills
+from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, register, run, scripted_skills
 
 WAY = np.array([math.cos(0.4), math.sin(0.4), 0.0])
 """Of the push, in the base frame."""
@@ -37,7 +37,7 @@ class Planned(Push):
 def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A robot that stands askew, has seen a cup 0.7 m before it, and whose motions are no matter."""
     skills = scripted_skills()
-    skills.setup.registry.register(Planned)
+    register(skills, Planned)
 
     def moved(skill: Any, *_: Any, **__: Any) -> Iterator[Any]:
         yield skill.skills.arm.follow("there")

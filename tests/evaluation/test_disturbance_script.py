@@ -52,7 +52,7 @@ class Stage(ScriptedEnd):
         super().__init__(task, f"disturbances={disturbances}", *settings, seed=seed)
         self.clock = ManualClock(100.0)
         self.session.robot = type("Robot", (), {"clock": self.clock})()
-        self.world = self.setup.world_model
+        self.world = self.session.skills.world
         self.truth.frames[self.tool_frame] = Pose(np.array([0.0, 0.0, 9.0]))
         self.disturber = ScriptedDisturber(self.clock, refusals)
         session: Any = self.session

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -56,6 +57,12 @@ class ScriptedTruth:
         return self.on.get(name, ())
 
 
+@cache
+def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> Setup:
+    """What tests leave as it is."""
+    return prepare(load_run(task, seed=seed, settings=settings))
+
+
 class ScriptedEnd:
     """A prepared task, ``truth`` to be written, and what a predicate says of it.
 
@@ -63,11 +70,11 @@ class ScriptedEnd:
     """
 
     def __init__(self, task: str, *settings: str, seed: int = 3) -> None:
-        self.setup = prepare(load_run(task, seed=seed, settings=settings))
+        self.setup = _prepared(task, seed, settings)
         self.truth = ScriptedTruth(self.setup)
         arm = next(iter(self.setup.robot_model.arms.values()))
         self.tool_frame = arm.tool_frame
-        skills = SimpleNamespace(world=self.setup.world_model, arm_model=arm)
+        skills = SimpleNamespace(world=self.setup.world_model.as_at_the_start(), arm_model=arm)
         self.session = SimpleNamespace(setup=self.setup, skills=skills)
 
     def evidence(self, driven: float = 0.0, **before: Pose) -> Evidence:

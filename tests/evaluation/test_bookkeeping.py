@@ -1,0 +1,226 @@
+"""What an evaluation and a batch make of episodes that a test has written: seeds, order, what counts, what is met."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.evaluation import batch as batch_module
+from bestman_bt.evaluation import evaluation as evaluation_module
+from bestman_bt.evaluation.batch import run_batch
+from bestman_bt.evaluation.driven_path import DrivenPath
+from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.motion import MotionLog
+from bestman_bt.evaluation.result import Outcome, RunResult
+from bestman_bt.evaluation.suite import Entry, EntryConfig, Successes, Suite
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.visualization.motion_file import read_motion
+from hal.pybullet import SceneSnapshot
+from tests.evaluation.test_summary import result
+
+Episode = Callable[[RunConfig], RunResult]
+
+
+def succeed(config: RunConfig) -> RunResult:
+    return result(config.seed)
+
+
+def pretend(claims: RunConfig) -> RunResult:
+    """The tree claims success, the judge denies it."""
+    return result(claims.seed, predicate=False)
+
+
+def cancel(config: RunConfig) -> RunResult:
+    return replace(result(config.seed, tree="IDLE", predicate=None), outcome=Outcome.CANCELLED)
+
+
+class Episodes:
+    """Runs nothing: ``of`` makes the results. ``ran``: task and seed of each, in their order; the last comes first."""
+
+    def __init__(self, *of: Episode) -> None:
+        self._of, self.ran = list(of), []  # type: ignore[var-annotated]
+
+    def __call__(
+        self, configs: Sequence[RunConfig], jobs: int = 1, folder: Path | None = None
+    ) -> Iterator[tuple[int, RunResult]]:
+        order = range(len(configs)) if jobs == 1 else reversed(range(len(configs)))
+        for index in order:
+            make = self._of.pop(0) if len(self._of) > 1 else self._of[0]
+            self.ran.append((configs[index].name, configs[index].seed))
+            yield index, make(configs[index])
+
+
+@pytest.fixture
+def episodes(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Episodes]:
+    def scripted(*of: Episode) -> Episodes:
+        made = Episodes(*of)
+        monkeypatch.setattr(evaluation_module, "run_episodes", made)
+        monkeypatch.setattr(batch_module, "run_episodes", made)
+        monkeypatch.setattr(batch_module, "prepare_episode", lambda config: None)
+        return made
+
+    monkeypatch.setattr(evaluation_module, "code_fingerprint", lambda: "code")
+    monkeypatch.setattr(evaluation_module, "commit", lambda: "1234")
+    return scripted
+
+
+def suite(*successes: Successes | None, settings: tuple[str, ...] = ()) -> Suite:
+    """Entries of three episodes each, from seed 5 on; the second and later ones are controls."""
+    entries = []
+    for number, asked in enumerate(successes):
+        config = load_run("fetch_cup", seed=5, settings=(f"time_limit={10 + number} s", *settings))
+        wanted = None if asked is None else EntryConfig(asked)
+        entries.append(Entry(f"entry{number}", config, 3, wanted, number > 0))
+    return Suite("mine", tuple(entries))
+
+
+def evaluated(of: Suite, folder: Path | None = None, jobs: int = 1, **options: Any) -> dict[str, Any]:
+    with Evaluation(of, folder, **options) as evaluation:
+        return evaluation.run(jobs)
+
+
+ALL, NONE = Successes(3, at_least=3), Successes(3, at_most=0)
+
+
+def test_every_seed_of_every_entry_is_run_and_told_with_its_entry(episodes: Callable[..., Episodes]) -> None:
+    episodes(succeed, succeed, succeed, pretend)
+    told = []
+    with Evaluation(suite(ALL, NONE)) as evaluation:
+        document = evaluation.run(on_result=lambda entry, result: told.append((entry.name, result.seed)))
+    assert told == [(name, seed) for name in ("entry0", "entry1") for seed in (5, 6, 7)]
+    task, control = document["entries"]
+    assert (task["succeeded"], task["met"], control["succeeded"], control["false_successes"]) == (3, True, 0, 3)
+    assert (document["episodes"], document["false_successes"], document["interrupted"]) == (6, 3, False)
+    assert (document["met"], document["code"], document["commit"]) == (False, "code", "1234")
+
+
+def test_results_that_come_in_another_order_are_those_of_their_seeds(episodes: Callable[..., Episodes]) -> None:
+    episodes(pretend, succeed)
+    document = evaluated(suite(ALL), jobs=2)
+    (entry,) = document["entries"]
+    assert [failure["seed"] for failure in entry["failures"]] == [7]
+
+
+@pytest.mark.parametrize(
+    ("asked", "of", "met"),
+    [
+        (ALL, (succeed,), True),
+        (ALL, (succeed, succeed, pretend), False),
+        (Successes(3, at_least=1), (succeed, cancel), False),  # not all were run
+        (None, (succeed,), True),
+        (None, (succeed, pretend), False),
+    ],
+)
+def test_an_entry_is_met_where_all_its_episodes_are_run_and_come_out_as_asked(
+    episodes: Callable[..., Episodes], asked: Successes | None, of: tuple[Episode, ...], met: bool
+) -> None:
+    episodes(*of)
+    document = evaluated(suite(asked))
+    assert document["entries"][0]["met"] is met
+    assert document["met"] is met
+
+
+def test_one_entry_that_is_not_clean_makes_the_whole_evaluation_unclean(episodes: Callable[..., Episodes]) -> None:
+    episodes(lambda config: result(config.seed, teleports=int(config.seed == 6)))
+    document = evaluated(suite(ALL, ALL))
+    assert document["audit_clean"] is False
+    assert document["entries"][0]["unclean_seeds"] == [6]
+    assert document["met"] is False
+
+
+def test_a_stopped_episode_ends_it_counts_for_nothing_and_is_the_next_one_to_be_run(
+    episodes: Callable[..., Episodes], tmp_path: Path
+) -> None:
+    episodes(succeed, cancel)
+    document = evaluated(suite(ALL, NONE), tmp_path)
+    assert (document["interrupted"], document["episodes"], document["met"]) == (True, 1, False)
+    again = episodes(succeed)
+    document = evaluated(suite(ALL, NONE), tmp_path)
+    assert [seed for _, seed in again.ran] == [6, 7, 5, 6, 7]
+    assert (document["interrupted"], document["episodes"]) == (False, 6)
+
+
+def test_episodes_of_other_code_count_only_where_that_is_asked_and_those_of_another_configuration_never(
+    episodes: Callable[..., Episodes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episodes(succeed)
+    evaluated(suite(ALL), tmp_path)
+    same = episodes(pretend)
+    assert evaluated(suite(ALL), tmp_path)["met"] is True
+    assert same.ran == []
+    other = episodes(pretend)
+    assert evaluated(suite(ALL, settings=("tick_rate=10 Hz",)), tmp_path, keep_old=True)["entries"][0]["succeeded"] == 0
+    assert len(other.ran) == 3
+    monkeypatch.setattr(evaluation_module, "code_fingerprint", lambda: "newer")
+    old = episodes(pretend)
+    document = evaluated(suite(ALL), tmp_path, keep_old=True)
+    assert (old.ran, document["met"]) == ([], True)
+    assert document["notes"] == ["3 finished episodes were run with other code and count all the same"]
+    assert evaluated(suite(ALL), tmp_path)["entries"][0]["succeeded"] == 0
+    assert len(old.ran) == 3
+
+
+def test_code_that_changes_while_it_runs_is_told(
+    episodes: Callable[..., Episodes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    episodes(succeed)
+    versions = iter(["before", "after"])
+    monkeypatch.setattr(evaluation_module, "code_fingerprint", lambda: next(versions))
+    (note,) = evaluated(suite(ALL))["notes"]
+    assert "the code was changed while the evaluation ran" in note
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_batch_runs_the_seeds_from_the_first_one_on_and_tells_them_in_their_order(
+    episodes: Callable[..., Episodes], jobs: int
+) -> None:
+    made = episodes(succeed)
+    told: list[int] = []
+    document = run_batch(load_run("fetch_cup", seed=5), 4, jobs, on_result=lambda result: told.append(result.seed))
+    assert sorted(seed for _, seed in made.ran) == sorted(told) == [5, 6, 7, 8]
+    assert (document["first_seed"], document["episodes"], document["succeeded"]) == (5, 4, 4)
+    assert document["metrics"]["place_error_mm"]["median"] == 6.5
+
+
+def test_a_batch_ends_with_an_episode_that_somebody_stops(episodes: Callable[..., Episodes]) -> None:
+    made = episodes(pretend, succeed, cancel, succeed)
+    document = run_batch(load_run("fetch_cup", seed=5), 9)
+    assert [seed for _, seed in made.ran] == [5, 6, 7]
+    assert (document["episodes"], document["succeeded"]) == (2, 1)
+    assert [failure["seed"] for failure in document["failures"]] == [5]
+
+
+def test_the_way_that_a_base_has_driven_is_added_up_from_tick_to_tick_and_a_turn_is_none() -> None:
+    poses = iter([Pose2D(5.0, 5.0, 0.0), Pose2D(5.0, 5.3, 1.0), Pose2D(5.0, 5.3, -2.0), Pose2D(5.4, 5.0, -2.0)])
+    truth: Any = SimpleNamespace(base_pose=lambda: next(poses).to_pose())
+    driven = DrivenPath(truth)
+    lengths = []
+    for _ in range(4):
+        driven.after_tick()
+        lengths.append(driven.length)
+    assert lengths == pytest.approx([0.0, 0.3, 0.3, 0.8])
+
+
+def test_a_motion_holds_its_first_and_last_moment_and_every_fourth_tick_between(tmp_path: Path) -> None:
+    stamps = iter(range(100))
+
+    def seen() -> SceneSnapshot:
+        stamp = next(stamps)
+        pose = Pose2D(float(stamp), 0.0, 0.0).to_pose()
+        return SceneSnapshot(float(stamp), pose, {}, {"cup": pose}, {"chest/door": Pose()}, {"walker": Pose()})
+
+    log = MotionLog(tmp_path, SimpleNamespace(scene_snapshot=seen))  # type: ignore[arg-type]
+    log.open()
+    for _ in range(9):
+        log.after_tick()
+    log.close()
+    motion = read_motion(tmp_path / "motion.jsonl")
+    assert motion.ticks.tolist() == [0, 4, 8, 9]
+    assert motion.times.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert motion.bodies == ("cup", "chest/door", "walker")
