@@ -12,6 +12,8 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, planar_radius, semantic_map
 from bestman_bt.scene.plane_geometry import distance_to_polygon, polygons_overlap, rectangle
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(20)
 
 

@@ -10,6 +10,8 @@ from bestman_bt.scene.floor_grid import FloorGrid
 from bestman_bt.scene.plane_geometry import polygons_overlap, wall_rectangle
 from bestman_bt.scene.scene import Wall
 
+pytestmark = pytest.mark.slow
+
 SEEDS = range(25)
 OPTIONS = ApartmentOptions()
 

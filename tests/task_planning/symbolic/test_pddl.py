@@ -166,6 +166,7 @@ def test_a_goal_that_holds_needs_no_engine():
     assert len(FastDownwardPlanner().plan(drawer_problem("hand_empty"))) == 0
 
 
+@pytest.mark.slow
 def test_the_validator_needs_no_engine_and_finds_the_missing_step():
     problem = drawer_problem("on(cup, Table/Top) and not open(chest/drawer)")
     plan = SymbolicPlanner().plan(problem)
