@@ -67,6 +67,7 @@ def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> Non
     assert [hand.max_force for hand in safe.grippers.values()] == [12.0, 12.0]
     base = safe.bases["base"]
     assert (base.max_vx, base.max_vy, base.max_wz) == (0.1, 0.1, 0.3)
+    assert (safe.safety.joint_speed, safe.safety.base_speed) == (0.25, 0.1)
     fast = robot(parts=parts, safety={"gripper_force": 1000, "base_speed": 9, "base_turn": 9})
     assert fast.bases["base"].max_vx == plain.bases["base"].max_vx == 0.6
     assert (fast.bases["base"].max_vy, fast.bases["base"].max_wz) == (0.6, 1.2)

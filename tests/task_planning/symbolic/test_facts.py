@@ -76,3 +76,16 @@ def test_forall_may_come_without_a_condition():
 def test_goals_know_no_forall():
     with pytest.raises(FactSyntaxError, match="forall"):
         parse_literals("forall c - container: behind(x, c) -> open(c)")
+
+
+@pytest.mark.parametrize("text", ["on(mug, table) and open(x)", "not open(x)"])
+def test_where_one_fact_is_asked_for_neither_several_nor_a_negation_is_one(text):
+    with pytest.raises(FactSyntaxError, match="one fact is expected"):
+        parse_fact(text)
+
+
+def test_what_a_forall_asks_for_is_not_negated():
+    with pytest.raises(FactSyntaxError, match="a fact that is not negated is expected before '->'"):
+        parse_conditions("forall c - container: not behind(x, c) -> open(c)")
+    (condition,) = parse_conditions("forall c - container: behind(x, c) -> not open(c)")
+    assert condition.then == Literal(Fact("open", ("{c}",)), negated=True)

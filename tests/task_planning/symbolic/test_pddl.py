@@ -172,3 +172,42 @@ def test_the_validator_needs_no_engine_and_finds_the_missing_step():
     plan = SymbolicPlanner().plan(problem)
     assert is_valid(problem, plan)
     assert not is_valid(problem, type(plan)(plan.actions[1:]))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (":effect (and", ":duration (= ?d 3) :effect (and", ":duration is not supported"),
+        ("(on ?x ?y) (not (clear ?y))", "(when (clear ?x) (on ?x ?y))", "when is not supported"),
+        (
+            "(on ?x ?y) (not (clear ?y))",
+            "(forall (?z - block) (imply (clear ?z) (table ?z)))",
+            "a condition on an effect",
+        ),
+        ("(not (= ?x ?y))", "(not (forall (?z - block) (clear ?z)))", "not forall is not supported"),
+        ("(not (= ?x ?y))", "(forall (?z ?w - block) (clear ?z))", "forall over one variable"),
+        ("(not (= ?x ?y))", "(forall (?z - block) (forall (?w - block) (clear ?w)))", "forall within forall"),
+        ("(not (= ?x ?y))", "(not (clear ?x) (clear ?y))", "takes one condition"),
+        ("(not (= ?x ?y))", "clear", "'(' is expected, not 'clear'"),
+        ("(not (= ?x ?y))", "(clear (on ?x))", "a name is expected, not '('"),
+        ("(increase (total-cost) 2)", "(increase (total-cost) ?x)", "increase"),
+    ],
+)
+def test_what_is_not_supported_is_told_and_not_left_out(files, old, new, words):
+    assert old in DOMAIN
+    with pytest.raises(PddlError) as raised:
+        read_pddl(*files(DOMAIN.replace(old, new)))
+    assert words in str(raised.value)
+    assert raised.value.line in (7, 8, 9, 10)
+
+
+def test_constants_effects_on_each_and_conditions_without_a_type_are_read(files):
+    domain = DOMAIN.replace("(:functions", "(:constants floor - block)\n  (:functions")
+    domain = domain.replace("(not (table ?x))", "(not (table ?x)) (forall (?z - block) (not (on ?z ?x)))")
+    problem = read_pddl(*files(domain))
+    assert problem.objects == {"a": "block", "b": "block", "floor": "block"}
+    (stack,) = problem.operators
+    assert [str(each) for each in stack.each] == ["forall z - block: not on(z, {x})"]
+    assert (stack.cost, stack.parameters) == (2.0, {"x": "block", "y": "block"})
+    free = read_pddl(*files(DOMAIN.replace(" (increase (total-cost) 2)", "")))
+    assert free.operators[0].cost == 1.0

@@ -1,6 +1,11 @@
 from __future__ import annotations
 
+import heapq
+import math
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from bestman_bt.task_planning.symbolic import (
     Fact,
@@ -161,3 +166,60 @@ def test_equal_problems_give_equal_plans():
 def test_wrong_arguments_of_an_action_are_told(arguments, words):
     with pytest.raises(PlanningError, match=words):
         instantiate(kitchen(""), PICK, arguments)
+
+
+FACTS = [Fact(name) for name in "abcde"]
+SETTINGS = st.dictionaries(st.sampled_from(FACTS), st.booleans(), max_size=3)
+
+
+@st.composite
+def small_problems(draw):
+    """Five facts, and up to six actions that ask for some of them and change some."""
+
+    def literals(values):
+        return tuple(Literal(fact, not holds) for fact, holds in values.items())
+
+    operators = []
+    for number in range(draw(st.integers(1, 6))):
+        effects = draw(SETTINGS)
+        add, delete = (tuple(fact for fact, holds in effects.items() if holds is value) for value in (True, False))
+        cost = float(draw(st.integers(1, 4)))
+        operators.append(Operator(f"Act{number}", {}, literals(draw(SETTINGS)), add=add, delete=delete, cost=cost))
+    state = frozenset(draw(st.sets(st.sampled_from(FACTS))))
+    return Problem({}, state, literals(draw(SETTINGS.filter(bool))), tuple(operators))
+
+
+def cheapest(problem):
+    """The cost of the best plan by Dijkstra's algorithm over all states; infinite where there is none."""
+    actions = [instantiate(problem, one, []) for one in problem.operators]
+    queue, best, count = [(0.0, 0, problem.state)], {problem.state: 0.0}, 0
+    while queue:
+        cost, _, state = heapq.heappop(queue)
+        if not problem.unmet_in(state):
+            return cost
+        for action in actions:
+            after = action.applied_to(state)
+            if not action.broken_in(state) and cost + action.cost < best.get(after, math.inf):
+                best[after], count = cost + action.cost, count + 1
+                heapq.heappush(queue, (best[after], count, after))
+    return math.inf
+
+
+@settings(max_examples=80, deadline=None)
+@given(small_problems())
+def test_what_is_planned_works_and_is_the_cheapest_after_enough_improvement(problem):
+    best = cheapest(problem)
+    patient = SymbolicPlanner(SymbolicPlannerParameters(weights=(1.0,) * 20))
+    if best == math.inf:
+        with pytest.raises(Unsolvable):
+            patient.plan(problem)
+        return
+    for planner in (SymbolicPlanner(), patient):
+        plan, state = planner.plan(problem), problem.state
+        for action in plan.actions:
+            assert not action.broken_in(state)
+            state = action.applied_to(state)
+        assert not problem.unmet_in(state)
+        cost = sum(action.cost for action in plan.actions)
+        assert cost >= best
+    assert cost == best
