@@ -38,7 +38,11 @@ def test_a_drawer_opens_25_cm_and_is_found_to_slide(stand_before):
     assert resting(scene)
 
 
-@pytest.mark.parametrize(("door", "radius"), [(FRIDGE, 0.56), (MICROWAVE, 0.34)], ids=["fridge", "microwave"])
+@pytest.mark.parametrize(
+    ("door", "radius"),
+    [pytest.param(FRIDGE, 0.56, marks=pytest.mark.slow), (MICROWAVE, 0.34)],
+    ids=["fridge", "microwave"],
+)
 def test_a_door_opens_an_angle_about_the_hinge_that_is_found(stand_before, door, radius):
     scene = stand_before(*door, flip=door is FRIDGE)
     scene.grasp()
@@ -76,6 +80,7 @@ def test_fingers_without_friction_lose_the_handle(stand_before):
     assert scene.opened < 0.05
 
 
+@pytest.mark.slow
 def test_a_following_that_is_cancelled_leaves_nothing_moving(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     scene.grasp()

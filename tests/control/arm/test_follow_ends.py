@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pybullet
+import pytest
 
 from bestman_bt.control import ControlErrorCode
 from bestman_bt.control.arm import ArmController, ConstraintFollowingParameters, FollowEnd, JointAxis
@@ -45,12 +46,14 @@ def test_a_hand_that_is_led_the_wrong_way_meets_an_obstacle(stand_before):
     assert (ended.error.code, ended.result.end) == (ControlErrorCode.COLLISION, FollowEnd.OBSTACLE)
 
 
+@pytest.mark.slow
 def test_the_arm_s_own_limit_is_told(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     ended = scene.wait(scene.arm.follow_constraint(scene.handle.outward, distance=2.0, speed=0.2))
     assert (ended.error.code, ended.result.end) == (ControlErrorCode.UNREACHABLE, FollowEnd.ARM_LIMIT)
 
 
+@pytest.mark.slow
 def test_a_following_has_a_time_limit(stand_before):
     scene = stand_before(*DRAWER, flip=True)
     hasty = ConstraintFollowingParameters(time_factor=0.01)

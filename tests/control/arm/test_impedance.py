@@ -64,7 +64,14 @@ def pushed() -> Callable[..., Pushed]:
         robot.disconnect()
 
 
-@pytest.mark.parametrize(("name", "stiffness"), [("diff_panda", 400.0), ("diff_panda", 800.0), ("omni_ur5", 400.0)])
+@pytest.mark.parametrize(
+    ("name", "stiffness"),
+    [
+        ("diff_panda", 400.0),
+        pytest.param("diff_panda", 800.0, marks=pytest.mark.slow),
+        pytest.param("omni_ur5", 400.0, marks=pytest.mark.slow),
+    ],
+)
 def test_a_force_moves_the_tool_by_force_over_stiffness(pushed, name: str, stiffness: float) -> None:
     it = pushed(ImpedanceParameters(stiffness=stiffness), name)
     handle = it.controller.hold()

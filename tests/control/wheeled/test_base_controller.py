@@ -31,7 +31,7 @@ def difference(pose: Pose2D, truth: Pose2D) -> tuple[float, float]:
     return pose.distance_to(truth), abs(wrap_angle(pose.theta - truth.theta))
 
 
-@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("seed", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_the_base_drives_to_the_table_without_touching_anything_and_knows_where_it_is(simulate, seed):
     simulated = simulate(seed)
     start, odometry_start = simulated.true_pose, simulated.robot.parts["base"].odometry()
@@ -53,6 +53,7 @@ def test_the_base_drives_to_the_table_without_touching_anything_and_knows_where_
     assert drift > 2 * difference(simulated.world.base.pose, simulated.true_pose)[0]
 
 
+@pytest.mark.slow
 def test_from_the_table_the_base_backs_out_and_drives_to_the_counter(simulate):
     world = draw_world(load_scene("kitchen"), 1)
     table = world.furniture[0].actual
@@ -65,6 +66,7 @@ def test_from_the_table_the_base_backs_out_and_drives_to_the_counter(simulate):
     assert simulated.touched() == []
 
 
+@pytest.mark.slow
 def test_equal_seeds_end_at_the_same_pose_to_the_last_bit(simulate):
     ends = []
     for _ in range(2):

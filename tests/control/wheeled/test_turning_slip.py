@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
-from bestman_bt.control.wheeled import TurningSlip, measure_turning_slip
-from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.control.wheeled import TurningSlip, TurningSlipParameters, measure_turning_slip
+from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import RobotModel, compose_robot
 from bestman_bt.scene import World
 from bestman_bt.sensing.inertial import GyroHeading
-from hal.api import Imu, MobileBase
+from hal.api import Imu, ImuReading, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot
+from tests.control.scripted_parts import ScriptedBase
 
 FLOOR = World("floor", 0, (), (), (), Pose2D(), {})
 
@@ -27,11 +29,11 @@ def husky(turning_slip: float) -> RobotModel:
     return compose_robot("husky", Document({"base_frame": "base_footprint", "parts": parts}))
 
 
-def measure(model: RobotModel, seed: int) -> TurningSlip:
+def measure(model: RobotModel, seed: int, parameters: TurningSlipParameters | None = None) -> TurningSlip:
     with PyBulletRobot(model, FLOOR, seed=seed) as robot:
         gyro = GyroHeading(robot.part("imu", Imu), robot.clock)
         present = model.bases["base"].turning_slip
-        return measure_turning_slip(robot.part("base", MobileBase), gyro, robot.clock, present)
+        return measure_turning_slip(robot.part("base", MobileBase), gyro, robot.clock, present, parameters)
 
 
 def error_of_a_full_turn(model: RobotModel, seed: int) -> float:
@@ -47,6 +49,7 @@ def error_of_a_full_turn(model: RobotModel, seed: int) -> float:
         return abs(turned - counted)
 
 
+@pytest.mark.slow
 def test_a_wrong_factor_is_found_and_the_right_one_mends_the_odometry() -> None:
     wrong = husky(2.0)
     found = measure(wrong, seed=1)
@@ -61,4 +64,28 @@ def test_a_base_that_does_not_slip_needs_no_factor() -> None:
     model = compose_robot(
         "rolling", document.merged(Document({"parts": {"imu": {"part": "imu", "mount": "base_link"}}}))
     )
-    assert measure(model, seed=1).value == pytest.approx(1.0, abs=0.02)
+    quick = TurningSlipParameters(angle=1.2)
+    assert measure(model, 1, quick).value == pytest.approx(1.0, abs=0.03)
+
+
+class Dragging(ScriptedBase):
+    """A base that turns less than its wheels count: by ``left`` and ``right``."""
+
+    left, right = 1.5, 1.25
+
+    def read(self) -> ImuReading:
+        rate = float(self.speed[2])
+        rate = rate / self.left if rate > 0.0 else rate / self.right
+        return ImuReading(np.array([0.0, 0.0, rate + 0.02]), np.zeros(3), self.clock.now())
+
+
+def test_both_ways_are_measured_against_what_its_odometry_counts_with_now() -> None:
+    base = Dragging(Pose2D(), Pose2D(1.0, -2.0, 2.9))
+    found = measure_turning_slip(base, GyroHeading(base, base.clock), base.clock, 1.2, TurningSlipParameters(angle=5.0))
+    assert found.left == pytest.approx(1.2 * 1.5, rel=0.01)
+    assert found.right == pytest.approx(1.2 * 1.25, rel=0.01)
+    assert found.value == pytest.approx((found.left + found.right) / 2)
+    assert found.before == pytest.approx(5.0 * (1 - 1 / 1.5 + 1 - 1 / 1.25) / 2, abs=0.06)
+    assert base.told[-1] == Twist2D()
+    assert max(abs(twist.wz) for twist in base.told) == pytest.approx(0.6)
+    assert np.all(base.speed == 0.0)

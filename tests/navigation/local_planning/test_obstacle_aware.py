@@ -76,7 +76,9 @@ class Drive:
         self.commands = np.array(self.commands)
 
 
-@pytest.mark.parametrize(("planner", "sideways"), [(MPPI, False), (DWA, True)], ids=["mppi", "dwa-omni"])
+@pytest.mark.parametrize(
+    ("planner", "sideways"), [(MPPI, False), pytest.param(DWA, True, marks=pytest.mark.slow)], ids=["mppi", "dwa-omni"]
+)
 def test_a_box_on_the_path_is_gone_around_and_the_end_is_as_exact_as_ever(planner, sideways, costmap, kitchen):
     obstacle = box(0.7, -0.1, 0.3, 0.3)
     drive = Drive(planner(), costmap, kitchen.walls, START, GOAL, lambda _: obstacle, sideways)
@@ -88,7 +90,7 @@ def test_a_box_on_the_path_is_gone_around_and_the_end_is_as_exact_as_ever(planne
     assert np.abs(drive.commands).max(axis=0)[1] == 0.0 or sideways
 
 
-@pytest.mark.parametrize("planner", [MPPI, DWA])
+@pytest.mark.parametrize("planner", [pytest.param(MPPI, marks=pytest.mark.slow), DWA])
 def test_an_arm_that_stands_out_keeps_clear_of_walls_where_the_base_goes_around_what_the_map_lacks(
     planner, footprint, kitchen
 ):

@@ -53,6 +53,7 @@ def test_occupied_cells_lie_on_walls_and_the_floor_is_free(round_drive, mapped):
     )
 
 
+@pytest.mark.slow
 def test_without_loop_closures_the_end_of_the_round_is_farther_off(short_sighted_drive):
     _, closed = run(short_sighted_drive)
     slam, errors = run(short_sighted_drive, loop_closure=False)
@@ -61,6 +62,7 @@ def test_without_loop_closures_the_end_of_the_round_is_farther_off(short_sighted
     assert errors[-40:].mean() > 1.5 * closed[-40:].mean()
 
 
+@pytest.mark.slow
 def test_equal_readings_give_equal_maps(round_drive):
     first, second = (run(round_drive, 80)[0] for _ in range(2))
     assert np.array_equal(first.grid.data, second.grid.data)
