@@ -49,7 +49,7 @@ class Stage(ScriptedEnd):
     """A world in which nothing moves but by the hand of a test; the robot's hand is far away."""
 
     def __init__(self, task: str, disturbances: str, *settings: str, seed: int = 3, refusals: int = 0) -> None:
-        super().__init__(task, f"disturbances={disturbances}", *settings, seed=seed)
+        super().__init__(task, *settings, seed=seed, told=(f"disturbances={disturbances}", "predicate=null"))
         self.clock = ManualClock(100.0)
         self.session.robot = type("Robot", (), {"clock": self.clock})()
         self.world = self.session.skills.world
@@ -85,11 +85,11 @@ MOVED = "{kind: moved, object: cup, distance: [10 cm, 12 cm], after: [1 s, 3 s]}
 def test_the_seed_draws_when_and_each_disturbance_of_a_task_has_its_own_time() -> None:
     delays = []
     for seed in range(3, 9):
-        stage = Stage("plan_swap", f"[{MOVED}, {MOVED}]", "predicate=null", seed=seed)
+        stage = Stage("plan_swap", f"[{MOVED}, {MOVED}]", seed=seed)
         stage.believe("cup")
         first, second = stage.acts_after(4.0)
         delays += [first, second]
-        again = Stage("plan_swap", f"[{MOVED}, {MOVED}]", "predicate=null", seed=seed)
+        again = Stage("plan_swap", f"[{MOVED}, {MOVED}]", seed=seed)
         again.believe("cup")
         assert again.acts_after(4.0) == [first, second]
     assert len(set(delays)) > 8
@@ -100,7 +100,7 @@ def test_the_seed_draws_when_and_each_disturbance_of_a_task_has_its_own_time() -
 def test_the_seed_draws_where() -> None:
     places = set()
     for seed in range(3, 7):
-        stage = Stage("plan_swap", f"[{MOVED}]", "predicate=null", seed=seed)
+        stage = Stage("plan_swap", f"[{MOVED}]", seed=seed)
         stood = stage.truth.poses["cup"].position
         stage.believe("cup")
         stage.wait(4.0)
@@ -112,7 +112,7 @@ def test_the_seed_draws_where() -> None:
 
 
 def test_a_deed_is_done_once_and_one_that_was_in_the_way_is_tried_again_after_a_second() -> None:
-    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]", "predicate=null", refusals=2)
+    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]", refusals=2)
     stage.believe("cup")
     assert stage.acts_after(5.0) == pytest.approx([0.0, 1.0, 2.0], abs=0.11)
     (deed,) = stage.script.deeds
@@ -120,12 +120,12 @@ def test_a_deed_is_done_once_and_one_that_was_in_the_way_is_tried_again_after_a_
 
 
 def test_nothing_is_done_before_the_robot_has_seen_it_and_nothing_after_it_was_in_the_hand() -> None:
-    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]", "predicate=null")
+    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]")
     assert stage.acts_after(1.0) == []
     stage.world.held = HeldObject("can", stage.world.models["cup"], Pose(), 0.05)
     stage.believe("cup")
     assert stage.acts_after(PERIOD) == [0.0], "another thing in the hand is no reason to wait"
-    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]", "predicate=null")
+    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]")
     stage.world.held = HeldObject("cup", stage.world.models["cup"], Pose(), 0.05)
     stage.wait(PERIOD)
     stage.world.held = None
@@ -146,7 +146,7 @@ def test_nothing_is_done_before_the_robot_has_seen_it_and_nothing_after_it_was_i
 def test_somebody_waits_until_a_thing_rests_upright_and_the_hand_is_away(
     linear: float, angular: float, tilt: float, hand: float, acts: bool
 ) -> None:
-    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]", "predicate=null")
+    stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]")
     stage.believe("cup")
     pose = stage.truth.poses["cup"]
     stage.truth.poses["cup"] = pose @ Pose.from_xyz_rpy((0.0, 0.0, 0.0), (0.0, math.radians(tilt), 0.0))
@@ -172,7 +172,7 @@ def test_somebody_waits_until_a_thing_rests_upright_and_the_hand_is_away(
 def test_a_grasp_slips_once_the_thing_is_lifted_and_still_above_where_it_stood(
     up: float, beside: float, touched: bool, acts: bool
 ) -> None:
-    stage = Stage("plan_swap", "[{kind: slips, object: cup, after: [0, 0]}]", "predicate=null")
+    stage = Stage("plan_swap", "[{kind: slips, object: cup, after: [0, 0]}]")
     stood = stage.truth.poses["cup"]
     lifted = shifted(stood, beside * 0.6, -beside * 0.8, up)
     stage.truth.touched.add("cup")
@@ -201,7 +201,7 @@ def test_what_was_opened_is_pushed_shut_once_the_hand_is_out_of_it(
 ) -> None:
     def opened_stage(believed: float, true: float, hand: float) -> Stage:
         asked = f"[{{kind: shut, articulation: {name}, after: [0, 0]}}]"
-        stage = Stage(task, asked, "predicate=null", *settings)
+        stage = Stage(task, asked, *settings)
         piece = next(piece for piece in stage.setup.world.furniture if piece.name == name.split("/")[0])
         leaf = next(leaf for leaf in piece.model.articulations if leaf.name == name.split("/")[1])
         stage.world.articulations[name] = believed
@@ -231,7 +231,7 @@ def test_a_drawer_is_not_shut_any_more_once_its_object_was_in_the_hand() -> None
 
 def test_a_disturbance_of_a_thing_that_the_seed_has_left_out_is_none() -> None:
     absent = "scene.objects.cup=absent"
-    stage = Stage("fetch_cup", "[{kind: slips, object: cup}, {kind: moved, object: can}]", absent, "predicate=null")
+    stage = Stage("fetch_cup", "[{kind: slips, object: cup}, {kind: moved, object: can}]", absent)
     stage.believe("can")
     stage.wait(1.0)
     assert {name for _, name, _ in stage.disturber.asked} == {"can"}

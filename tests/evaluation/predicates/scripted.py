@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -66,11 +67,12 @@ def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> Setup:
 class ScriptedEnd:
     """A prepared task, ``truth`` to be written, and what a predicate says of it.
 
-    ``setup``, ``session``: as a judge gets them.
+    ``setup``, ``session``: as a judge gets them. ``told``: settings that change nothing of the world and the robot.
     """
 
-    def __init__(self, task: str, *settings: str, seed: int = 3) -> None:
-        self.setup = _prepared(task, seed, settings)
+    def __init__(self, task: str, *settings: str, seed: int = 3, told: tuple[str, ...] = ()) -> None:
+        config = load_run(task, seed=seed, settings=[*settings, *told])
+        self.setup = replace(_prepared(task, seed, settings), config=config)
         self.truth = ScriptedTruth(self.setup)
         arm = next(iter(self.setup.robot_model.arms.values()))
         self.tool_frame = arm.tool_frame
