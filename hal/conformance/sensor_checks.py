@@ -27,7 +27,7 @@ from hal.conformance.requirement import require, require_refusal
 from hal.conformance.subject import BASES, COMMANDS, GRIPPERS, GROUPS, Check, mass_on, parts_of
 
 OLDEST = 1.0
-"""Seconds that a reading may be old."""
+"""Seconds that a reading may be old when it is asked for."""
 AHEAD = 0.01
 """Seconds that a stamp may be ahead of the robot's clock, for rounding."""
 FARTHEST = 100.0
@@ -180,11 +180,11 @@ def who_declares_commands_missing_takes_none(robot: Robot) -> None:
 
 
 def readings_are_stamped(robot: Robot) -> None:
-    """With the robot's clock: never of the future, never older than a second, and newer ones come."""
+    """With the robot's clock: never of the future, never a second old when they are asked for, and newer ones come."""
     for name, stamp in _stamped(robot):
-        first = stamp()
-        now = robot.clock.now()
-        require(now - OLDEST <= first <= now + AHEAD, f"{name} stamped {first:.3f}, it is {now:.3f}")
+        asked, first, now = robot.clock.now(), stamp(), robot.clock.now()
+        words = f"{name} stamped {first:.3f}, it was asked at {asked:.3f} and answered at {now:.3f}"
+        require(asked - OLDEST <= first <= now + AHEAD, words)
         deadline, last = now + 2 * OLDEST, first
         while last <= first:
             require(robot.clock.now() < deadline, f"{name} has given nothing new since {first:.3f}")

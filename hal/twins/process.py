@@ -28,7 +28,7 @@ class TwinProcess:
         scene: str | Path,
         seed: int = 0,
         settings: Sequence[str] = (),
-        start_timeout: float = 60.0,
+        start_timeout: float = 180.0,
     ) -> None:
         self._command = [
             sys.executable,

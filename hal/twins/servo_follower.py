@@ -15,7 +15,8 @@ JUMP_FACTOR, JUMP_MARGIN = 1.5, 0.02
 class ServoFollower:
     """A critically damped second-order filter on the set-points (n,), so that they may come with some jitter.
 
-    ``too_fast``: set once a set-point is further from the one before than the joints can move in the time between.
+    ``too_fast``: set once a set-point is further from the one before than the joints can move in the time between, as
+    it passes here or as they have arrived: a world that lags behind real time takes several of them at once.
     """
 
     def __init__(self, start: Array, speed: Array) -> None:
@@ -24,6 +25,7 @@ class ServoFollower:
         self._velocity: Array = np.zeros_like(start)
         self._goal: Array = start.copy()
         self._since = np.inf
+        self._arrived = -np.inf
         self.too_fast = False
 
     @property
@@ -31,11 +33,12 @@ class ServoFollower:
         """Whether the last set-point is not reached yet."""
         return bool(np.any(np.abs(self._goal - self.setpoint) > 1e-5))
 
-    def take(self, goal: Array) -> None:
-        """A set-point has come."""
-        reach = JUMP_FACTOR * self._speed * max(min(self._since, 0.1), NOMINAL_INTERVAL) + JUMP_MARGIN
+    def take(self, goal: Array, arrived: float) -> None:
+        """A set-point has come, at ``arrived`` seconds of the machine's clock."""
+        between = max(self._since, arrived - self._arrived)
+        reach = JUMP_FACTOR * self._speed * max(min(between, 0.1), NOMINAL_INTERVAL) + JUMP_MARGIN
         self.too_fast = self.too_fast or bool(np.any(np.abs(goal - self._goal) > reach))
-        self._goal, self._since = goal, 0.0
+        self._goal, self._since, self._arrived = goal, 0.0, arrived
 
     def advance(self, dt: float) -> Array:
         """The joints' set-point ``dt`` seconds later, never faster than their limits; exact for a goal that rests."""

@@ -7,6 +7,7 @@ when ready and 2 when a command is done, which the client answers by clearing it
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
@@ -118,7 +119,7 @@ class URProgram:
                 self.halt()
                 self.follower = ServoFollower(self._arm.positions(), self._speed)
             if self._reachable(target):
-                self.follower.take(np.clip(target, self._lower, self._upper))
+                self.follower.take(np.clip(target, self._lower, self._upper), time.monotonic())
         elif command in (Command.SPEED_JOINTS, Command.SPEED_TOOL):
             self.follower, self._motion = None, None
             if command == Command.SPEED_TOOL:

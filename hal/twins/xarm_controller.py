@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -113,7 +114,8 @@ class XArmController:
         if np.any(positions < self._lower - 1e-3) or np.any(positions > self._upper + 1e-3):
             self.trip(JOINT_LIMIT_ERROR)
             return False
-        self._world.post(lambda: self._take(np.clip(positions, self._lower, self._upper)))
+        goal, arrived = np.clip(positions, self._lower, self._upper), time.monotonic()
+        self._world.post(lambda: self._take(goal, arrived))
         return True
 
     def move(self, positions: Array, speed: float) -> bool:
@@ -194,10 +196,10 @@ class XArmController:
         if self._astray > TRACKING_TIME:
             self.trip(COLLISION_ERROR)
 
-    def _take(self, goal: Array) -> None:
+    def _take(self, goal: Array, arrived: float) -> None:
         if self._follower is None:
             self._follower = ServoFollower(self._arm.positions(), self._speed)
-        self._follower.take(goal)
+        self._follower.take(goal, arrived)
 
     def _halt(self) -> None:
         self._arm.stop()

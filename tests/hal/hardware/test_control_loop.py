@@ -3,39 +3,79 @@
 from __future__ import annotations
 
 import threading
-import time
+from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 
+import hal.hardware.control_loop
 from hal.hardware import ControlLoop
 
-pytestmark = pytest.mark.real_time
+PERIOD = 0.01
 
 
-def test_it_is_called_at_its_rate_with_the_time_that_has_passed() -> None:
-    elapsed: list[float] = []
-    loop = ControlLoop("loop", 100.0, elapsed.append, lambda error: None)
+class Machine:
+    """A clock that goes on by what is slept and worked; a sleep ends ``late`` seconds late."""
+
+    def __init__(self) -> None:
+        self.time, self.late = 50.0, 0.001
+
+    def monotonic(self) -> float:
+        return self.time
+
+    def sleep(self, duration: float) -> None:
+        self.time += duration + self.late
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
+    clock = Machine()
+    names = SimpleNamespace(monotonic=clock.monotonic, sleep=clock.sleep)
+    monkeypatch.setattr(hal.hardware.control_loop, "time", names)
+    return clock
+
+
+def run(machine: Machine, cycles: int, work: Callable[[int], float]) -> tuple[ControlLoop, list[float]]:
+    """The loop after so many cycles, and what each was told; ``work``: periods that a cycle takes, by its number."""
+    told: list[float] = []
+    done = threading.Event()
+
+    def step(elapsed: float) -> None:
+        machine.time += work(len(told)) * PERIOD
+        told.append(elapsed)
+        if len(told) == cycles:
+            loop.close()
+            done.set()
+
+    loop = ControlLoop("loop", 1.0 / PERIOD, step, lambda error: None)
     loop.start()
-    time.sleep(0.5)
-    assert loop.close()
-    assert sum(elapsed) == pytest.approx(0.5, abs=0.2)
-    assert 10 < len(elapsed) <= 100.0 * sum(elapsed) + 1
-    assert loop.lateness().cycles == len(elapsed)
+    assert done.wait(60.0)
+    assert loop.close(60.0)
+    return loop, told
 
 
-def test_a_call_that_takes_too_long_leaves_out_the_next_ones() -> None:
-    calls: list[float] = []
+def test_it_is_called_at_its_rate_with_the_time_that_has_passed(machine: Machine) -> None:
+    start = machine.time
+    loop, told = run(machine, 50, lambda number: 0.0)
+    assert sum(told) == pytest.approx(machine.time - start)
+    assert machine.time - start == pytest.approx(50 * PERIOD + machine.late)  # lateness does not add up
+    late = loop.lateness()
+    assert (late.cycles, late.missed) == (50, 0)
+    assert late.median == late.worst == pytest.approx(machine.late)
+    loop.forget_lateness()
+    assert loop.lateness().cycles == 0
 
-    def slow(elapsed: float) -> None:
-        calls.append(elapsed)
-        time.sleep(0.05)
 
-    loop = ControlLoop("loop", 100.0, slow, lambda error: None)
-    loop.start()
-    time.sleep(0.4)
-    loop.close()
-    assert len(calls) <= 9
-    assert loop.lateness().missed >= 3 * (len(calls) - 1)
+@pytest.mark.parametrize(("work", "missed"), [(0.3, 0), (0.95, 0), (1.5, 0), (2.5, 1), (5.5, 4)])
+def test_a_call_that_takes_too_long_leaves_out_those_that_it_ran_over(
+    machine: Machine, work: float, missed: int
+) -> None:
+    """``work``: of the first call, in periods. A short delay is made up for, a longer one is not."""
+    machine.late, start = 0.0, machine.time
+    loop, told = run(machine, 10, lambda number: 0.1 if number else work)
+    assert loop.lateness().missed == missed
+    assert machine.time - start == pytest.approx((10 + missed + 0.1) * PERIOD)
+    assert told[1] == pytest.approx(max(work, 1.0) * PERIOD)
 
 
 def test_an_error_ends_it_and_is_handed_on() -> None:
@@ -51,14 +91,21 @@ def test_an_error_ends_it_and_is_handed_on() -> None:
 
     loop = ControlLoop("loop", 100.0, fail, crashed)
     loop.start()
-    assert told.wait(2.0)
-    assert loop.close()
+    assert told.wait(60.0)
+    assert loop.close(60.0)
     assert [str(error) for error in errors] == ["no answer"]
 
 
-def test_it_can_be_closed_from_within() -> None:
-    loops: list[ControlLoop] = []
-    loops.append(ControlLoop("loop", 100.0, lambda elapsed: loops[0].close() and None, lambda error: None))
-    loops[0].start()
-    time.sleep(0.1)
-    assert loops[0].lateness().cycles == 1
+def test_it_can_be_closed_from_within_and_started_again() -> None:
+    calls: list[float] = []
+
+    def step(elapsed: float) -> None:
+        calls.append(elapsed)
+        loop.close()
+
+    loop = ControlLoop("loop", 100.0, step, lambda error: None)
+    for count in (1, 2):
+        loop.start()
+        assert loop.close(60.0)
+        assert len(calls) <= count
+    assert loop.lateness().cycles == len(calls)

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +24,15 @@ from hal.api import (
 )
 from hal.hardware import HardwareRobot, IsolatedRobot
 from hal.twins import TwinProcess
-from tests.hal.twinned import SLACK, ended, stays_stopped_while_away, works_again
+from tests.hal.twinned import (
+    ended,
+    stays_stopped_while_away,
+    stopped_within,
+    strike,
+    wait_for,
+    wait_in_twin,
+    works_again,
+)
 
 pytestmark = pytest.mark.real_time
 PLATFORM = "platform"
@@ -33,8 +40,9 @@ PLATFORM = "platform"
 
 def turn(robot: HardwareRobot) -> Motion:
     """A turn on the spot that is well under way."""
-    motion = robot.part("base", MobileBase).rotate(2.0)
-    robot.clock.sleep(0.5)
+    base = robot.part("base", MobileBase)
+    motion = base.rotate(2.0)
+    wait_for(lambda: motion.done or base.velocity().wz > 0.3, "the base turns")
     assert not motion.done, motion.error
     return motion
 
@@ -45,9 +53,9 @@ def place(twin: TwinProcess) -> np.ndarray:
 
 def stands(twin: TwinProcess) -> None:
     """The base has come to rest by itself: its dead-man, then braking from 1.2 rad/s at its own 2 rad/s²."""
-    time.sleep(0.25 + 0.6 + SLACK)
+    wait_in_twin(twin, 0.25 + 0.6 + 0.15)
     before = place(twin)
-    time.sleep(0.4)
+    wait_in_twin(twin, 0.4)
     assert np.max(np.abs(place(twin) - before)) < 1e-3
 
 
@@ -55,11 +63,8 @@ def test_a_pulled_cable_is_noticed_in_time_and_no_velocity_acts_when_it_is_back(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
     motion = turn(robot)
-    twin.fault(PLATFORM, "drop")
-    ended(robot, motion, 0.3)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.DISCONNECTED
-    robot.clock.sleep(0.02)
+    since = strike(robot, twin, PLATFORM, "drop")
+    assert stopped_within(robot, motion, since, 0.3) is MotionErrorCode.DISCONNECTED
     stays_stopped_while_away(robot, twin, PLATFORM, "base", robot.part("base", MobileBase).odometry)
     stands(twin)
     twin.fault(PLATFORM, "restore")
@@ -72,12 +77,9 @@ def test_odometry_that_stays_behind_stops_the_robot(
     robot: HardwareRobot, twin: TwinProcess, fault: str, words: str
 ) -> None:
     motion = turn(robot)
-    twin.fault(PLATFORM, fault)
-    ended(robot, motion, 0.35)
+    since = strike(robot, twin, PLATFORM, fault)
+    assert stopped_within(robot, motion, since, 0.35) is MotionErrorCode.TIMEOUT
     assert motion.status is MotionStatus.FAILED
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.TIMEOUT
-    robot.clock.sleep(0.05)
     with pytest.raises(CommandRefusedError, match=words):
         robot.part("base", MobileBase).rotate(1.0)
     stands(twin)
@@ -87,10 +89,9 @@ def test_odometry_that_stays_behind_stops_the_robot(
 
 def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
     motion = turn(robot)
-    twin.fault(PLATFORM, "delay", 0.2)
-    ended(robot, motion, 0.6)
+    since = strike(robot, twin, PLATFORM, "delay", 0.2)
+    stopped_within(robot, motion, since, 0.6)
     assert motion.status is MotionStatus.FAILED
-    assert robot.stopped
     twin.fault(PLATFORM, "restore")
     robot.clock.sleep(0.3)
     works_again(robot, turn)
@@ -100,10 +101,8 @@ def test_a_rosbridge_that_is_started_anew_stops_the_robot_until_it_is_connected_
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
     motion = turn(robot)
-    twin.fault(PLATFORM, "restart")
-    ended(robot, motion, 0.1)
-    assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    since = strike(robot, twin, PLATFORM, "restart")
+    assert stopped_within(robot, motion, since, 0.1) is MotionErrorCode.DISCONNECTED
     stands(twin)
     works_again(robot, turn)
 
@@ -111,7 +110,7 @@ def test_a_rosbridge_that_is_started_anew_stops_the_robot_until_it_is_connected_
 def test_a_base_that_does_not_move_fails_its_motion_in_words(robot: HardwareRobot, twin: TwinProcess) -> None:
     twin.fault(PLATFORM, "stuck")
     motion = robot.part("base", MobileBase).move_backward(0.1)
-    ended(robot, motion, 6.0)
+    ended(robot, motion)
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.TIMEOUT
     assert "0.100 m are left" in motion.error.text
@@ -136,7 +135,8 @@ robot = HardwareRobot(load_robot_model(sys.argv[1], {"connections.platform.addre
 robot.connect()
 base = robot.part("base", MobileBase)
 base.rotate(-3.0)
-time.sleep(1.0)
+while base.velocity().wz > -0.6:
+    time.sleep(0.01)
 print(base.velocity().wz, flush=True)
 time.sleep(60)
 """

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from hal.api import CommandRefusedError, ForceTorque, MotionStatus
 from hal.hardware import ConnectionFailedError, HardwareRobot, ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm, URConnection
-from tests.hal.twinned import ended
+from tests.hal.twinned import ended, wait_for, wait_in_twin
 
 pytestmark = pytest.mark.real_time
 
@@ -29,27 +27,24 @@ def test_a_path_leads_through_its_waypoints(robot: HardwareRobot) -> None:
         robot.clock.sleep(0.01)
         furthest = max(furthest, arm.positions()[0])
     assert motion.status is MotionStatus.SUCCEEDED, motion.error
-    assert furthest == pytest.approx(start[0] + 0.3, abs=0.02)
+    assert furthest == pytest.approx(start[0] + 0.3, abs=0.05)  # looked at now and then
     assert arm.positions() == pytest.approx(start, abs=0.005)
     assert ended(robot, arm.move_to(start + STEP)).status is MotionStatus.SUCCEEDED  # set-points go on from there
     ended(robot, arm.move_to(start))
 
 
-def test_a_path_that_is_stopped_comes_to_rest_at_once(robot: HardwareRobot) -> None:
+def test_a_path_that_is_stopped_comes_to_rest_at_once(robot: HardwareRobot, twin: TwinProcess) -> None:
     arm = robot.part("arm", URArm)
     motion = arm.move_path([arm.positions() + 3 * STEP], speed_scale=0.1)
-    deadline = time.monotonic() + 3.0
-    while abs(arm.velocities()[0]) < 0.1:
-        assert time.monotonic() < deadline, "the path does not begin"
-        robot.clock.sleep(0.01)
+    wait_for(lambda: abs(arm.velocities()[0]) > 0.1, "the path begins")
     with pytest.raises(CommandRefusedError, match="still moves"):
         arm.speed_joints(STEP, 1.0)
     with pytest.raises(CommandRefusedError, match="stop"):
         arm.move_to(arm.positions())
     robot.stop()
-    robot.clock.sleep(0.5)
+    wait_in_twin(twin, 0.5)
     assert motion.status is MotionStatus.CANCELED
-    assert np.max(np.abs(arm.velocities())) < 0.01
+    assert np.max(np.abs(twin.judge("joints", "arm")["velocities"])) < 0.01
 
 
 def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
@@ -77,8 +72,10 @@ def test_a_tool_velocity_is_that_of_the_arms_base_frame(robot: HardwareRobot) ->
     times, places = [], []
     while not motion.done:
         robot.clock.sleep(0.02)
-        times.append(robot.clock.now())
-        places.append(tool.tool(arm.positions()))
+        before, at, after = robot.clock.now(), arm.positions(), robot.clock.now()
+        if after - before < 0.005:  # else a busy machine held up the reading
+            times.append(before)
+            places.append(tool.tool(at))
     assert motion.status is MotionStatus.SUCCEEDED, motion.error
     steady = (np.array(times) > times[0] + 0.5) & (np.array(times) < times[0] + 1.7)
     velocity = np.polyfit(np.array(times)[steady], np.array(places)[steady], 1)[0]
@@ -99,8 +96,7 @@ def test_outputs_are_switched_read_back_and_refused_while_stopped(robot: Hardwar
     for kind in ("standard", "configurable", "tool"):
         for on in (True, False):
             connection.io.set_output(kind, 1, on)
-            robot.clock.sleep(0.1)
-            assert connection.io.output(kind, 1) is on
+            wait_for(lambda kind=kind, on=on: connection.io.output(kind, 1) is on, "the output is read back")
             assert not connection.io.output(kind, 0)
     with pytest.raises(CommandRefusedError, match="no tool"):
         connection.io.set_output("tool", 2, True)
