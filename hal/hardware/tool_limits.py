@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pinocchio
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig
+
+if TYPE_CHECKING:
+    import pinocchio
 
 Array = NDArray[np.float64]
 
@@ -15,7 +19,7 @@ Array = NDArray[np.float64]
 class ToolLimits:
     """Checks joint positions (n,) of one arm. The pose of other joints between base and arm is taken as ``home``.
 
-    Kinematics by pinocchio on the robot's URDF; loading it takes milliseconds, so it is done when first needed.
+    Kinematics by pinocchio on the robot's URDF; both are loaded when first needed.
     """
 
     def __init__(self, model: RobotModel, arm: str, safety: SafetyConfig) -> None:
@@ -61,6 +65,8 @@ class ToolLimits:
 
     def tool(self, positions: Array) -> Array:
         """The tool in the robot's base frame, (3,) metres."""
+        import pinocchio
+
         model, data, q = self._at(positions)
         pinocchio.framesForwardKinematics(model, data, q)
         base, tool = data.oMf[self._base], data.oMf[self._tool]
@@ -69,6 +75,8 @@ class ToolLimits:
 
     def tool_speed(self, positions: Array, velocities: Array) -> float:
         """Speed of the tool relative to the base, m/s, when only this arm moves."""
+        import pinocchio
+
         model, data, q = self._at(positions)
         jacobian = pinocchio.computeFrameJacobian(model, data, q, self._tool, pinocchio.LOCAL_WORLD_ALIGNED)
         return float(np.linalg.norm(jacobian[:3, self._columns] @ velocities))
@@ -81,6 +89,8 @@ class ToolLimits:
         return self._model, self._data, q
 
     def _load(self) -> None:
+        import pinocchio
+
         model = pinocchio.buildModelFromXML(self._robot.urdf)
         joints = [model.joints[model.getJointId(name)] for name in self._arm.joint_names]
         self._slots = [joint.idx_q for joint in joints]

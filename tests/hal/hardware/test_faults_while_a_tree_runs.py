@@ -13,7 +13,7 @@ from benchmarks.twin_faults import SEED, TASK, hardware_setup
 from bestman_bt.runtime import Session, open_session
 from hal.twins import TwinProcess
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 SDKS = {XARM: ("xarm", "xarm"), UR: ("ur", "rtde_control")}
 """Robot → the extra of its arm and the module that comes with it."""

@@ -11,8 +11,6 @@ from bestman_bt.robot_model import RobotModel, load_robot_model
 from hal.api import Arm
 from hal.hardware import ConnectionFailedError, HardwareRobot
 
-pytestmark = pytest.mark.real_time
-
 ROBOT = Path(__file__).parents[1] / "xarm" / "xarm6_on_a_base.yaml"
 NOBODY = "127.0.0.251"
 

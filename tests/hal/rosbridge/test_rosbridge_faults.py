@@ -87,6 +87,7 @@ def test_odometry_that_stays_behind_stops_the_robot(
     works_again(robot, turn)
 
 
+@pytest.mark.slow
 def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twin: TwinProcess) -> None:
     motion = turn(robot)
     since = strike(robot, twin, PLATFORM, "delay", 0.2)
@@ -97,6 +98,7 @@ def test_readings_that_come_200_ms_late_stop_the_robot(robot: HardwareRobot, twi
     works_again(robot, turn)
 
 
+@pytest.mark.slow
 def test_a_rosbridge_that_is_started_anew_stops_the_robot_until_it_is_connected_again(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
@@ -142,6 +144,7 @@ time.sleep(60)
 """
 
 
+@pytest.mark.slow
 def test_a_client_that_is_killed_leaves_the_base_at_rest(twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "ros_robot.yaml")
     with subprocess.Popen(
@@ -154,6 +157,7 @@ def test_a_client_that_is_killed_leaves_the_base_at_rest(twin: TwinProcess) -> N
     stands(twin)
 
 
+@pytest.mark.slow
 def test_nothing_is_left_of_a_connection_that_has_ended(twin_model: RobotModel) -> None:
     with HardwareRobot(twin_model) as robot:
         robot.part("lidar", Lidar).scan()

@@ -15,8 +15,6 @@ from hal.twins.ur_kinematics import URKinematics
 from hal.twins.ur_program import Command, URProgram, path_of
 from hal.twins.ur_rtde_fields import Recipe
 
-pytestmark = pytest.mark.real_time
-
 
 def test_a_path_is_read_as_the_sdk_writes_it() -> None:
     sdk = pytest.importorskip("rtde_control", reason="the extra ur is not installed")

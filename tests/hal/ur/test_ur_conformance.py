@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
+from bestman_bt.robot_model import RobotModel
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
+from hal.hardware import HardwareRobot
 from tests.hal.twinned import why_checks_do_not_apply
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 
 class TestConnected(PromisesOfAConnectedRobot):
@@ -15,7 +19,12 @@ class TestConnected(PromisesOfAConnectedRobot):
 
 
 class TestConnecting(PromisesAboutConnecting):
-    pass
+    """In this process: the one of a client's own is connected to an xArm, see there."""
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def make_robot(cls, twin_model: RobotModel) -> MakeRobot:
+        return partial(HardwareRobot, twin_model)
 
 
 def test_nothing_but_parts_that_it_has_not_is_missing(make_robot: MakeRobot) -> None:

@@ -25,7 +25,7 @@ from tests.hal.twinned import (
     works_again,
 )
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 CONTROLLER = "arm_controller"
 swing = partial(swing_arm, speed_scale=0.1)

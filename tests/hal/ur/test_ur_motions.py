@@ -47,6 +47,7 @@ def test_a_path_that_is_stopped_comes_to_rest_at_once(robot: HardwareRobot, twin
     assert np.max(np.abs(twin.judge("joints", "arm")["velocities"])) < 0.01
 
 
+@pytest.mark.slow
 def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     start = arm.positions()
@@ -55,6 +56,7 @@ def test_joint_speeds_end_by_themselves(robot: HardwareRobot) -> None:
     assert arm.positions()[0] == pytest.approx(start[0] - 0.3, abs=0.05)
 
 
+@pytest.mark.slow
 def test_no_motion_is_over_before_it_began(robot: HardwareRobot) -> None:
     arm = robot.part("arm", URArm)
     for sign in (1, -1) * 10:

@@ -9,8 +9,6 @@ import pytest
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.robot_model import load_robot_model
 
-pytestmark = pytest.mark.real_time
-
 ROBOT = Path(__file__).parent / "ur5_on_a_base.yaml"
 
 

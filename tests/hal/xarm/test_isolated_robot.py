@@ -16,7 +16,7 @@ from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, Not
 from hal.hardware import IsolatedRobot
 from tests.hal.twinned import disconnected, wait_for
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 FIRST_JOINT = np.eye(6)[0]
 

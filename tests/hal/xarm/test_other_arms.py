@@ -19,7 +19,7 @@ from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.twins import TwinProcess
 from tests.hal.twinned import disconnected
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 # `make test` installs it; another installation may be without the vendor's SDK.
 pytest.importorskip("xarm", reason="the extra xarm is not installed")
 

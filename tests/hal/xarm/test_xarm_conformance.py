@@ -7,7 +7,7 @@ import pytest
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from tests.hal.twinned import why_checks_do_not_apply
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 
 class TestConnected(PromisesOfAConnectedRobot):

@@ -57,6 +57,7 @@ def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
     works_again(robot, swing)
 
 
+@pytest.mark.slow
 def test_a_link_that_takes_200_ms_is_taken_for_lost(robot: HardwareRobot, twin: TwinProcess) -> None:
     motion = swing(robot)
     since = strike(robot, twin, CONTROLLER, "delay", 0.2)
@@ -65,6 +66,7 @@ def test_a_link_that_takes_200_ms_is_taken_for_lost(robot: HardwareRobot, twin: 
     works_again(robot, swing)
 
 
+@pytest.mark.slow
 def test_a_slow_link_slows_the_motion_down_and_fails_it_without_a_jump(robot: HardwareRobot, twin: TwinProcess) -> None:
     motion = swing(robot)
     twin.fault(CONTROLLER, "delay", 0.04)
@@ -109,6 +111,7 @@ time.sleep(60)
 """
 
 
+@pytest.mark.slow
 def test_a_client_that_is_killed_leaves_the_arm_at_rest(robot: HardwareRobot, twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
     arguments = [sys.executable, "-c", CLIENT, robot_file, twin.addresses[CONTROLLER]]
@@ -133,6 +136,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
+@pytest.mark.slow
 def test_twins_end_with_the_program_that_started_them(twin: TwinProcess) -> None:
     robot_file = str(Path(__file__).parent / "xarm6_on_a_base.yaml")
     arguments = [sys.executable, "-c", STARTER, robot_file]

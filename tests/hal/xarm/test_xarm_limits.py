@@ -23,7 +23,7 @@ from hal.twins import TwinProcess
 from hal.xarm.sdk import discreet
 from tests.hal.twinned import wait_for
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.slow]
 
 ROBOT = Path(__file__).parent / "xarm6_on_a_base.yaml"
 SIDEWAYS = np.array([0.4, 0, 0, 0, 0, 0])
