@@ -46,6 +46,7 @@ class HardwareRobot(Robot):
         self._lock = threading.RLock()
         self._faults: dict[str, Fault] = {}
         self._watchdog: ControlLoop | None = None
+        self._watchdog_ended = False
         self._stopped_at: float | None = None
         self._connections = {name: self._make(name) for name in model.connections}
         parts: dict[str, Part] = {}
@@ -99,6 +100,7 @@ class HardwareRobot(Robot):
         except BaseException:
             self._disconnect_all()
             raise
+        self._watchdog_ended = False
         self._watchdog = ControlLoop("watchdog", WATCH_RATE, self._watch, self._watchdog_crashed)
         self._watchdog.start()
 
@@ -126,6 +128,9 @@ class HardwareRobot(Robot):
             if self._watchdog is not None:
                 for name, connection in self._connections.items():
                     connection.clear(self._faults.get(name))
+                if self._watchdog_ended:  # nothing may move without it
+                    self._watchdog_ended = False
+                    self._watchdog.start()
             self._faults.clear()
             self._latch.clear(stops)
 
@@ -193,6 +198,7 @@ class HardwareRobot(Robot):
                 self._lock.release()
 
     def _watchdog_crashed(self, error: Exception) -> None:
+        self._watchdog_ended = True
         self._stop(f"the watchdog stopped working: {type(error).__name__}: {error}")
 
     def _disconnect_all(self) -> None:

@@ -165,3 +165,109 @@ def test_nothing_works_before_it_is_attached(robot_model: RobotModel, latch: Sto
         unattached.velocity()
     with pytest.raises(NotConnectedError):
         unattached.rotate(1.0)
+
+
+def test_attached_it_tells_the_base_to_stand_before_anything_else(
+    robot_model: RobotModel, channel: Unicycle, latch: StopLatch
+) -> None:
+    """It may still do what it was told last, by whomever."""
+    channel.twist = Twist2D(0.3, 0.0, 0.1)
+    base = DrivenBase("base", robot_model.bases["base"], channel, latch)
+    base.attach()
+    for _ in range(10):
+        base.cycle(PERIOD)
+    assert channel.sent == [Twist2D(0.0, 0.0, 0.0)] * 10
+
+
+def test_attached_again_it_does_nothing_of_what_it_did_before(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    for begin in (lambda: base.move_forward(1.0), lambda: base.set_velocity(0.3, 0.0, 0.2)):
+        begin()
+        run(0.2)
+        base.detach()
+        base.attach()
+        channel.sent.clear()
+        run(1.0)
+        assert set(channel.sent) == {Twist2D(0.0, 0.0, 0.0)}
+        assert base.resting
+
+
+def accelerations(channel: Unicycle) -> list[float]:
+    return [(b.vx - a.vx) / PERIOD for a, b in pairwise(channel.sent)]
+
+
+def test_a_stop_is_harder_than_a_cancel_and_neither_outlasts_itself(
+    base: DrivenBase, channel: Unicycle, run: Run, robot_model: RobotModel
+) -> None:
+    limits = base.description
+    hard = max(limits.max_acceleration, limits.max_vx / 0.3)
+    assert hard > limits.max_acceleration  # of this robot
+    for end, deceleration in (("cancel", limits.max_acceleration), ("stop", hard), ("fail", hard), ("detach", hard)):
+        motion = base.move_forward(5.0)
+        run(2.0)
+        channel.sent.clear()
+        if end == "cancel":
+            motion.cancel()
+        elif end == "fail":
+            base.fail(Fault(MotionErrorCode.FAULT, "a wheel is blocked"))
+        else:
+            getattr(base, end)()
+        run(1.5)
+        assert channel.twist == Twist2D(0.0, 0.0, 0.0)
+        assert min(accelerations(channel)) == pytest.approx(-deceleration, rel=0.01)
+        base.attach()
+        channel.sent.clear()
+        base.set_velocity(limits.max_vx, 0.0, 0.0)
+        run(0.2)
+        assert max(accelerations(channel)) <= limits.max_acceleration + 1e-9
+        base.stop()
+        run(1.0)
+        channel.sent.clear()
+        base.move_forward(0.5)
+        run(0.5)
+        assert max(accelerations(channel)) <= limits.max_acceleration + 1e-9
+        base.stop()
+        run(1.0)
+
+
+def test_a_velocity_replaces_a_motion_and_lapses_when_it_should(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    motion = base.rotate(3.0)
+    run(0.5)
+    for _ in range(10):  # repeated, it goes on
+        base.set_velocity(0.2, 0.0, 0.0)
+        run(0.2)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.SUPERSEDED
+    assert channel.twist == Twist2D(0.2, 0.0, 0.0)
+    run(0.04)
+    assert channel.twist == Twist2D(0.2, 0.0, 0.0)
+    run(0.04)
+    assert 0.0 < channel.twist.vx < 0.2
+    run(1.0)
+    assert channel.twist == Twist2D(0.0, 0.0, 0.0)
+    assert base.resting
+
+
+def test_a_stop_is_told_why_and_a_detached_base_fails_its_motion(base: DrivenBase, latch: StopLatch) -> None:
+    motion = base.rotate(1.0)
+    latch.set("arm: Collision (C31)")
+    base.stop()
+    assert "Collision" in str(motion.error)
+    latch.clear()
+    motion = base.rotate(1.0)
+    base.detach()
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    base.stop()
+    with pytest.raises(NotConnectedError):
+        base.set_velocity(0.0, 0.0, 0.0)
+
+
+def test_a_base_that_is_pushed_aside_steers_back_to_its_heading(base: DrivenBase, channel: Unicycle, run: Run) -> None:
+    start = channel.pose
+    motion = base.move_forward(1.5)
+    run(1.0)
+    channel.pose = Pose2D(channel.pose.x, channel.pose.y, wrap_angle(channel.pose.theta + 0.2))
+    run(8.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert wrap_angle(channel.pose.theta - start.theta) == pytest.approx(0.0, abs=0.01)
+    assert (start.inverse() @ channel.pose).x == pytest.approx(1.5, abs=0.003)

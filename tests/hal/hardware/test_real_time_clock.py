@@ -77,7 +77,7 @@ def test_only_a_short_delay_is_made_up_for_and_only_at_once(
     clock.sleep(0.05)
     machine.late, machine.time = 0.0, machine.time + computed
     clock.sleep(0.05)
-    assert clock.now() == pytest.approx(max(expected, 0.05 + late + computed))
+    assert clock.now() == pytest.approx(max(expected, 0.05 + late + computed), abs=1e-4)
 
 
 def test_a_wake_up_ends_a_wait() -> None:
@@ -102,7 +102,7 @@ def test_periodic_calls_run_in_the_thread_that_asked_for_them() -> None:
 def test_periodic_calls_come_at_their_times_and_those_that_were_missed_are_left_out(machine: Machine) -> None:
     clock = RealTimeClock()
     times: list[float] = []
-    clock.every(0.02, lambda: times.append(round(clock.now(), 6)))
+    clock.every(0.02, lambda: times.append(round(clock.now(), 3)))
     clock.sleep(0.05)
     assert times == [0.02, 0.04]
     machine.time += 0.15  # somebody computes

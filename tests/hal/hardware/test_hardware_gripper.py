@@ -1,0 +1,217 @@
+"""A gripper over a channel: when a motion has succeeded, what counts as held, and what a stop does."""
+
+from __future__ import annotations
+
+import pytest
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.hardware import Fault, GripperChannel, GripperReading, HardwareGripper, StopLatch
+
+PERIOD = 0.02
+
+
+class Fingers(GripperChannel):
+    """Fingers that go where they are sent, but no further than ``low`` and ``high``."""
+
+    def __init__(self) -> None:
+        self.width = self.target = 0.08
+        self.speed, self.low, self.high = 0.0, 0.0, 1.0
+        self.felt: bool | None = None
+        self.orders: list[tuple[float, float, float]] = []
+        self.halts = 0
+
+    def read(self) -> GripperReading:
+        return GripperReading(self.width, self.felt)
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        self.orders.append((width, force, speed))
+        self.target, self.speed = width, speed
+
+    def halt(self) -> None:
+        self.halts += 1
+        self.target = self.width
+
+    def move(self, dt: float) -> None:
+        step = self.speed * dt
+        self.width += min(max(self.target - self.width, -step), step)
+        self.width = min(max(self.width, self.low), self.high)
+
+
+@pytest.fixture
+def latch() -> StopLatch:
+    return StopLatch()
+
+
+@pytest.fixture
+def fingers() -> Fingers:
+    return Fingers()
+
+
+@pytest.fixture
+def gripper(robot_model: RobotModel, fingers: Fingers, latch: StopLatch) -> HardwareGripper:
+    made = HardwareGripper("gripper", robot_model.grippers["gripper"], fingers, latch)
+    made.attach()
+    return made
+
+
+def run(gripper: HardwareGripper, fingers: Fingers, seconds: float) -> None:
+    for _ in range(round(seconds / PERIOD)):
+        gripper.cycle(PERIOD)
+        fingers.move(PERIOD)
+
+
+def test_an_order_is_sent_once_with_its_force_and_speed(gripper: HardwareGripper, fingers: Fingers) -> None:
+    motion = gripper.move(0.03, force=20.0, speed=0.05)
+    assert not gripper.resting
+    run(gripper, fingers, 0.9)
+    assert not motion.done
+    run(gripper, fingers, 0.2)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert fingers.orders == [(0.03, 20.0, 0.05)]
+    state = gripper.state()
+    assert (state.at_target, state.moving, state.object_held, state.empty) == (True, False, False, True)
+    run(gripper, fingers, 0.1)
+    assert gripper.move(0.06).status is MotionStatus.RUNNING
+    run(gripper, fingers, 1.0)
+    assert not gripper.state().empty
+
+
+def test_closing_on_an_object_succeeds_and_holds_until_it_is_gone(gripper: HardwareGripper, fingers: Fingers) -> None:
+    fingers.low = 0.03
+    motion = gripper.close(force=30.0)
+    run(gripper, fingers, 3.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert gripper.state().object_held
+    assert not gripper.state().empty
+    fingers.width = 0.03 + 0.001  # it trembles
+    run(gripper, fingers, 0.1)
+    assert gripper.state().object_held
+    fingers.low = 0.0
+    run(gripper, fingers, 1.0)
+    assert not gripper.state().object_held
+    fingers.low = 0.03  # and does not come back by itself
+    fingers.width = 0.03
+    run(gripper, fingers, 1.0)
+    assert not gripper.state().object_held
+
+
+def test_what_the_gripper_itself_feels_ends_the_motion_at_once(gripper: HardwareGripper, fingers: Fingers) -> None:
+    motion = gripper.close()
+    run(gripper, fingers, 0.1)
+    fingers.felt, fingers.low = True, fingers.width
+    run(gripper, fingers, 0.04)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert gripper.state().object_held
+
+
+def test_fingers_get_time_to_begin_and_are_not_taken_for_blocked(gripper: HardwareGripper, fingers: Fingers) -> None:
+    fingers.low = fingers.width  # a slow valve
+    motion = gripper.close()
+    run(gripper, fingers, 0.55)
+    assert not motion.done
+    fingers.low = 0.0
+    run(gripper, fingers, 2.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert gripper.state().empty
+
+
+def test_opening_that_is_blocked_is_stuck_and_slow_is_too_slow(gripper: HardwareGripper, fingers: Fingers) -> None:
+    gripper.close()
+    run(gripper, fingers, 3.0)
+    fingers.high = 0.02
+    motion = gripper.open()
+    run(gripper, fingers, 3.0)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.FAULT
+    assert "stuck" in motion.error.text
+    assert not gripper.state().object_held
+    fingers.high = 1.0
+    motion = gripper.open()
+    gripper.cycle(PERIOD)
+    fingers.speed = 0.006  # not still, but never there
+    run(gripper, fingers, 3.4)
+    assert not motion.done
+    run(gripper, fingers, 1.0)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.TIMEOUT
+
+
+def test_a_stop_halts_moving_fingers_once_and_lets_a_grasp_press_on(gripper: HardwareGripper, fingers: Fingers) -> None:
+    motion = gripper.move(0.0, speed=0.05)
+    run(gripper, fingers, 0.6)
+    gripper.stop()
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.STOPPED
+    assert not gripper.resting
+    run(gripper, fingers, 0.5)
+    assert (fingers.halts, len(fingers.orders)) == (1, 1)
+    assert fingers.width == pytest.approx(0.05, abs=0.003)
+    assert gripper.resting
+    assert gripper.state().at_target
+    fingers.low = 0.03
+    gripper.close()
+    run(gripper, fingers, 0.9)  # it has been blocked for a moment
+    gripper.stop()
+    run(gripper, fingers, 0.2)
+    assert fingers.halts == 1
+    assert fingers.target == 0.0
+
+
+def test_a_stop_before_the_order_was_sent_keeps_it_back(gripper: HardwareGripper, fingers: Fingers) -> None:
+    gripper.close()
+    gripper.stop()
+    run(gripper, fingers, 0.5)
+    assert fingers.orders == []
+    assert fingers.width == 0.08
+    gripper.stop()
+    assert gripper.resting
+    gripper.close()
+    gripper.fail(Fault(MotionErrorCode.COLLISION, "the arm"))
+    run(gripper, fingers, 0.5)
+    assert fingers.orders == []
+
+
+def test_a_newer_order_takes_over_from_a_halt(gripper: HardwareGripper, fingers: Fingers) -> None:
+    first = gripper.move(0.0, speed=0.05)
+    run(gripper, fingers, 0.3)
+    first.cancel()
+    second = gripper.move(0.02)
+    run(gripper, fingers, 2.0)
+    assert fingers.halts == 0
+    assert second.status is MotionStatus.SUCCEEDED
+    assert fingers.width == pytest.approx(0.02, abs=0.001)
+
+
+def test_attached_again_it_stays_where_it_is_and_detached_it_refuses(
+    gripper: HardwareGripper, fingers: Fingers, latch: StopLatch
+) -> None:
+    motion = gripper.close()
+    gripper.detach()
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    with pytest.raises(NotConnectedError):
+        gripper.open()
+    fingers.width = 0.04
+    gripper.attach()
+    run(gripper, fingers, 0.3)
+    assert fingers.orders == []
+    assert gripper.state().at_target
+    assert gripper.width() == 0.04
+    latch.set()
+    with pytest.raises(CommandRefusedError, match="stopped"):
+        gripper.open()
+
+
+def test_it_has_no_width_before_it_was_read(robot_model: RobotModel, latch: StopLatch) -> None:
+    class Silent(Fingers):
+        def read(self) -> GripperReading:
+            raise NoDataError("it has told nothing yet")
+
+    gripper = HardwareGripper("gripper", robot_model.grippers["gripper"], Silent(), latch)
+    with pytest.raises(NotConnectedError):
+        gripper.width()
+    with pytest.raises(NoDataError):
+        gripper.attach()
+    with pytest.raises(NotConnectedError):  # and is not connected then
+        gripper.width()

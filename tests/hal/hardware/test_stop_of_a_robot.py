@@ -1,0 +1,278 @@
+"""The stop, the watchdog and the recovery of a robot of two controllers; what they do is scripted."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import pytest
+
+from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.registry import CONNECTIONS
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.api import CommandRefusedError, Gripper, MobileBase, MotionErrorCode, MotionStatus, NotConnectedError, Part
+from hal.hardware import (
+    BaseChannel,
+    BaseReading,
+    Connection,
+    ConnectionFailedError,
+    DrivenBase,
+    Fault,
+    GripperChannel,
+    GripperReading,
+    HardwareGripper,
+    HardwareRobot,
+)
+
+PATIENCE = 60.0
+
+
+class Wheels(BaseChannel):
+    def read(self) -> BaseReading:
+        return BaseReading(Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
+
+    def send(self, velocity: Twist2D) -> None:
+        pass
+
+
+class Fingers(GripperChannel):
+    def read(self) -> GripperReading:
+        return GripperReading(0.04)
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        pass
+
+    def halt(self) -> None:
+        pass
+
+
+class Controller(Connection):
+    """Reports ``told``, is silent since ``silent_since``, and recovers when ``recovering`` lets it."""
+
+    driver = "scripted"
+    told: Fault | None = None
+    broken = False
+    silent_since: float | None = None
+    reachable = True
+    recovers = True
+    during_recovery: Callable[[], None] = staticmethod(lambda: None)
+
+    def make_parts(self) -> dict[str, Part]:
+        self.calls: list[str] = []
+        (name,) = self.settings.parts
+        if name == "base":
+            return {name: DrivenBase(name, self.model.bases[name], Wheels(), self.latch)}
+        return {name: HardwareGripper(name, self.model.grippers[name], Fingers(), self.latch)}
+
+    def open(self) -> None:
+        self.calls.append("open")
+        if not self.reachable:
+            raise ConnectionFailedError(f"{self.name}: nobody answers")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+    def heard(self) -> float:
+        return self.clock.now() if self.silent_since is None else self.silent_since
+
+    def reported_fault(self) -> Fault | None:
+        if self.broken:
+            raise ZeroDivisionError("of the driver")
+        return self.told
+
+    def recover(self) -> None:
+        self.calls.append("recover")
+        self.during_recovery()
+        if not self.recovers:
+            raise ConnectionFailedError(f"{self.name}: it does not recover")
+        self.told = None
+
+
+@pytest.fixture
+def unconnected(robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch) -> HardwareRobot:
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Controller)
+    connections = {"platform": ConnectionConfig("any", ("base",)), "hand": ConnectionConfig("any", ("gripper",))}
+    return HardwareRobot(replace(robot_model, connections=connections))
+
+
+@pytest.fixture
+def robot(unconnected: HardwareRobot) -> Iterator[HardwareRobot]:
+    with unconnected:
+        yield unconnected
+
+
+def controller(robot: HardwareRobot, name: str) -> Controller:
+    found = robot.connections[name]
+    assert isinstance(found, Controller)
+    return found
+
+
+def until(holds: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot: HardwareRobot) -> None:
+    turning, closing = robot.part("base", MobileBase).rotate(1.0), robot.part("gripper", Gripper).move(0.0)
+    controller(robot, "hand").told = Fault(MotionErrorCode.COLLISION, "too much force", "G9")
+    until(lambda: turning.done and closing.done and robot.stopped_at is not None)
+    assert closing.status is MotionStatus.FAILED
+    assert closing.error is not None
+    assert closing.error.code is MotionErrorCode.COLLISION
+    assert turning.status is MotionStatus.CANCELED
+    assert turning.error is not None
+    assert turning.error.code is MotionErrorCode.STOPPED
+    assert "hand: too much force (G9)" in turning.error.text
+    assert robot.stopped
+    assert list(robot.faults) == ["hand"]
+    assert robot.diagnostics()["hand"].endswith("too much force (G9)")
+    assert robot.diagnostics()["stopped"].startswith("yes: hand")
+    robot.clear_stop()
+    assert not robot.stopped
+    assert robot.faults == {}
+    assert controller(robot, "hand").calls == ["open", "recover"]
+    assert controller(robot, "platform").calls == ["open"]
+    controller(robot, "hand").told = Fault(MotionErrorCode.FAULT, "again")
+    until(lambda: "hand" in robot.faults)  # it is noticed anew
+    assert robot.faults["hand"].text == "again"
+
+
+def test_a_silent_controller_is_lost_and_connected_anew_even_if_it_is_heard_again(robot: HardwareRobot) -> None:
+    base, platform = robot.part("base", MobileBase), controller(robot, "platform")
+    motion = base.rotate(1.0)
+    platform.silent_since = robot.clock.now()
+    until(lambda: robot.stopped_at is not None)
+    assert robot.stopped_at is not None
+    assert robot.stopped_at - platform.silent_since > robot.model.safety.watchdog
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    with pytest.raises(NotConnectedError, match="nothing was heard of platform"):
+        base.odometry()
+    platform.silent_since = None
+    with pytest.raises(NotConnectedError):
+        base.odometry()
+    robot.clear_stop()
+    assert platform.calls == ["open", "close", "open"]
+    base.odometry()
+    assert base.rotate(1.0).status is MotionStatus.RUNNING
+
+
+def test_a_stop_during_a_recovery_stays(robot: HardwareRobot) -> None:
+    hand = controller(robot, "hand")
+    hand.told = Fault(MotionErrorCode.COLLISION, "too much force")
+    until(lambda: "hand" in robot.faults)
+    during, go_on = threading.Event(), threading.Event()
+
+    def recovery() -> None:
+        during.set()
+        assert go_on.wait(PATIENCE)
+
+    hand.during_recovery = recovery
+    clearing = threading.Thread(target=robot.clear_stop)
+    clearing.start()
+    assert during.wait(PATIENCE)
+    robot.stop()
+    go_on.set()
+    clearing.join(PATIENCE)
+    assert robot.stopped
+    with pytest.raises(CommandRefusedError):
+        robot.part("base", MobileBase).rotate(1.0)
+    robot.clear_stop()
+    assert not robot.stopped
+
+
+def test_a_recovery_that_fails_leaves_the_robot_stopped_with_its_fault(robot: HardwareRobot) -> None:
+    hand = controller(robot, "hand")
+    hand.told = Fault(MotionErrorCode.COLLISION, "too much force")
+    until(lambda: "hand" in robot.faults)
+    hand.recovers = False
+    with pytest.raises(ConnectionFailedError, match="hand"):
+        robot.clear_stop()
+    assert robot.stopped
+    assert list(robot.faults) == ["hand"]
+    hand.recovers = True
+    robot.clear_stop()
+    assert not robot.stopped
+
+
+def test_a_loop_that_crashes_is_a_fault_that_connecting_anew_clears(robot: HardwareRobot) -> None:
+    platform = controller(robot, "platform")
+
+    def broken(elapsed: float) -> None:
+        raise ZeroDivisionError("of the driver")
+
+    platform.add_loop("broken", 100.0, broken)
+    platform.loops[-1].start()
+    until(lambda: "platform" in robot.faults)
+    assert "stopped working: ZeroDivisionError: of the driver" in robot.faults["platform"].text
+    robot.clear_stop()
+    assert platform.calls == ["open", "close", "open"]
+    assert platform.loops == ()
+    time.sleep(0.05)
+    assert not robot.stopped
+
+
+def test_a_watchdog_that_crashes_stops_the_robot_and_watches_again_once_that_is_cleared(robot: HardwareRobot) -> None:
+    platform = controller(robot, "platform")
+    platform.broken = True
+    until(lambda: robot.stopped)
+    assert "watchdog stopped working: ZeroDivisionError" in robot.diagnostics()["stopped"]
+    platform.broken = False
+    robot.clear_stop()
+    assert not robot.stopped
+    platform.told = Fault(MotionErrorCode.FAULT, "a wheel is blocked")
+    until(lambda: robot.stopped)
+
+
+def test_a_stop_reaches_every_part_and_its_moment_is_the_first(robot: HardwareRobot) -> None:
+    motions = [robot.part("base", MobileBase).rotate(1.0), robot.part("gripper", Gripper).move(0.0)]
+    assert robot.stopped_at is None
+    robot.stop()
+    first = robot.stopped_at
+    assert first is not None
+    assert all(motion.status is MotionStatus.CANCELED for motion in motions)
+    robot.clock.sleep(0.01)
+    robot.stop()
+    assert robot.stopped_at == first
+    robot.clear_stop()
+    assert robot.stopped_at == first
+    robot.clock.sleep(0.01)
+    robot.stop()
+    assert robot.stopped_at is not None
+    assert robot.stopped_at > first
+
+
+def test_connecting_is_all_or_nothing_and_a_stop_from_before_stays(unconnected: HardwareRobot) -> None:
+    unconnected.stop()
+    controller(unconnected, "hand").reachable = False
+    with pytest.raises(ConnectionFailedError, match="hand"):
+        unconnected.connect()
+    for name in ("platform", "hand"):
+        assert controller(unconnected, name).calls[:2] == ["open", "close"]
+    assert not controller(unconnected, "platform").connected
+    assert unconnected.diagnostics()["connected"] == "no"
+    controller(unconnected, "hand").reachable = True
+    with unconnected:
+        assert unconnected.stopped
+        with pytest.raises(CommandRefusedError):
+            unconnected.part("base", MobileBase).rotate(1.0)
+    assert unconnected.stopped
+
+
+def test_disconnecting_waits_until_the_parts_rest(robot: HardwareRobot) -> None:
+    """And not for ever: nothing drives this base any more."""
+    base = robot.part("base", DrivenBase)
+    base.set_velocity(0.3, 0.0, 0.0)
+    base.cycle(0.02)
+    begun = time.monotonic()
+    controller(robot, "platform").disconnect()
+    assert time.monotonic() - begun > 0.5
+    begun = time.monotonic()
+    controller(robot, "platform").disconnect()
+    assert controller(robot, "platform").calls[-1] == "close"
+    assert not controller(robot, "platform").connected

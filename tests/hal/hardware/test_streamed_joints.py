@@ -1,0 +1,459 @@
+"""Joints and arms over a channel: set-points within limits, stops in time, what fails a motion and what does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bestman_bt.messages import JointTrajectory
+from bestman_bt.robot_model import JointGroupModel, RobotModel
+from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
+from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.hardware import (
+    Fault,
+    JointChannel,
+    JointReading,
+    StopLatch,
+    StreamedArm,
+    StreamedJointGroup,
+    ToolLimits,
+)
+
+PERIOD = 0.01
+SLOW, STRONG = 0.5, 1.0
+"""rad/s² and rad/s."""
+MODEL = JointGroupModel(
+    joint_names=("pan", "tilt"),
+    lower=(-2.0, -1.0),
+    upper=(2.0, 1.5),
+    velocity=(STRONG, STRONG),
+    acceleration=(SLOW, SLOW),
+    effort=(10.0, 10.0),
+)
+
+
+class Joints(JointChannel):
+    """Joints that are where they were last sent plus ``off``, at a speed of ``tremble``."""
+
+    def __init__(self, count: int, stream_at_rest: bool = False) -> None:
+        self.at, self.off = np.zeros(count), np.zeros(count)
+        self.tremble, self.old = 0.0, 0.0
+        self.sent: list[tuple[np.ndarray, np.ndarray]] = []
+        self.stream_at_rest = stream_at_rest
+
+    @property
+    def age(self) -> float:
+        return self.old
+
+    def read(self) -> JointReading:
+        count = len(self.at)
+        return JointReading(self.at + self.off, np.full(count, self.tremble), np.zeros(count))
+
+    def send(self, positions: np.ndarray, velocities: np.ndarray) -> None:
+        self.at = positions.copy()
+        self.sent.append((positions.copy(), velocities.copy()))
+
+
+@pytest.fixture
+def latch() -> StopLatch:
+    return StopLatch()
+
+
+@pytest.fixture
+def channel() -> Joints:
+    return Joints(2)
+
+
+@pytest.fixture
+def group(channel: Joints, latch: StopLatch) -> StreamedJointGroup:
+    made = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    made.attach()
+    return made
+
+
+def run(group: StreamedJointGroup, seconds: float, elapsed: float = PERIOD) -> None:
+    for _ in range(round(seconds / elapsed)):
+        group.cycle(elapsed)
+
+
+def speed(channel: Joints) -> float:
+    """Of the last two set-points, not of what was said about it."""
+    (before, _), (after, _) = channel.sent[-2:]
+    return float(np.max(np.abs(after - before))) / PERIOD
+
+
+@pytest.mark.parametrize("halt", ["stop", "brake", "detach"])
+def test_a_stop_brakes_within_its_time_harder_than_the_limits_if_need_be(
+    group: StreamedJointGroup, channel: Joints, halt: str
+) -> None:
+    group.command(velocities=[STRONG, -0.5])
+    run(group, 1.8)  # 0.9 rad/s at 0.5 rad/s²: within the limits it would take 1.8 s to stop
+    assert speed(channel) > 0.8
+    getattr(group, halt)()
+    assert not group.resting
+    run(group, 0.29)
+    assert speed(channel) < 0.1
+    run(group, 0.05)
+    assert speed(channel) == 0.0
+    assert group.resting
+    sent = len(channel.sent)
+    run(group, 0.1)
+    assert len(channel.sent) == sent
+
+
+def test_a_slow_joint_brakes_within_its_limits(group: StreamedJointGroup, channel: Joints) -> None:
+    group.command(velocities=[0.1, 0.0])
+    run(group, 0.5)
+    group.stop()
+    run(group, 0.21)
+    assert speed(channel) == pytest.approx(0.0, abs=0.01)
+    velocities = np.array([velocity[0] for _, velocity in channel.sent])
+    assert np.max(np.abs(np.diff(velocities))) <= SLOW * PERIOD + 1e-9
+
+
+def test_a_stopped_motion_is_told_why_and_a_part_alone_can_be_stopped(
+    group: StreamedJointGroup, latch: StopLatch
+) -> None:
+    first = group.move_to([1.0, 0.0])
+    group.stop()
+    assert first.error is not None
+    assert first.error.code is MotionErrorCode.STOPPED
+    second = group.move_to([1.0, 0.0])
+    latch.set("the base hit a wall")
+    group.stop()
+    assert second.status is MotionStatus.CANCELED
+    assert "the base hit a wall" in str(second.error)
+    for command in (lambda: group.move_to([0, 0]), lambda: group.command([0, 0])):
+        with pytest.raises(CommandRefusedError, match="the base hit a wall"):
+            command()
+
+
+def test_set_points_keep_to_the_limits_and_arrive(group: StreamedJointGroup, channel: Joints) -> None:
+    motion = group.move_to([1.5, -0.3], 0.5)
+    run(group, 8.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert channel.at == pytest.approx([1.5, -0.3])
+    places = np.array([position for position, _ in channel.sent])
+    rates = np.diff(places, axis=0) / PERIOD
+    assert np.max(np.abs(rates)) <= 0.5 * STRONG + 1e-6
+    assert np.max(np.abs(np.diff(rates, axis=0))) <= 0.5 * SLOW * PERIOD + 1e-6
+
+
+def test_a_newer_command_brakes_first_and_the_older_motion_is_superseded(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    older = group.move_to([1.5, 0.0])
+    run(group, 1.0)
+    newer = group.move_to([-1.0, 0.0])
+    assert older.error is not None
+    assert older.error.code is MotionErrorCode.SUPERSEDED
+    run(group, 10.0)
+    assert newer.status is MotionStatus.SUCCEEDED
+    places = np.array([position[0] for position, _ in channel.sent])
+    assert np.max(np.abs(np.diff(places, 2))) / PERIOD**2 <= SLOW / 0.3 + 1e-6
+    older.cancel()
+    assert group.resting
+
+
+def test_a_late_cycle_is_no_jump_of_the_set_points(group: StreamedJointGroup, channel: Joints) -> None:
+    group.command(velocities=[STRONG, 0.0])
+    run(group, 2.0)
+    before = channel.at[0]
+    group.cycle(0.4)
+    assert 0.0 < channel.at[0] - before <= 3 * PERIOD * STRONG + 1e-9
+
+
+def test_set_points_that_are_held_up_fail_the_motion_and_a_single_delay_does_not(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    motion = group.move_to([2.0, 0.0], 0.1)
+    for _ in range(5):
+        group.cycle(0.4)
+        run(group, 3.0)  # of which seven eighths are forgotten
+    assert not motion.done
+    group.cycle(0.4)
+    assert not motion.done
+    group.cycle(0.4)
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.TIMEOUT
+    assert "held up" in motion.error.text
+    run(group, 0.5)
+    assert group.resting
+    again = group.move_to([2.0, 0.0], 0.1)
+    group.cycle(0.4)  # counted anew
+    assert not again.done
+
+
+@pytest.mark.parametrize(("off", "fails"), [(0.149, False), (0.151, True), (-0.151, True)])
+def test_joints_that_do_not_follow_fail_the_motion_and_are_held_where_they_are(
+    group: StreamedJointGroup, channel: Joints, off: float, fails: bool
+) -> None:
+    motion = group.move_to([1.5, 0.0])
+    run(group, 0.5)
+    channel.off = np.array([0.0, off])
+    run(group, 0.14)
+    assert not motion.done
+    run(group, 0.03)
+    assert motion.done is fails
+    if fails:
+        assert motion.error is not None
+        assert motion.error.code is MotionErrorCode.TRACKING
+        assert "tilt" in motion.error.text
+        assert group.resting
+        held = channel.at.copy()
+        channel.off = np.zeros(2)
+        run(group, 0.2)
+        assert channel.at == pytest.approx(held)
+
+
+def test_joints_that_are_astray_now_and_then_go_on_and_unknown_places_are_no_error(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    motion = group.move_to([1.5, 0.0])
+    for _ in range(4):
+        channel.off = np.array([0.3, 0.0])
+        run(group, 0.1)
+        channel.off = np.zeros(2)
+        run(group, 0.05)
+    channel.off, channel.old = np.array([0.3, 0.0]), 0.11  # nobody knows
+    run(group, 0.5)
+    assert not motion.done
+    channel.old = 0.09
+    run(group, 0.2)
+    assert motion.done
+
+
+@pytest.mark.parametrize(
+    ("off", "tremble", "settles"),
+    [(0.0049, 0.0, True), (0.0051, 0.0, False), (-0.0051, 0.0, False), (0.0, 0.029, True), (0.0, -0.031, False)],
+)
+def test_a_motion_succeeds_when_the_joints_have_settled(
+    group: StreamedJointGroup, channel: Joints, off: float, tremble: float, settles: bool
+) -> None:
+    channel.off, channel.tremble = np.array([0.0, off]), tremble
+    motion = group.move_to([0.1, 0.0])
+    run(group, 2.5)
+    assert motion.done is settles
+    run(group, 0.7)
+    assert motion.status is (MotionStatus.SUCCEEDED if settles else MotionStatus.FAILED)
+    assert group.resting
+    if not settles:
+        channel.off, channel.tremble = np.array([0.0, 0.0051]), 0.0
+        again = group.move_to([0.1, 0.0])
+        run(group, 1.0)  # it waits anew
+        assert not again.done
+
+
+@pytest.mark.parametrize(("off", "start"), [(0.06, 0.06), (0.04, 0.0), (-0.06, -0.06)])
+def test_joints_that_were_moved_by_hand_go_on_from_there(
+    group: StreamedJointGroup, channel: Joints, off: float, start: float
+) -> None:
+    channel.off = np.array([off, 0.0])
+    group.command(positions=[1.0, 0.0])
+    channel.off = np.zeros(2)
+    group.cycle(PERIOD)
+    assert channel.at[0] == pytest.approx(start, abs=0.001)
+
+
+def test_what_holds_streams_only_for_controllers_that_want_it(latch: StopLatch) -> None:
+    for wants in (False, True):
+        channel = Joints(2, stream_at_rest=wants)
+        group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+        group.attach()
+        run(group, 0.1)
+        assert len(channel.sent) == (10 if wants else 0)
+
+
+def test_a_fault_ends_set_points_and_one_of_the_wire_ends_readings_until_it_is_attached_again(
+    group: StreamedJointGroup, channel: Joints
+) -> None:
+    for code, readable in ((MotionErrorCode.COLLISION, True), (MotionErrorCode.DISCONNECTED, False)):
+        motion = group.move_to([1.0, 0.0])
+        run(group, 1.0)
+        group.fail(Fault(code, "something happened", "C1"))
+        assert motion.status is MotionStatus.FAILED
+        assert motion.error is not None
+        assert motion.error.code is code
+        assert group.resting
+        sent = len(channel.sent)
+        run(group, 0.2)
+        assert len(channel.sent) == sent
+        if readable:
+            group.positions()
+        else:
+            for read in (group.positions, group.velocities, group.efforts):
+                with pytest.raises(NotConnectedError, match="something happened"):
+                    read()
+        channel.at = np.array([0.5, 1.6])  # somebody moved them, beyond a limit
+        group.attach()
+        assert group.positions() == pytest.approx([0.5, 1.6])
+        group.command(velocities=[0.0, 0.0])
+        run(group, 0.05)
+        assert channel.at == pytest.approx([0.5, 1.5])  # not where they were before
+
+
+def test_detached_it_refuses_and_its_motion_has_failed(group: StreamedJointGroup) -> None:
+    motion = group.move_to([1.0, 0.0])
+    group.detach()
+    assert motion.error is not None
+    assert motion.error.code is MotionErrorCode.DISCONNECTED
+    for call in (group.positions, lambda: group.move_to([0, 0]), lambda: group.command([0, 0])):
+        with pytest.raises(NotConnectedError, match="head"):
+            call()
+    group.stop()
+
+
+def test_a_velocity_is_kept_until_a_limit_of_a_joint(group: StreamedJointGroup, channel: Joints) -> None:
+    group.command(velocities=[-STRONG, 0.2])
+    run(group, 20.0)
+    assert channel.at == pytest.approx([-2.0, 1.5], abs=1e-3)
+    assert np.min(np.array([place for place, _ in channel.sent])) >= -2.0
+    with pytest.raises(CommandRefusedError, match="efforts"):
+        group.command(efforts=[1.0, 1.0])
+    with pytest.raises(CommandRefusedError, match="not 2"):
+        group.command(positions=[0, 0], velocities=[0, 0])
+
+
+# Arms
+
+HOME = [0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785]
+
+
+@pytest.fixture
+def make_arm(robot_model: RobotModel, latch: StopLatch) -> Callable[..., tuple[StreamedArm, Joints]]:
+    def make(**safety: Any) -> tuple[StreamedArm, Joints]:
+        channel = Joints(7)
+        channel.at = np.array(HOME)
+        tool = ToolLimits(robot_model, "arm", SafetyConfig(**safety))
+        arm = StreamedArm("arm", robot_model.arms["arm"], channel, latch, PERIOD, tool)
+        arm.attach()
+        return arm, channel
+
+    return make
+
+
+def sideways(angle: float) -> np.ndarray:
+    return np.array(HOME) + np.array([angle, 0, 0, 0, 0, 0, 0])
+
+
+def way(arm: StreamedArm, angle: float, duration: float) -> JointTrajectory:
+    times = np.linspace(0.0, duration, 21)
+    share = 3 * (times / duration) ** 2 - 2 * (times / duration) ** 3
+    rate = 6 * times * (duration - times) / duration**3
+    turn = sideways(angle) - np.array(HOME)
+    return JointTrajectory(arm.joint_names, times, np.array(HOME) + share[:, None] * turn, rate[:, None] * turn)
+
+
+def fastest_tool(arm: StreamedArm, channel: Joints, model: RobotModel) -> float:
+    tool = ToolLimits(model, "arm", SafetyConfig())
+    places = np.array([tool.tool(place) for place, _ in channel.sent])
+    return float(np.max(np.linalg.norm(np.diff(places, axis=0), axis=1))) / PERIOD
+
+
+def test_no_command_makes_the_tool_faster_than_its_limit(
+    make_arm: Callable[..., tuple[StreamedArm, Joints]], robot_model: RobotModel
+) -> None:
+    for command in ("move_to", "follow"):
+        arm, channel = make_arm(tool_speed=0.1)
+        motion = arm.move_to(sideways(0.6)) if command == "move_to" else arm.follow(way(arm, 0.6, 1.0))
+        run(arm, 6.0)
+        assert motion.status is MotionStatus.SUCCEEDED
+        assert 0.09 < fastest_tool(arm, channel, robot_model) < 0.105
+        assert channel.at == pytest.approx(sideways(0.6))
+    arm, _ = make_arm(tool_speed=0.1)
+    with pytest.raises(CommandRefusedError, match="faster than its limit"):
+        arm.servo(sideways(0.01))
+    arm.servo(sideways(0.001))
+
+
+def test_a_slowed_trajectory_tells_its_own_time(make_arm: Callable[..., tuple[StreamedArm, Joints]]) -> None:
+    arm, channel = make_arm(tool_speed=0.1)
+    trajectory = way(arm, 0.6, 1.0)
+    assert arm.trajectory_time() is None
+    arm.follow(trajectory)
+    run(arm, 1.0)
+    channel.old = 0.05
+    told = arm.trajectory_time()
+    assert told is not None
+    ahead = trajectory.sample(told)[0][0]
+    assert ahead == pytest.approx(channel.at[0], abs=0.02)
+    assert ahead < channel.at[0]  # what is read is older than what was sent
+    run(arm, 6.0)
+    assert arm.trajectory_time() is None
+    held = np.array([channel.at, channel.at])
+    arm.follow(JointTrajectory(arm.joint_names, np.array([0.0, 20.0]), held, 0.0 * held))
+    run(arm, 1.0)
+    assert arm.trajectory_time() == pytest.approx(0.95)  # the pace is that of each trajectory
+
+
+def test_no_command_leads_the_tool_out_of_its_workspace(
+    make_arm: Callable[..., tuple[StreamedArm, Joints]], robot_model: RobotModel
+) -> None:
+    place = ToolLimits(robot_model, "arm", SafetyConfig()).tool(np.array(HOME))
+    arm, channel = make_arm(workspace=WorkspaceConfig(tuple(place - 0.05), tuple(place + 0.05)))
+    for command in (
+        lambda: arm.move_to(sideways(0.8)),
+        lambda: arm.command(positions=sideways(0.8)),
+        lambda: arm.follow(way(arm, 0.8, 5.0)),
+        lambda: arm.follow(way(arm, -0.8, 5.0)),
+    ):
+        with pytest.raises(CommandRefusedError, match="workspace"):
+            command()
+    arm.command(velocities=sideways(0.5) - np.array(HOME))
+    run(arm, 3.0)
+    assert arm.resting
+    reached = ToolLimits(robot_model, "arm", SafetyConfig()).tool(channel.at)
+    assert np.max(np.abs(reached - place)) < 0.09
+    streamed, _ = make_arm(workspace=WorkspaceConfig(tuple(place - 0.05), tuple(place + 0.05)), joint_speed=1.0)
+    run(streamed, 0.2)
+    streamed.servo(sideways(0.08))
+    run(streamed, 0.2)
+    streamed.servo(sideways(0.14))
+    run(streamed, 0.2)
+    with pytest.raises(CommandRefusedError, match="workspace"):
+        streamed.servo(sideways(0.2))
+
+
+def test_streamed_set_points_take_the_time_between_them(make_arm: Callable[..., tuple[StreamedArm, Joints]]) -> None:
+    arm, channel = make_arm()
+    limit = arm.limits[0].velocity
+    run(arm, 1.0)
+    arm.servo(sideways(0.05 * limit))  # after a pause: within a tenth of a second
+    run(arm, 0.05)
+    assert channel.at[0] == pytest.approx(0.025 * limit)
+    run(arm, 0.1)
+    assert channel.at[0] == pytest.approx(0.05 * limit)
+    for step, fits in ((1.01, True), (1.04, False), (-1.04, False)):
+        arm, channel = make_arm()
+        run(arm, 1.0)
+        arm.servo(np.array(HOME))
+        run(arm, 0.05)
+        if fits:
+            arm.servo(sideways(step * 0.05 * limit))
+        else:
+            with pytest.raises(CommandRefusedError, match="would need"):
+                arm.servo(sideways(step * 0.05 * limit))
+
+
+def test_a_trajectory_that_starts_a_little_off_fades_in(
+    make_arm: Callable[..., tuple[StreamedArm, Joints]],
+) -> None:
+    arm, channel = make_arm()
+    trajectory = way(arm, 0.3, 2.0)
+    off = np.array([0, 0.04, 0, 0, 0, 0, 0])
+    channel.at = channel.at + off
+    arm.attach()
+    motion = arm.follow(trajectory)
+    arm.cycle(PERIOD)
+    assert channel.at[1] == pytest.approx(HOME[1] + 0.04, abs=0.001)
+    run(arm, 0.25)
+    assert channel.at[1] == pytest.approx(HOME[1], abs=1e-6)
+    run(arm, 3.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    far = replace(trajectory, positions=trajectory.positions + np.array([0.351, 0, 0, 0, 0, 0, 0]))
+    with pytest.raises(CommandRefusedError, match="within 0.05"):
+        arm.follow(far)
