@@ -79,7 +79,7 @@ class SimulatedMobileBase(MobileBase):
         self._connection.check_command("set_velocity")
         velocity = self._checks.velocity(vx, vy, wz)
         self._connection.begin(None)
-        self._course = None
+        self._course, self._braking = None, (0.0, 0.0)
         self._wanted = (velocity.vx, velocity.vy, velocity.wz)
         self._lapses_in = self._parameters.command_timeout
 

@@ -16,6 +16,7 @@ from hal.conformance import Check, settle
 from hal.conformance.base_checks import BASE_CHECKS
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting, PromisesOfAConnectedRobot
 from hal.conformance.room import empty_room
+from hal.conformance.stop_checks import STOP_CHECKS
 from hal.pybullet import PyBulletRobot
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "driver_in_memory"
@@ -50,7 +51,10 @@ ROBOTS = {
 }
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(
+    scope="module",
+    params=["in memory", pytest.param("diff_panda in pybullet", marks=pytest.mark.slow)],
+)
 def make_robot(request: pytest.FixtureRequest) -> MakeRobot:
     return ROBOTS[request.param]()
 
@@ -69,8 +73,8 @@ def omnidirectional() -> Iterator[Robot]:
         yield robot
 
 
-@pytest.mark.parametrize("check", BASE_CHECKS, ids=lambda check: check.name)
-def test_a_base_that_drives_sideways_keeps_its_promises(check: Check, omnidirectional: Robot) -> None:
+@pytest.mark.parametrize("check", [*BASE_CHECKS, *STOP_CHECKS], ids=lambda check: check.name)
+def test_a_simulated_robot_whose_base_drives_sideways_keeps_its_promises(check: Check, omnidirectional: Robot) -> None:
     assert check.why_not(omnidirectional) is None
     try:
         check.run(omnidirectional)

@@ -64,12 +64,29 @@ def test_a_standing_base_does_not_creep(robot_model, empty_world, operator) -> N
 def test_the_commanded_velocity_changes_within_the_acceleration_limits(standing_robot) -> None:
     base = standing_robot.part("base", type(standing_robot.parts["base"]))
     limit = base.description.max_acceleration
-    speeds = []
-    for _ in range(12):
-        base.set_velocity(0.5, 0.0, 0.0)
-        standing_robot.clock.sleep(0.05)
-        speeds.append(base.velocity().vx)
-    base.stop()
-    standing_robot.clock.sleep(1.0)
-    assert np.max(np.diff([0.0, *speeds])) / 0.05 < 1.3 * limit
-    assert speeds[-1] == pytest.approx(0.5 * min(1.0, 12 * 0.05 * limit / 0.5), rel=0.15)
+    for _ in range(2):  # also after a stop, which brakes harder
+        speeds = []
+        for _ in range(12):
+            base.set_velocity(0.5, 0.0, 0.0)
+            standing_robot.clock.sleep(0.05)
+            speeds.append(base.velocity().vx)
+        base.stop()
+        standing_robot.clock.sleep(0.5)
+        assert abs(base.velocity().vx) < 0.01
+        standing_robot.clock.sleep(0.5)
+        assert np.max(np.diff([0.0, *speeds])) / 0.05 < 1.3 * limit
+        assert speeds[-1] == pytest.approx(0.5 * min(1.0, 12 * 0.05 * limit / 0.5), rel=0.15)
+
+
+def test_a_velocity_lapses_after_the_dead_mans_time(standing_robot) -> None:
+    base = standing_robot.part("base", type(standing_robot.parts["base"]))
+    for _ in range(2):
+        base.set_velocity(0.2, 0.0, 0.0)
+        speeds = []
+        for _ in range(60):
+            standing_robot.clock.sleep(1 / 60)
+            speeds.append(base.velocity().vx)
+        timeout = base.description.command_timeout
+        fastest = int(np.argmax(speeds)) / 60
+        assert timeout - 0.03 < fastest < timeout + 0.05
+        assert abs(speeds[-1]) < 0.005

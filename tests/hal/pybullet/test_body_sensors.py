@@ -73,22 +73,33 @@ def test_an_imu_at_rest_reads_gravity(robot: PyBulletRobot) -> None:
 
 def test_an_imu_feels_turning_and_gathering_speed(sensing_model: RobotModel, empty_world) -> None:
     with PyBulletRobot(sensing_model, empty_world, seed=3) as robot:
-        imu = robot.part("imu", Imu)
-        drive(robot, 0.0, 0.8, 2.0)
-        rates, forces = [], []
-        for _ in range(20):
-            drive(robot, 0.0, 0.8, 0.1)
-            rates.append(imu.read().angular_velocity)
-            forces.append(imu.read().linear_acceleration)
-        assert np.mean(rates, axis=0) == pytest.approx([0.0, 0.0, 0.8], abs=0.02)
-        # 10 cm ahead of the axis the turn pulls it inwards: w² r
-        assert np.mean(forces, axis=0)[0] == pytest.approx(-0.064, abs=0.1)
-        drive(robot, 0.0, 0.0, 1.5)
-        forces = []
-        for _ in range(5):  # the base gathers speed with 0.6 m/s²
-            drive(robot, 0.6, 0.0, 0.1)
-            forces.append(imu.read().linear_acceleration)
-        assert np.mean(forces, axis=0)[0] == pytest.approx(0.6, abs=0.25)
+        imu, base = robot.part("imu", Imu), robot.part("base", MobileBase)
+
+        def felt(vx: float, wz: float, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+            """Mean force and mean turning rate."""
+            readings = []
+            for _ in range(round(60 * seconds)):
+                base.set_velocity(vx, 0.0, wz)
+                robot.clock.sleep(1 / 60)
+                readings.append(imu.read())
+            forces = np.mean([reading.linear_acceleration for reading in readings], axis=0)
+            return forces, np.mean([reading.angular_velocity for reading in readings], axis=0)
+
+        rest, _ = felt(0.0, 0.0, 0.5)
+        for turn in (0.8, -0.8):
+            felt(0.0, turn, 0.9)
+            force, rate = felt(0.0, turn, 0.8)
+            assert rate == pytest.approx([0.0, 0.0, turn], abs=0.02)
+            # 10 cm ahead of the axis the turn pulls it inwards: w² r
+            assert (force - rest)[0] == pytest.approx(-0.064, abs=0.03)
+            felt(0.0, 0.0, 0.7)
+        for speed in (0.6, -0.6):
+            before = base.velocity().vx
+            force, _ = felt(speed, 0.0, 0.7)
+            gained = (base.velocity().vx - before) / 0.7
+            assert gained * speed > 0.2
+            assert (force - rest)[0] == pytest.approx(gained, abs=0.06)
+            felt(0.0, 0.0, 1.0)
 
 
 class Grip:

@@ -1,0 +1,142 @@
+"""What a Robotiq gripper's numbers mean, and which of its statuses count; its wire is scripted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from bestman_bt.robot_model import RobotModel
+from hal.api import MotionErrorCode, NoDataError
+from hal.hardware import ConnectionFailedError, RealTimeClock
+from hal.robotiq import RobotiqOptions
+from hal.robotiq.channel import RobotiqChannel
+from hal.robotiq.wire import RobotiqStatus, RobotiqWire
+
+
+class Wire(RobotiqWire):
+    """Answers with ``told``; ``error`` instead, where it is set."""
+
+    def __init__(self) -> None:
+        self.told = status()
+        self.error: OSError | None = None
+        self.calls: list[object] = []
+
+    def open(self) -> None:
+        self._say("open")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+    def reset(self) -> None:
+        self._say("reset")
+
+    def activate(self) -> None:
+        self._say("activate")
+        self.told = replace(self.told, activation=3, fault=0)
+
+    def go(self, position: int, speed: int, force: int) -> None:
+        self._say((position, speed, force))
+
+    def halt(self) -> None:
+        self._say("halt")
+
+    def status(self) -> RobotiqStatus:
+        if self.error is not None:
+            raise self.error
+        return self.told
+
+    def _say(self, what: object) -> None:
+        if self.error is not None:
+            raise self.error
+        self.calls.append(what)
+
+
+def status(**values: int) -> RobotiqStatus:
+    return replace(RobotiqStatus(activation=3, object=3, fault=0, echo=0, position=3), **values)
+
+
+@pytest.fixture
+def wire() -> Wire:
+    return Wire()
+
+
+@pytest.fixture
+def channel(robot_model: RobotModel, wire: Wire) -> RobotiqChannel:
+    made = RobotiqChannel("hand", robot_model.grippers["gripper"], RobotiqOptions(), RealTimeClock())
+    made.open(wire)
+    return made
+
+
+def test_an_object_counts_only_in_answer_to_the_last_order(channel: RobotiqChannel, wire: Wire) -> None:
+    options = RobotiqOptions()
+    for width in (0.0, 0.02):
+        channel.send(width, 30.0, 0.1)
+        sent = wire.calls[-1]
+        assert isinstance(sent, tuple)
+        for felt in (0, 1, 2, 3):
+            wire.told = status(object=felt, echo=sent[0], position=100)
+            channel.refresh()
+            assert channel.read().object_held is (felt in (1, 2))
+            wire.told = status(object=felt, echo=sent[0] - 1, position=100)  # of before the order
+            channel.refresh()
+            assert channel.read().object_held is False
+    wire.told = status(object=2, echo=0)
+    channel.activate()
+    assert channel.read().object_held is False  # nothing was asked since
+    assert options.open_position < options.closed_position
+
+
+def test_widths_forces_and_speeds_become_its_numbers_and_widths_come_back(
+    channel: RobotiqChannel, wire: Wire, robot_model: RobotModel
+) -> None:
+    model, options = robot_model.grippers["gripper"], RobotiqOptions()
+    for width, position in ((model.max_width, options.open_position), (model.min_width, options.closed_position)):
+        channel.send(width, model.max_force, options.least_speed)
+        assert wire.calls[-1] == (position, 0, 255)
+        wire.told = status(position=position)
+        channel.refresh()
+        assert channel.read().width == pytest.approx(width)
+    channel.send((model.min_width + model.max_width) / 2, options.least_force, model.max_speed)
+    assert wire.calls[-1] == (round((options.open_position + options.closed_position) / 2), 255, 0)
+    wire.told = status(position=255)  # closed beyond where it closes
+    channel.refresh()
+    assert channel.read().width == model.min_width
+
+
+def test_a_gripper_that_is_active_and_well_is_not_activated_again(channel: RobotiqChannel, wire: Wire) -> None:
+    assert wire.calls == ["open"]
+    wire.told = status(activation=1)
+    channel.activate()
+    assert wire.calls == ["open", "reset", "activate"]
+    wire.told = status(fault=14)
+    channel.refresh()
+    assert channel.fault is not None
+    assert channel.fault.code is MotionErrorCode.FAULT
+    channel.activate()
+    assert wire.calls[-2:] == ["reset", "activate"]
+    assert channel.fault is None
+
+
+def test_what_is_not_answered_closes_the_wire_and_keeps_the_last_status(channel: RobotiqChannel, wire: Wire) -> None:
+    heard = channel.heard
+    wire.error = TimeoutError("no answer")
+    channel.send(0.0, 30.0, 0.1)
+    assert channel.heard == heard
+    assert wire.calls[-1] == "close"
+    assert channel.read().width > 0.0
+    channel.close()
+    wire.calls.clear()
+    channel.halt()
+    channel.close()
+    assert wire.calls == []
+
+
+def test_a_gripper_that_cannot_be_reached_or_says_nothing_is_told_in_words(robot_model: RobotModel, wire: Wire) -> None:
+    channel = RobotiqChannel("hand", robot_model.grippers["gripper"], RobotiqOptions(), RealTimeClock())
+    with pytest.raises(NoDataError, match="hand"):
+        channel.read()
+    wire.error = ConnectionRefusedError("192.168.7.7 refused")
+    with pytest.raises(ConnectionFailedError, match="ConnectionRefusedError") as refusal:
+        channel.open(wire)
+    assert "192.168" not in str(refusal.value)

@@ -1,0 +1,113 @@
+"""What came last on a topic, how old it is, and how late it comes, by a clock of the test's own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from hal.api import NoDataError
+from hal.hardware import LateWatch, RemoteTime
+from hal.parts.simulated_clock import SimulatedClock
+from hal.rosbridge.stream import Stream
+
+
+class Clock(SimulatedClock):
+    """Stands still until it is told."""
+
+    time = 100.0
+
+    def now(self) -> float:
+        return self.time
+
+
+def message(stamp: float, value: int | None = 1) -> Mapping[str, Any]:
+    return {"header": {"stamp": {"sec": int(stamp), "nanosec": round(1e9 * (stamp % 1.0))}}, "value": value}
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock(0.01)
+
+
+@pytest.fixture
+def stream(clock: Clock) -> Stream[int]:
+    return Stream("lidar", "/scan", lambda told, at: told["value"], clock, RemoteTime(), longest_age=0.4)
+
+
+def test_a_silent_sensor_has_no_reading_once_its_last_one_is_too_old(stream: Stream[int], clock: Clock) -> None:
+    with pytest.raises(NoDataError, match="nothing has come on /scan yet"):
+        stream.read()
+    stream.take(message(7.0, 1), 100.0)
+    assert stream.read() == 1
+    clock.time = 100.39
+    assert stream.read() == 1
+    assert stream.age == pytest.approx(0.39)
+    clock.time = 100.41
+    with pytest.raises(NoDataError, match=r"lidar: what came last on /scan is 0\.41 s old"):
+        stream.read()
+    assert stream.latest() == 1
+    stream.take(message(7.41, 2), 100.41)
+    assert stream.read() == 2
+    stream.forget()
+    with pytest.raises(NoDataError):
+        stream.latest()
+    assert stream.age == float("inf")
+
+
+def test_a_message_that_was_long_under_way_is_as_old_as_its_stamp_says(stream: Stream[int], clock: Clock) -> None:
+    stream.take(message(7.0, 1), 100.0)
+    clock.time = 101.0
+    stream.take(message(7.5, 2), 101.0)  # of 100.5 by our clock
+    assert stream.age == pytest.approx(0.5, abs=1e-3)
+    with pytest.raises(NoDataError, match="old"):
+        stream.read()
+    stream.take(message(8.0, None), 101.0)  # about something else
+    assert stream.latest() == 2
+    stream.take({"header": {"stamp": {"sec": 0, "nanosec": 0}}, "value": 3}, 101.0)  # without a stamp: of now
+    assert stream.age == 0.0
+
+
+def test_messages_that_come_late_for_a_while_are_late(stream: Stream[int], clock: Clock) -> None:
+    stream.take(message(7.0), 100.0)
+    for step in range(1, 60):
+        clock.time = 100.0 + 0.01 * step
+        lag = 0.2 if step > 20 else 0.0
+        stream.take(message(7.0 + 0.01 * step - lag), clock.time)
+        late = stream.late(0.1)
+        if step not in (36, 37):  # a rounding away from the limit
+            assert (late is not None) is (step > 36)
+
+
+def test_a_single_late_message_is_none_and_counting_begins_anew() -> None:
+    watch = LateWatch()
+    for start in (10.0, 20.0):
+        watch.lag = 0.2
+        assert watch.late(0.1, start) is None
+        assert watch.late(0.1, start + 0.14) is None
+        watch.lag = 0.1
+        assert watch.late(0.1, start + 0.2) is None
+    watch.lag = 0.2
+    assert watch.late(0.1, 30.0) is None
+    assert watch.late(0.1, 30.16) == 0.2
+    watch.forget()
+    assert watch.late(0.1, 31.0) is None
+
+
+def test_who_waits_for_something_newer_gets_nothing_older(stream: Stream[int]) -> None:
+    stream.take(message(7.0, 1), 100.0)
+    assert stream.newer_than(99.9, time.monotonic()) == (1, 100.0)
+    assert stream.newer_than(100.0, time.monotonic() + 0.01) is None
+    assert stream.newer_than(100.1, time.monotonic()) is None
+
+
+def test_the_other_clock_is_that_of_the_fastest_message_and_may_drift_a_little() -> None:
+    remote = RemoteTime()
+    assert remote.here(5.0, 100.3) == pytest.approx(100.3)
+    assert remote.here(6.0, 101.1) == pytest.approx(101.1)  # faster: the first one took 0.2 s
+    assert remote.here(7.0, 102.3) == pytest.approx(102.1, abs=1e-3)
+    assert remote.here(1006.0, 1101.2) == pytest.approx(1101.2, abs=0.01)  # 0.1 s in 1000 s
+    remote.forget()
+    assert remote.here(5.0, 100.3) == pytest.approx(100.3)
