@@ -126,6 +126,7 @@ def test_its_images_are_as_promised(check: Check, make_robot: MakeRobot) -> None
             assert Camera not in check.needs
 
 
+@pytest.mark.slow  # the SDK looks for one for 15 s
 def test_a_camera_that_is_not_there_is_an_error_in_words(model: RobotModel, recording: Path) -> None:
     absent = load_robot_model(recording.parent / "robot.yaml", {"connections.eye.options.recording": ""})
     with pytest.raises(ConnectionFailedError, match="eye: the camera does not start"):

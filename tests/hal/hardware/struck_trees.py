@@ -1,4 +1,4 @@
-"""Whatever goes wrong with a controller while a tree runs: the robot stops, the leaf says why, the recovery goes on."""
+"""A robot with its twins and a session on it, which faults of its controllers strike while a tree runs."""
 
 from __future__ import annotations
 
@@ -6,18 +6,15 @@ from collections.abc import Iterator
 
 import pytest
 
-from benchmarks.fault_trials.client_trial import CLIENT_TRIALS, ClientTrial, run_client_trial
+from benchmarks.fault_trials.client_trial import ClientTrial
 from benchmarks.fault_trials.left_behind import LeftBehind
-from benchmarks.fault_trials.trial import GRACE, TRIALS, UR, XARM, Trial, strike
+from benchmarks.fault_trials.trial import GRACE, UR, XARM, Trial, strike
 from benchmarks.twin_faults import SEED, TASK, hardware_setup
 from bestman_bt.runtime import Session, open_session
 from hal.twins import TwinProcess
 
-pytestmark = [pytest.mark.real_time, pytest.mark.slow]
-
 SDKS = {XARM: ("xarm", "xarm"), UR: ("ur", "rtde_control")}
 """Robot → the extra of its arm and the module that comes with it."""
-CLIENTS = tuple(f"client/{XARM} {what}" for what in ("arm killed", "arm stopped", "base all killed"))
 OVERDUE = 1.5
 """Seconds by which a machine that does other things, too, may be late with what it owes."""
 
@@ -47,25 +44,13 @@ def session(robot_name: str, twin: TwinProcess) -> Iterator[Session]:
 
 
 def of_their_robots(*trials: Trial | ClientTrial) -> pytest.MarkDecorator:
+    """Each trial on the robot that it is of."""
     cases = [pytest.param(trial.robot, trial, id=trial.name) for trial in trials]
     return pytest.mark.parametrize(("robot_name", "trial"), cases, indirect=["robot_name"], scope="module")
 
 
-# These come first: while the session is open, nobody else may command the robot.
-@of_their_robots(*(trial for trial in CLIENT_TRIALS if trial.name in CLIENTS))
-def test_a_client_that_is_killed_or_stopped_leaves_the_robot_at_rest_and_nothing_behind(
-    robot_name: str, twin: TwinProcess, trial: ClientTrial
-) -> None:
-    report = run_client_trial(trial, twin, hardware_setup(robot_name, twin))
-    assert report.rest < trial.allowed + OVERDUE, report.words
-    assert report.orphans == ()
-    assert report.code == trial.exit_code, report.words
-
-
-@of_their_robots(*TRIALS)
-def test_the_robot_stops_the_leaf_says_why_and_the_recovery_goes_on(
-    twin: TwinProcess, session: Session, trial: Trial
-) -> None:
+def robot_stops_and_recovers(twin: TwinProcess, session: Session, trial: Trial) -> None:
+    """In time, the leaf says why, and the recovery goes on."""
     report = strike(trial, twin, session)
     assert report.code in trial.codes, report.words
     assert report.words
@@ -75,3 +60,7 @@ def test_the_robot_stops_the_leaf_says_why_and_the_recovery_goes_on(
     assert (report.stopped is not None) is trial.stops
     assert report.at_rest
     assert report.recovered
+
+
+FIXTURES = robot_name, twin, session
+"""For a module of tests: under these names."""
