@@ -224,3 +224,40 @@ def test_a_guide_needs_increasing_ways_each_with_a_turn_and_a_posture():
     ):
         with pytest.raises(ValueError, match="increasing ways"):
             FollowGuide(ways, turns, postures)
+
+
+def nothing(pose: Pose) -> np.ndarray:
+    return np.zeros(3)
+
+
+def test_it_gathers_speed_and_brakes_before_the_end_of_its_way():
+    axis = JointAxis("prismatic", START[:3], OUT, 0.0, 0.0)
+    it, handle = follow(nothing, distance=0.12, axis=axis, learns=False)
+    assert handle.status is ControlStatus.SUCCEEDED
+    along = (np.array([START, *it.arm.sent])[:, :3] - START[:3]) @ OUT
+    speed = np.diff(along) * 60.0
+    assert speed.max() == pytest.approx(0.06)
+    assert np.diff(speed)[:5].max() * 60.0 == pytest.approx(0.1)
+    left = np.maximum(0.12 - along[:-1], 0.0)
+    assert np.all(speed[left > 1e-3] <= np.sqrt(2 * 0.1 * (left[left > 1e-3] + 2e-3)))
+
+
+def test_where_a_joint_would_be_too_fast_it_goes_more_slowly():
+    it = AtWork(nothing, velocity=0.05)  # half a millimetre a step
+    handle = it.wait(it.controller.follow_constraint(OUT, distance=0.05))
+    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert np.abs(np.diff([START, *it.arm.sent], axis=0)).max() <= 0.6 * 0.05 / 60.0 + 1e-9
+
+
+def test_what_the_hand_holds_stays_on_its_circle_while_the_hand_turns_about_it():
+    held_at = np.array([0.08, -0.03, 0.02])
+    held = AtWork().tool.apply(held_at[None])[0]
+    hinge = held + np.array([0.3, 0.1, 0.0])
+    axis = JointAxis("revolute", hinge, UP, math.hypot(0.3, 0.1), 0.0)
+    guide = FollowGuide(np.array([0.0, 0.25]), np.array([0.0, 0.7]), np.vstack([START, START]), held_at)
+    direction = np.cross(UP, held - hinge)
+    it, handle = follow(nothing, direction=direction, distance=0.25, guide=guide, axis=axis, learns=False)
+    assert handle.status is ControlStatus.SUCCEEDED, handle.error
+    assert handle.result.turned == pytest.approx(0.7, abs=0.02)
+    places = np.array([it.kinematics.tool_pose(sent).apply(held_at[None])[0] for sent in it.arm.sent])
+    assert np.linalg.norm(places - hinge, axis=1) == pytest.approx(axis.radius, abs=1.5e-3)

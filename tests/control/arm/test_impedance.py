@@ -115,8 +115,13 @@ def test_cancelling_makes_the_arm_stiff_where_it_is(pushed) -> None:
 
 def test_a_stop_of_the_robot_ends_it(pushed) -> None:
     it = pushed(ImpedanceParameters())
+    first = it.controller.hold()
     handle = it.controller.hold()
+    assert first.error is not None
+    assert first.error.code is ControlErrorCode.SUPERSEDED
+    first.cancel()
     it.robot.clock.sleep(0.2)
+    assert handle.status is ControlStatus.RUNNING
     it.robot.stop()
     it.robot.clock.sleep(0.2)
     assert handle.error is not None
@@ -130,6 +135,15 @@ def test_an_arm_that_is_thrown_about_is_braked(pushed) -> None:
     it.robot.clock.sleep(0.5)
     assert handle.error is not None
     assert handle.error.code is ControlErrorCode.TRACKING
+
+
+def test_a_spring_that_pulls_harder_than_the_joints_can_is_cut_off_at_their_limits(pushed) -> None:
+    it = pushed(ImpedanceParameters(stiffness=6000.0, turn_stiffness=600.0))
+    here = it.controller.hold()
+    target = it.controller.target
+    here.cancel()
+    away = Pose(target.position + np.array([0.1, 0.1, 0.1]), target.quaternion)
+    assert it.controller.hold(away).status is ControlStatus.RUNNING
 
 
 def test_parameters_that_mean_nothing_are_refused() -> None:
