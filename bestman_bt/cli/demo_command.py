@@ -1,8 +1,9 @@
-"""Runs fetch_cup with a recording and pictures; the folder that it names holds all of them."""
+"""Runs fetch_cup with a recording and pictures, and writes its report; the folder that it names holds all of them."""
 
 from __future__ import annotations
 
 import sys
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -11,12 +12,15 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Live, Monitor, MonitorPort, Seed
 from bestman_bt.cli.run_command import execute, exit_code
+from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.extras import is_installed
+from bestman_bt.evaluation.report.page import report_page
+from bestman_bt.evaluation.report.run_reader import read_story
 
 DEMO_SEED = 7
+REPORT_NAME = "report.html"
 
 
 def command(
@@ -30,9 +34,27 @@ def command(
 ) -> None:
     """Fetch a cup in simulation and show what happened."""
     with json_output(as_json) as tell:
-        setup = prepare_episode(load_run("fetch_cup", seed=seed, record=is_installed("rerun")))
+        setup = prepare_episode(load_run("fetch_cup", seed=seed, record=True))
         if monitor:
             show_in_monitor(monitor_port)
-        result = execute(setup, runs, pictures=True, groot2_port=groot2_port, live=live)
+        result, folder = execute(setup, runs, pictures=True, groot2_port=groot2_port, live=live)
+        report = folder / REPORT_NAME
+        report.write_text(report_page([read_story(folder)], datetime.now()), encoding="utf-8")
+        _what_next(folder, report)
         tell(result.to_document())
     sys.exit(exit_code(result))
+
+
+def _what_next(folder: Path, report: Path) -> None:
+    program = sys.argv[0] if not Path(sys.argv[0]).is_absolute() else "bestman-bt"
+    lines = {
+        "what happened, on one page": f"{report}, to be opened in a browser",
+        "such a page of any run": f"{program} report RUN",
+        "the run again, step by step": f"{program} monitor",
+        "pictures of it": f"{program} render {folder}",
+        "another task": f"{program} run fetch_from_drawer",
+        "write your own tree": "docs/writing_a_tree.md",
+    }
+    CONSOLE.print("\nWhat to type next", style="bold")
+    for what, how in lines.items():
+        CONSOLE.print(f"  {what:<29}{how}", highlight=False, markup=False, soft_wrap=True)

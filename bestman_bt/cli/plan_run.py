@@ -46,7 +46,8 @@ def run_plan(
     runs.mkdir(parents=True, exist_ok=True)
     file = runs / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-plan.xml"
     file.write_text(xml, encoding="utf-8")
-    return execute(prepare_episode(judged_by_goal(setup, problem, plan, asked, file)), runs, False)
+    result, _ = execute(prepare_episode(judged_by_goal(setup, problem, plan, asked, file)), runs, False)
+    return result
 
 
 def judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanConfig, tree: Path) -> RunConfig:

@@ -102,7 +102,7 @@ def command(
             print(warning, file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)
-        result = execute(setup, runs, pictures, gui, judge, groot2_port, live)
+        result, _ = execute(setup, runs, pictures, gui, judge, groot2_port, live)
         tell(result.to_document())
     sys.exit(exit_code(result))
 
@@ -115,8 +115,8 @@ def execute(
     twin_judge: Path | None = None,
     groot2_port: int | None = None,
     live: bool = False,
-) -> RunResult:
-    """Run with a live view, print the summary, and return the result."""
+) -> tuple[RunResult, Path]:
+    """Run with a live view, print the summary; returns the result and the run folder."""
     if live:
         require_extra("--live", "rerun")
     with ExitStack() as stack:
@@ -136,7 +136,7 @@ def execute(
             shutil.rmtree(folder)  # nothing was started: there is nothing to keep
             raise
     summary(result, setup, folder)
-    return result
+    return result, folder
 
 
 def _all_of(watchers: Sequence[Watcher]) -> Watcher:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hal.pybullet import ContactIncident, Deed, Finding, HonestyRecord
+if TYPE_CHECKING:
+    from hal.pybullet import ContactIncident, Deed, Finding, HonestyRecord
 
 LISTED = 20
 """How many details of a kind are listed; the counters count them all."""
@@ -139,6 +140,8 @@ def audit(
 
 def _deeds_of_others(forgiven: Collection[Deed], script: Collection[Deed]) -> list[Finding]:
     """Where what the monitor has forgiven and what the script has done differ."""
+    from hal.pybullet import Finding
+
     unasked = [Finding(deed.stamp, f"not by the task's script: {deed.text}") for deed in forgiven if deed not in script]
     unknown = [Finding(deed.stamp, f"hidden from the monitor: {deed.text}") for deed in script if deed not in forgiven]
     return unasked + unknown

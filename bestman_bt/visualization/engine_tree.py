@@ -12,7 +12,7 @@ def describe_tree(tree: Tree) -> list[DescribedNode]:
     pending: list[tuple[Node, int | None]] = [(tree.root, None)]
     while pending:
         node, parent = pending.pop()
-        nodes.append(DescribedNode(node.uid, node.name, node.type_id, parent))
+        nodes.append(DescribedNode(node.uid, node.name, node.type_id, parent, node.KIND == "Condition"))
         pending.extend((child, node.uid) for child in reversed(node.children) if isinstance(child, Node))
     return nodes
 

@@ -32,7 +32,18 @@ LOOKS: dict[int, NodeLook] = {
 }
 """The look of each engine state."""
 
+NO = NodeLook("no", "–", (150, 160, 190))
+WAS_NO = NodeLook("was no", "–", (125, 133, 155))
+"""A condition whose answer is no: that is its work, and no fault, unless it ended the tree."""
+
 _LOOKS_OF_PAST = {RUNNING: WAS_RUNNING, SUCCESS: WAS_SUCCESS, FAILURE: WAS_FAILURE}
+
+
+def ended_by(tree: TreeDescription, transitions: Iterable[NodeTransition]) -> int | None:
+    """The leaf that ended a tree: of changes in which the root fails, the last leaf that did; else None."""
+    failed = [transition.uid for transition in transitions if transition.state == FAILURE]
+    leaves = [uid for uid in failed if not tree.children(uid)]
+    return leaves[-1] if tree.root.uid in failed and leaves else None
 
 
 class NodeStates:
@@ -47,9 +58,11 @@ class NodeStates:
         self._state = {node.uid: IDLE for node in tree.nodes}
         self._before_idle = dict(self._state)
         self._message = {node.uid: "" for node in tree.nodes}
+        self._ended_by: int | None = None
 
     def apply(self, transitions: Iterable[NodeTransition]) -> None:
         """Take over state changes, in their order; VisualizationError for an unknown node or state."""
+        transitions = list(transitions)
         for transition in transitions:
             uid, state = self._tree.node(transition.uid).uid, transition.state
             if state not in LOOKS:
@@ -62,6 +75,8 @@ class NodeStates:
             else:
                 self._message[uid] = transition.message
             self._state[uid] = state
+        if any(transition.uid == self._tree.root.uid and transition.state != IDLE for transition in transitions):
+            self._ended_by = ended_by(self._tree, transitions)
 
     def tell(self, uid: int, message: str) -> None:
         """Replace the message of a node, as when a running leaf reports progress."""
@@ -78,6 +93,8 @@ class NodeStates:
     def look(self, uid: int) -> NodeLook:
         """How to show a node now."""
         state = self._state[uid]
+        answers = self._tree.node(uid).condition and uid != self._ended_by
         if state == IDLE:
-            return _LOOKS_OF_PAST.get(self._before_idle[uid], NEVER_TICKED)
-        return LOOKS[state]
+            before = self._before_idle[uid]
+            return WAS_NO if answers and before == FAILURE else _LOOKS_OF_PAST.get(before, NEVER_TICKED)
+        return NO if answers and state == FAILURE else LOOKS[state]

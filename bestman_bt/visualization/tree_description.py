@@ -10,12 +10,16 @@ from bestman_bt.visualization.errors import VisualizationError
 
 @dataclass(frozen=True)
 class DescribedNode:
-    """A node of a tree: ``uid`` unique in the tree, ``type`` as in XML, ``parent`` the parent's uid (None: root)."""
+    """A node of a tree: ``uid`` unique in the tree, ``type`` as in XML, ``parent`` the parent's uid (None: root).
+
+    ``condition``: it asks, and its FAILURE is the answer no.
+    """
 
     uid: int
     name: str
     type: str
     parent: int | None
+    condition: bool = False
 
 
 @dataclass(frozen=True)

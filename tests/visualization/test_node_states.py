@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS
-from bestman_bt.visualization import NodeTransition, TreeDescription, VisualizationError
+from bestman_bt.visualization import DescribedNode, NodeTransition, TreeDescription, VisualizationError
 from bestman_bt.visualization.node_states import NodeStates
 
 
@@ -42,3 +42,19 @@ def test_every_state_has_a_colour_and_an_icon_of_its_own_while_it_lasts(states):
         looks.append(states.look(1))
     assert len({look.color for look in looks}) == 4
     assert len({look.icon for look in looks}) == 4
+
+
+def test_a_condition_that_does_not_hold_looks_like_an_answer_until_it_ends_the_tree():
+    nodes = [DescribedNode(0, "fetch", "Sequence", None), DescribedNode(1, "held", "Holding", 0, condition=True)]
+    states = NodeStates(TreeDescription(nodes))
+    no = NodeTransition(1, FAILURE, 1.0)
+    states.apply([no])
+    assert states.look(1).word == "no"
+    states.apply([NodeTransition(1, IDLE, 1.0)])
+    assert states.look(1).word == "was no"
+    states.apply([no, NodeTransition(0, FAILURE, 2.0)])
+    assert states.look(1).word == "failure"
+    states.apply([NodeTransition(1, IDLE, 2.0), NodeTransition(0, IDLE, 2.0)])
+    assert states.look(1).word == "failed", "the tree has ended by it"
+    states.apply([NodeTransition(0, RUNNING, 3.0), no])
+    assert states.look(1).word == "no", "begun anew"

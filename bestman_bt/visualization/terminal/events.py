@@ -7,21 +7,27 @@ from dataclasses import dataclass
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS
 from bestman_bt.visualization.node_labels import node_label
-from bestman_bt.visualization.node_states import LOOKS
+from bestman_bt.visualization.node_states import LOOKS, NO, NodeLook, ended_by
 from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
 
 
 @dataclass(frozen=True)
 class NodeEvent:
-    """``node`` came to ``state`` at ``stamp`` seconds; ``message``: why, in words."""
+    """``node`` came to ``state`` at ``stamp`` seconds; ``message``: why, in words; ``ends``: with it the tree."""
 
     stamp: float
     node: DescribedNode
     state: int
     message: str
+    ends: bool = False
+
+    @property
+    def look(self) -> NodeLook:
+        """How to show it: a condition that is not so has answered, and not failed."""
+        return NO if self.node.condition and self.state == FAILURE and not self.ends else LOOKS[self.state]
 
     def __str__(self) -> str:
-        look = LOOKS[self.state]
+        look = self.look
         message = f": {self.message}" if self.message else ""
         return f"[{self.stamp:7.2f} s] {look.icon} {node_label(self.node)} {look.word}{message}"
 
@@ -37,6 +43,8 @@ class NodeEvents:
     def of(self, transitions: Iterable[NodeTransition]) -> list[NodeEvent]:
         """The events in a batch of changes, and how the root ended."""
         events = []
+        transitions = list(transitions)
+        last = ended_by(self._tree, transitions)
         for transition in transitions:
             node = self._tree.node(transition.uid)
             told = self._told.get(node.uid)
@@ -50,5 +58,5 @@ class NodeEvents:
             now = (transition.state, transition.message if transition.state != RUNNING else "")
             if now != told:
                 self._told[node.uid] = now
-                events.append(NodeEvent(transition.stamp, node, transition.state, transition.message))
+                events.append(NodeEvent(transition.stamp, node, transition.state, transition.message, node.uid == last))
         return events

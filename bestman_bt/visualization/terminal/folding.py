@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bestman_bt.engine import RUNNING
-from bestman_bt.visualization.node_states import NEVER_TICKED, WAS_SUCCESS, NodeStates
+from bestman_bt.visualization.node_states import NEVER_TICKED, NO, WAS_NO, WAS_SUCCESS, NodeStates
 from bestman_bt.visualization.tree_description import DescribedNode, TreeDescription
 
 
@@ -39,7 +39,7 @@ def _rank(states: NodeStates, node: DescribedNode) -> int:
     look = states.look(node.uid)
     if look is NEVER_TICKED:
         return 0
-    return 1 if look is WAS_SUCCESS or look.word == "success" else 2
+    return 1 if look in (WAS_SUCCESS, WAS_NO, NO) or look.word == "success" else 2
 
 
 def _subtree_sizes(tree: TreeDescription) -> dict[int, int]:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from bestman_bt.engine import FAILURE, RUNNING
 from bestman_bt.visualization.node_labels import node_label
-from bestman_bt.visualization.node_states import LOOKS, NodeLook, NodeStates
+from bestman_bt.visualization.node_states import NodeLook, NodeStates
 from bestman_bt.visualization.terminal.events import NodeEvent, NodeEvents
 from bestman_bt.visualization.terminal.folding import folded_nodes, hidden_count
 from bestman_bt.visualization.tree_description import DescribedNode, NodeTransition, TreeDescription
@@ -63,7 +63,7 @@ class LiveTree:
         if events:
             yield Text("─" * min(options.max_width, 60), style="dim")
             for event in events:
-                line = Text(str(event), style=_style(LOOKS[event.state]))
+                line = Text(str(event), style=_style(event.look))
                 line.truncate(options.max_width, overflow="ellipsis")
                 yield line
 

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS
-from bestman_bt.visualization import NodeTransition, TreeDescription
+from bestman_bt.visualization import DescribedNode, NodeTransition, TreeDescription
 from bestman_bt.visualization.terminal import NodeEvents
 
 
@@ -44,3 +44,29 @@ def test_the_end_of_the_tree_is_told(fetch_nodes):
     assert told(fetch_nodes, [NodeTransition(0, SUCCESS, 9.0), NodeTransition(0, IDLE, 9.0)]) == [
         "[   9.00 s] ✓ → fetch success"
     ]
+
+
+ASKING = [
+    DescribedNode(0, "fetch", "Sequence", None),
+    DescribedNode(1, "held", "Holding", 0, condition=True),
+    DescribedNode(2, "grasp", "Grasp", 0),
+]
+
+
+def test_a_condition_that_does_not_hold_answers_no_which_is_not_told_as_a_failure():
+    assert told(ASKING, [NodeTransition(1, FAILURE, 1.0, "the hand is empty")]) == [
+        "[   1.00 s] – held no: the hand is empty"
+    ]
+
+
+def test_a_condition_that_ends_the_tree_is_told_as_a_failure_and_one_before_it_is_not():
+    ending = [
+        NodeTransition(1, FAILURE, 2.0, "the hand is empty"),
+        NodeTransition(2, FAILURE, 2.0, "slipped"),
+        NodeTransition(0, FAILURE, 2.0),
+    ]
+    lines = [line.split("s] ")[1] for line in told(ASKING, ending)]
+    assert lines[0].startswith("– held")
+    assert lines[1].startswith("✗ grasp")
+    lines = [line.split("s] ")[1] for line in told(ASKING, [ending[0], ending[2]])]
+    assert lines[0].startswith("✗ held")
