@@ -136,6 +136,23 @@ def test_socket_and_link_are_gone_afterwards(tmp_path: Path) -> None:
         request(path, {"do": "status"})
 
 
+def test_without_a_folder_there_is_no_link_and_afterwards_nobody_serves(tmp_path: Path) -> None:
+    def serving() -> list[threading.Thread]:
+        return [thread for thread in threading.enumerate() if thread.name == "control-channel"]
+
+    before = serving()
+    clock = ManualClock()
+    executor = Executor(load_tree(SHORT, clock=clock), clock)
+    telemetry = Telemetry(executor, described("short"))
+    with telemetry, ControlChannel(executor, lambda: None, telemetry).serving() as path:
+        assert request(path, {"do": "status"})["ok"]
+        (thread,) = (thread for thread in serving() if thread not in before)
+        assert thread.daemon
+        path.unlink()  # by somebody who tidies up: no reason to fail
+    assert serving() == before
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_status_tells_task_process_ticks_and_root(served: Served) -> None:
     served.ticks_after(2)
     answer = served.ask("status")

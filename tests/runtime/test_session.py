@@ -9,7 +9,9 @@ import pytest
 import bestman_bt
 from behaviours.move_arm import MoveArm
 from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.control.robot_stop import HELD
 from bestman_bt.engine import Sequence
+from bestman_bt.monitor.control_client import request, running_executors
 from bestman_bt.runtime import Ending, open_session, prepare, session
 from hal.api import NotConnectedError
 
@@ -63,6 +65,30 @@ def test_what_one_session_believes_the_next_does_not_know() -> None:
         assert second.skills.world.objects == {}
         assert second.skills.world.obstacles == {}
         assert second.skills.world.base == setup.world_model.base
+
+
+def test_a_stop_through_the_control_channel_of_a_session_can_be_cleared_by_no_tree(
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("run")))
+    body = '<ForceSuccess><ClearStop/></ForceSuccess><MoveArm posture="carry"/>'
+    tree = f"""<root BTCPP_format="4"><BehaviorTree ID="Main"><RetryUntilSuccessful num_attempts="-1"><Inverter>
+        <Sequence>{body}</Sequence></Inverter></RetryUntilSuccessful></BehaviorTree></root>"""
+    answers: list[dict[str, object]] = []
+
+    def stop_once() -> None:
+        if not answers:
+            (path,) = running_executors()
+            answers.append(request(path, {"do": "stop"}))
+
+    with session(seed=3) as opened:
+        execution = opened.run(tree, after_tick=stop_once)
+        assert answers[0]["ok"]
+        assert (execution.ending, execution.why) == (Ending.CANCELLED, "stopped through the control channel")
+        assert opened.robot.stopped
+        assert opened.skills.stop.clear() == HELD
+        assert opened.robot.stopped
+    assert running_executors() == []
 
 
 def test_a_tree_made_of_python_nodes_runs_in_a_session() -> None:

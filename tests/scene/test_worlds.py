@@ -66,7 +66,6 @@ def test_objects_leave_room_for_a_hand(worlds: dict[str, list[World]]) -> None:
             assert gap >= planar_radius(a.model) + planar_radius(b.model) + 0.08
 
 
-@pytest.mark.slow
 def test_objects_never_overlap_even_where_they_are_packed(worlds: dict[str, list[World]]) -> None:
     for world in worlds["kitchen_covered_counter"]:
         outlines = [rectangle(o.pose.to_pose2d(), (o.model.size[0], o.model.size[1])) for o in world.objects]
@@ -168,7 +167,6 @@ def test_without_the_cup_everything_else_stays_where_it_is(worlds: dict[str, lis
     assert same > 0.5 * len(SEEDS)
 
 
-@pytest.mark.slow
 def test_no_disc_of_twelve_centimetres_is_free_on_the_covered_counter(worlds: dict[str, list[World]]) -> None:
     world = worlds["kitchen_covered_counter"][0]
     counter = next(f for f in world.furniture if f.name == "counter")

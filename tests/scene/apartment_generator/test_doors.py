@@ -18,8 +18,6 @@ from bestman_bt.scene.scene import Wall
 from bestman_bt.scene.standing_outlines import leaf_outlines, standing_outlines
 from bestman_bt.world_model import WorldModel, open_leaves
 
-pytestmark = pytest.mark.slow
-
 OPTIONS = ApartmentOptions(doors=1.0, half_open=0.5)
 SEEDS = range(8)
 BASE = Footprint(np.array([[-0.28, -0.26], [0.28, -0.26], [0.28, 0.26], [-0.28, 0.26]]))
