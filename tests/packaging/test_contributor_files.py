@@ -54,9 +54,11 @@ def test_the_hooks_are_the_checks_of_make_lint_with_the_locked_tools() -> None:
         folder, _, name = program.rpartition("/")
         assert folder == ".venv/bin"
         assert TOOL_OF.get(name, name) in locked
-    recipe = re.search(r"^lint:.*\n((?:\t.+\n)+)", (CHECKOUT / "Makefile").read_text(), re.MULTILINE)
-    assert recipe is not None
-    assert set(re.findall(r"\$\(BIN\)/(\S+)", recipe[1])) == {program.rpartition("/")[2] for program in programs}
+    recipes = re.findall(
+        r"^(?:lint|types|contracts):.*\n((?:\t.+\n)+)", (CHECKOUT / "Makefile").read_text(), re.MULTILINE
+    )
+    checks = {tool for recipe in recipes for tool in re.findall(r"\$\(BIN\)/(\S+)", recipe)}
+    assert checks == {program.rpartition("/")[2] for program in programs}
 
 
 def test_updates_are_looked_for_where_requirements_are() -> None:
