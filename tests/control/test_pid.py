@@ -89,6 +89,9 @@ def test_a_smaller_setpoint_weight_overshoots_less() -> None:
     ("fields", "named"),
     [
         ({"kp": -1.0}, "kp"),
+        ({"kp": 1.0, "ki": -1.0}, "ki"),
+        ({"kp": 1.0, "kd": math.nan}, "kd"),
+        ({"kp": 1.0, "derivative_filter": -0.1}, "derivative_filter"),
         ({"kp": 1.0, "lower": 1.0, "upper": 1.0}, "lower"),
         ({"kp": 1.0, "tracking_time": 0.0}, "tracking_time"),
     ],
@@ -96,3 +99,22 @@ def test_a_smaller_setpoint_weight_overshoots_less() -> None:
 def test_parameters_that_mean_nothing_are_refused(fields: dict[str, float], named: str) -> None:
     with pytest.raises(ValueError, match=named):
         PIDParameters(**fields)
+
+
+def test_after_a_reset_the_derivative_begins_anew() -> None:
+    pid = PID(PIDParameters(kp=0.0, kd=1.0, derivative_filter=0.1))
+    for _ in range(3):
+        pid.update(0.0, 5.0, PERIOD)
+    pid.reset()
+    assert pid.update(0.0, 0.0, PERIOD) == 0.0
+    assert pid.integral == 0.0
+
+
+def test_a_saturated_controller_without_tracking_still_integrates_towards_its_limits() -> None:
+    pid = PID(PIDParameters(kp=1.0, ki=1.0, lower=-1.0, upper=1.0))
+    pid.reset(integral=5.0)
+    for _ in range(10):
+        assert pid.update(-1.0, 0.0, PERIOD) == 1.0
+    assert pid.integral == pytest.approx(5.0 - 10 * PERIOD)
+    pid.update(9.0, 0.0, PERIOD)
+    assert pid.integral == pytest.approx(5.0 - 10 * PERIOD), "it would only push further beyond the limit"

@@ -128,13 +128,20 @@ def test_a_stop_of_the_robot_ends_it(pushed) -> None:
     assert handle.error.code is ControlErrorCode.STOPPED
 
 
-def test_an_arm_that_is_thrown_about_is_braked(pushed) -> None:
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_arm_that_is_thrown_about_is_braked(pushed, side: float) -> None:
     it = pushed(ImpedanceParameters(speed_share=0.2))
     handle = it.controller.hold()
-    it.force = np.array([0.0, 300.0, 0.0])
-    it.robot.clock.sleep(0.5)
+    it.force = np.array([0.0, side * 300.0, 0.0])
+    for _ in range(50):
+        it.robot.clock.sleep(0.01)
+        if handle.done:
+            break
     assert handle.error is not None
     assert handle.error.code is ControlErrorCode.TRACKING
+    it.force = np.zeros(3)
+    it.robot.clock.sleep(0.5)
+    assert np.abs(it.arm.velocities()).max() < 0.05, "it holds where it is"
 
 
 def test_a_spring_that_pulls_harder_than_the_joints_can_is_cut_off_at_their_limits(pushed) -> None:

@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Box, Cylinder, OccupancyGrid, PlacedShape, Pose, Pose2D
+from bestman_bt.messages import Box, Cylinder, Mesh, OccupancyGrid, PlacedShape, Pose, Pose2D, Sphere
 from bestman_bt.navigation.global_planning import (
     Costmap,
     CostmapParameters,
@@ -13,7 +14,7 @@ from bestman_bt.navigation.global_planning import (
     LayeredCostmap,
     LayeredCostmapParameters,
 )
-from bestman_bt.world_model import Obstacle
+from bestman_bt.world_model import MapFurniture, Obstacle, SemanticMap
 
 EXACT = CostmapParameters(clearance=0.0, furniture_position_error=0.0, furniture_heading_error=0.0)
 
@@ -115,3 +116,52 @@ def test_cells_that_nobody_has_seen_are_obstacles_as_long_as_their_layer_is_on(f
     assert bold.distance_at([1.7, 1.5]) > 0.5
     assert careful.distance_at([0.525, 0.525]) < 0.0
     assert bold.distance_at([0.525, 0.525]) < 0.0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_furniture_may_be_turned_either_way_and_a_piece_that_was_measured_is_known_better(kitchen, footprint, side):
+    table = kitchen.furniture["table"]
+    beside = np.array([3.4 + side * 0.35, -0.9 + side * 0.65])
+    measured = kitchen.with_furniture(replace(table, position_error=0.004, heading_error=0.0))
+    rough, better, exact = (
+        Costmap.from_map(world, footprint, parameters=parameters).distance_at(beside)
+        for world, parameters in (
+            (kitchen, CostmapParameters(clearance=0.0)),
+            (measured, CostmapParameters(clearance=0.0)),
+            (kitchen, EXACT),
+        )
+    )
+    assert exact - rough == pytest.approx(0.03 + 0.35 * math.radians(2), abs=0.003)
+    assert exact - better == pytest.approx(0.004, abs=1e-6)
+
+
+def test_bodies_of_all_kinds_are_as_far_away_as_their_outlines(footprint):
+    room = SemanticMap(np.array([(-4, -4, 4, -4), (4, -4, 4, 4), (4, 4, -4, 4), (-4, 4, -4, -4)], dtype=float), {})
+    corners = np.array([[-0.2, -0.3, 0.0], [0.2, -0.3, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 0.9]])
+    faces = np.array([[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]])
+    for shape, edge in (
+        (Sphere(0.3), 0.3),
+        (Cylinder(0.25, 0.6), 0.25),
+        (Mesh(corners, faces), 0.2),
+        (Box((0.3, 0.6, 0.5)), 0.15),
+    ):
+        placed = PlacedShape(shape, Pose.from_xyz_rpy((1.0, -0.31 if isinstance(shape, Mesh) else 0.0, 0.4)))
+        costmap = Costmap.from_map(room, footprint, [Obstacle("it", (placed,), 0.0)], EXACT)
+        y = -0.61 if isinstance(shape, Mesh) else 0.0
+        assert costmap.distance_at([1.0 + edge + 0.5, y]) == pytest.approx(0.5, abs=0.012)
+
+
+def test_the_frame_of_a_doorway_is_in_the_way_and_its_opening_is_not_as_long_as_doors_are_on(kitchen, footprint):
+    post = PlacedShape(Box((0.1, 0.1, 2.0)), Pose.from_xyz_rpy((0.0, 0.45, 1.0)))
+    door = MapFurniture("door", Pose2D(0.0, 0.0, 0.0), (0.1, 1.0), 2.0, (), False, (post,), is_passage=True)
+    with_door = kitchen.with_furniture(door)
+    for doors, away in ((True, 0.4), (False, 1.0)):
+        costmap = Costmap.from_map(with_door, footprint, parameters=replace(EXACT, doors=doors))
+        assert float(costmap.distance_at([0.0, 0.0])) == pytest.approx(away, abs=0.05) or not doors
+        assert (float(costmap.distance_at([0.0, 0.45])) < 0.0) == doors
+
+
+def test_cells_nearer_than_is_lethal_cost_the_most_within_the_slack(costmap):
+    highest = 1.0 + costmap.parameters.cost_weight
+    assert costmap.cost([0.4, 0.395, 0.391, 0.389], 0.4, 0.01) == pytest.approx([highest, highest, highest, np.inf])
+    assert costmap.cost([0.4 + 0.15], 0.4)[0] == pytest.approx(1.0 + 3.0 / math.e)

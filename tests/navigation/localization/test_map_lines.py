@@ -3,8 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.messages import OccupancyGrid
+from bestman_bt.messages import OccupancyGrid, Pose2D
 from bestman_bt.navigation.localization import map_lines
+from bestman_bt.navigation.localization.map_lines import open_furniture, within
+from bestman_bt.world_model import MapFurniture, SemanticMap
 
 
 def grid(rows: list[str]) -> OccupancyGrid:
@@ -44,3 +46,16 @@ def test_the_border_of_a_block_goes_around_its_outermost_cells():
 def test_a_lone_cell_can_be_seen_and_what_is_unknown_can_not():
     assert length(map_lines(grid(["...", ".#.", "..."]), 0.001, 0.025).segments) > 0.0
     assert len(map_lines(grid(["???", "?.?", "???"]), 0.001, 0.025).segments) == 0
+
+
+def test_open_furniture_is_a_turned_rectangle_grown_by_how_far_it_may_be_off(kitchen):
+    shelf = MapFurniture("shelf", Pose2D(1.0, 2.0, 0.5), (0.4, 2.0), 1.2, (), False, position_error=0.05)
+    solid = MapFurniture("solid", Pose2D(5.0, 5.0, 0.0), (0.4, 2.0), 1.2, (), True)
+    rectangles = open_furniture(SemanticMap(kitchen.walls, {"shelf": shelf, "solid": solid}))
+    assert rectangles == pytest.approx(np.array([[1.0, 2.0, 0.5, 0.25, 1.05]]))
+    inside = [(0.24, 0.0), (-0.24, 1.04), (0.0, -1.04)]
+    outside = [(0.26, 0.0), (0.0, 1.06), (-0.26, -1.0), (0.9, 0.0)]
+    points = shelf.pose.apply(np.array(inside + outside))
+    assert within(rectangles, points).tolist() == [True] * 3 + [False] * 4
+    assert not within(open_furniture(SemanticMap(kitchen.walls, {})), points).any()
+    assert len(open_furniture(grid(["#"]))) == 0

@@ -117,3 +117,30 @@ def test_a_costmap_of_a_grid_tells_distances_to_the_borders_of_occupied_and_unkn
     assert costmap.distance_at([5.025, 2.0]) == pytest.approx(0.975 - margin, abs=1e-6)  # the unknown begins at 6
     assert costmap.distance_at([3.025, 0.025]) == pytest.approx(-0.025 - margin, abs=1e-6)
     assert Costmap.from_grid(grid, footprint, unknown_is_obstacle=False).distance_at([5.8, 2.0]) > 1.5
+
+
+def cell_of(overhangs: Overhangs, x: float, y: float) -> int:
+    grid = OccupancyGrid(np.zeros((160, 160), dtype=np.int8), 0.05, np.array([-4.0, -4.0]))
+    drawn = overhangs.drawn_on(grid)
+    return int(drawn.data[tuple(grid.to_cells([x, y]))])
+
+
+@pytest.mark.parametrize(
+    ("height", "away", "count", "kept"),
+    [
+        (0.11, 1.0, 3, True),
+        (0.09, 1.0, 3, False),
+        (1.55, 1.0, 3, True),
+        (1.65, 1.0, 3, False),
+        (0.75, 2.95, 3, True),
+        (0.75, 3.05, 3, False),
+        (0.75, 1.0, 2, False),
+    ],
+)
+def test_points_of_one_image_between_the_heights_and_within_the_range_make_a_cell(height, away, count, kept):
+    overhangs, place = Overhangs(0.05), np.array([-1.275, -0.525, height])
+    camera = place + away * np.array([0.6, -0.8, 0.0])
+    overhangs.add(np.tile(place, (count, 1)), camera)
+    overhangs.add(np.array([[2.025, 1.025, 0.5]] * 3), np.array([2.0, 1.0, 1.0]))  # nothing is forgotten
+    assert cell_of(overhangs, place[0], place[1]) == (100 if kept else 0)
+    assert cell_of(overhangs, 2.025, 1.025) == 100
