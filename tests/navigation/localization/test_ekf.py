@@ -71,3 +71,31 @@ def test_sideways_driving_goes_sideways():
 def test_wheels_alone_stay_what_they_are():
     wheels = Pose2D(0.3, -0.2, 1.0)
     assert WheelOdometry().update(wheels, 0.5, DT) == wheels
+
+
+@pytest.mark.parametrize("start", [Pose2D(), Pose2D(3.0, -2.0, 2.8)])
+def test_from_any_pose_the_wheels_are_followed_backwards_sideways_and_round_the_half_turn(start):
+    ekf, wheels, truth = OdometryEkf(), start, start
+    for _ in range(2):  # the second time, from where the wheels have come to
+        ekf.reset(wheels)
+        truth = wheels
+        for move in ((-0.01, 0.0, 0.02), (0.0, 0.01, -0.02), (0.01, 0.005, 0.03)):
+            for _ in range(60):
+                wheels = wheels @ Pose2D(*move)
+                truth = truth @ Pose2D(*move)
+                fused = ekf.update(wheels, move[2], DT)
+        assert fused.distance_to(truth) < 0.02
+        assert abs(wrap_angle(fused.theta - truth.theta)) < 0.02
+        assert abs(fused.theta) <= math.pi
+        before = ekf.covariance[0, 0] + ekf.covariance[1, 1]
+        assert before > 1e-4  # distances that slip are no more certain than that
+
+
+def test_a_turn_of_the_wheels_that_the_gyroscope_did_not_feel_is_slip():
+    ekf = OdometryEkf()
+    for _ in range(80):
+        pose = ekf.update(Pose2D(), 0.0, DT)
+    for step in range(1, 6):  # the wheels spin: a quarter of a turn in an eighth of a second
+        pose = ekf.update(Pose2D(0.0, 0.0, 0.3 * step), 0.0, DT)
+    assert abs(pose.theta) < 0.01
+    assert abs(ekf.bias) < 0.002

@@ -116,3 +116,26 @@ def test_equal_seeds_give_equal_estimates_and_others_do_not(kitchen):
 def test_before_the_first_reset_there_is_no_estimate(kitchen):
     with pytest.raises(RuntimeError, match="before reset"):
         ParticleFilter(kitchen).predict(Pose2D())
+
+
+def test_after_another_reset_it_is_as_if_nothing_had_been(kitchen):
+    ends = []
+    localizer = ParticleFilter(kitchen)
+    for _ in range(2):
+        odometry = Pose2D(2.0, -1.0, 0.7)
+        localizer.reset(START, odometry, 0.03, 0.02)
+        estimates, _, _ = circle(kitchen, localizer, START, odometry, 4)
+        ends.append(estimates[-1].pose)
+        blind = LaserScan(np.full(BEAMS, 1.0), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
+        for _ in range(6):
+            localizer.correct(blind, BASE_FROM_LIDAR)
+    assert ends[0] == ends[1]
+
+
+def test_hits_that_lie_on_nothing_are_refused_although_it_is_sure_of_its_place(kitchen):
+    localizer = ParticleFilter(kitchen)
+    localizer.reset(START, Pose2D(), 0.01, 0.01)
+    around = LaserScan(np.full(BEAMS, 0.5), -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, 0.0)
+    match = localizer.correct(around, BASE_FROM_LIDAR).match
+    assert not match.accepted
+    assert "of the hits lie" in match.reason

@@ -146,3 +146,43 @@ def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, 
     difference = np.abs(ideal.depth - seen.depth)[both]
     assert np.median(difference) < 0.001
     assert np.mean(difference < 0.01) > 0.97
+
+
+def test_an_image_of_the_future_is_none_and_without_a_clock_no_age_is_asked_for(
+    robot, camera, kinematics, joints, world
+):
+    image = camera.capture()
+    later = Playback(camera, replace(image, stamp=robot.clock.now() + 0.7))
+    belief = WorldModel(semantic_map(world))
+    with pytest.raises(CameraError, match=r"0\.70 s in the future") as error:
+        RGBDSensor(later, kinematics, joints, belief, robot.clock).capture()
+    assert error.value.code is CameraErrorCode.STALE
+    assert RGBDSensor(later, kinematics, joints, belief).capture().stamp == later.image.stamp
+
+
+@pytest.mark.parametrize(("level", "black"), [(8, True), (9, False)])
+def test_one_pixel_above_the_level_is_no_black_image(camera, kinematics, joints, world, level, black):
+    image = camera.capture()
+    rgb = np.zeros_like(image.rgb)
+    rgb[100, 200, 1] = level
+    sensor = RGBDSensor(Playback(camera, replace(image, rgb=rgb)), kinematics, joints, WorldModel(semantic_map(world)))
+    if black:
+        with pytest.raises(CameraError, match="black"):
+            sensor.capture()
+    else:
+        assert sensor.capture().image.rgb.max() == level
+
+
+@pytest.mark.parametrize(("share", "enough"), [(0.0009, False), (0.0011, True)])
+def test_a_thousandth_of_the_pixels_must_have_a_depth(camera, kinematics, joints, world, share, enough):
+    image = camera.capture()
+    depth = np.zeros_like(image.depth)
+    depth.ravel()[: round(share * depth.size)] = 1.0
+    sensor = RGBDSensor(
+        Playback(camera, replace(image, depth=depth)), kinematics, joints, WorldModel(semantic_map(world))
+    )
+    if enough:
+        assert sensor.capture().image.depth.max() == pytest.approx(1.0, abs=0.05)
+    else:
+        with pytest.raises(CameraError, match="without depth"):
+            sensor.capture()

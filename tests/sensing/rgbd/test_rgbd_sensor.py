@@ -1,14 +1,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Pose2D
+from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D, RGBDImage
 from bestman_bt.scene import semantic_map
 from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
-from bestman_bt.world_model import BasePose, WorldModel
+from bestman_bt.world_model import BasePose, HeldObject, WorldModel
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +45,31 @@ def test_the_view_in_the_map_goes_through_the_believed_pose_of_the_base(view):
 
 def test_a_view_has_the_stamp_of_its_image(view, robot):
     assert view.stamp == pytest.approx(robot.clock.now(), abs=0.01)
+
+
+def test_what_is_held_is_part_of_the_robot_and_left_out_of_views_where_it_is(robot, model, kinematics, joints, world):
+    camera = robot.parts["head_camera"]
+    tool = kinematics.pose(model.arms["arm"].tool_frame, joints.positions())
+    eye = kinematics.pose(camera.optical_frame, joints.positions())
+    # Beside the hand, in the middle of the picture and 1.2 m away: no link of the robot is there.
+    middle = eye @ Pose(np.array([0.0, 0.0, 1.2]))
+    box = ObjectModel("box", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box((0.1, 0.1, 0.1)), Pose()),))
+    seen = camera.capture()
+    for gap, own in ((0.03, True), (0.20, False)):
+        depth = np.full_like(seen.depth, 1.2 + gap)
+        image = RGBDImage(seen.rgb, depth, seen.intrinsics, seen.stamp)
+        still = SimpleNamespace(
+            name=camera.name,
+            intrinsics=camera.intrinsics,
+            optical_frame=camera.optical_frame,
+            capture=lambda image=image: image,
+        )
+        for held in (None, HeldObject("box", box, tool.inverse() @ middle, 0.1)):
+            belief = WorldModel(semantic_map(world), held=held)
+            view = RGBDSensor(still, kinematics, joints, belief).capture()
+            row, column = round(seen.intrinsics.cy), round(seen.intrinsics.cx)
+            assert view.own_body[row, column] == (held is not None and own)
+            known = view.in_base.image.depth[row, column]
+            assert (known == 0.0) == (held is not None and own)
+            assert view.image.depth[row, column] > 1.0
+            assert not view.own_body[row, column + 150]
