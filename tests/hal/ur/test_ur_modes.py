@@ -1,0 +1,68 @@
+"""Which reports of a UR's controller are a fault, with which code and number; its digital channels."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hal.api import CommandRefusedError, MotionErrorCode, NoDataError
+from hal.hardware import StopLatch
+from hal.ur.digital_io import URDigitalIO
+from hal.ur.modes import fault_of
+from hal.ur.sdk_process import Report
+
+
+def report(**values: Any) -> Report:
+    zeros = [0.0] * 6
+    return Report(0.0, 0.0, zeros, zeros, zeros, zeros, zeros, 0, 0, 7, 1, 2, False, False)._replace(**values)
+
+
+@pytest.mark.parametrize(
+    ("values", "code", "number"),
+    [
+        ({"safety_mode": 3}, MotionErrorCode.COLLISION, "safety mode 3"),
+        *(({"safety_mode": mode}, MotionErrorCode.STOPPED, f"safety mode {mode}") for mode in (5, 6, 7, 12, 13)),
+        *(({"safety_mode": mode}, MotionErrorCode.FAULT, f"safety mode {mode}") for mode in (4, 8, 9, 99)),
+        ({"robot_mode": 5}, MotionErrorCode.FAULT, "robot mode 5"),
+        ({"robot_mode": 3, "busy": True}, MotionErrorCode.FAULT, "robot mode 3"),
+        ({"runtime_state": 1}, MotionErrorCode.FAULT, "runtime state 1"),
+        ({"runtime_state": 4}, MotionErrorCode.FAULT, "runtime state 4"),
+        ({"safety_mode": 3, "robot_mode": 5, "busy": True}, MotionErrorCode.COLLISION, "safety mode 3"),
+    ],
+)
+def test_what_keeps_a_controller_from_being_commanded_is_a_fault(
+    values: dict[str, Any], code: MotionErrorCode, number: str
+) -> None:
+    fault = fault_of(report(**values))
+    assert fault is not None
+    assert (fault.code, fault.vendor_code) == (code, number)
+
+
+@pytest.mark.parametrize("values", [{}, {"safety_mode": 2}, {"runtime_state": 1, "busy": True}])
+def test_a_controller_that_is_well_reduced_or_exchanges_its_program_has_no_fault(values: dict[str, Any]) -> None:
+    assert fault_of(report(**values)) is None
+
+
+def test_each_digital_channel_has_its_bit_and_a_stopped_robot_switches_none() -> None:
+    calls: list[tuple[Any, ...]] = []
+    link: Any = SimpleNamespace(report=None, call=lambda *arguments, timeout: calls.append(arguments))
+    latch = StopLatch()
+    io = URDigitalIO(link, latch)
+    with pytest.raises(NoDataError):
+        io.output("tool", 0)
+    for kind, first, count in (("standard", 0, 8), ("configurable", 8, 8), ("tool", 16, 2)):
+        for number in range(count):
+            link.report = report(digital_outputs=1 << first + number, digital_inputs=~(1 << first + number))
+            assert io.output(kind, number)  # type: ignore[arg-type]
+            assert not io.input(kind, number)  # type: ignore[arg-type]
+        for wrong in (-1, count):
+            with pytest.raises(CommandRefusedError, match=kind):
+                io.set_output(kind, wrong, True)  # type: ignore[arg-type]
+    io.set_output("tool", 1, True)
+    assert calls == [("set_output", "tool", 1, True)]
+    latch.set("a collision")
+    with pytest.raises(CommandRefusedError, match="a collision"):
+        io.set_output("tool", 1, False)
+    assert len(calls) == 1

@@ -1,0 +1,196 @@
+"""What an xArm's replies say about its controller: a scripted SDK answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import hal.xarm.wire
+from hal.api import MotionErrorCode
+from hal.hardware import ConnectionFailedError
+from hal.parts.simulated_clock import SimulatedClock
+from hal.xarm import XArmOptions
+from hal.xarm.wire import XArmWire
+
+TITLES = {number: {"en": {"title": f"title {number}"}} for number in (*range(40), "other")}
+
+
+class Arm:
+    """The SDK's arm: ``error`` of the controller, ``gripper_error``, ``code`` of whatever it is told."""
+
+    connected = True
+
+    def __init__(self) -> None:
+        self.error = self.gripper_error = self.code = self.state = 0
+        self.has_err_warn = False
+        self.stays = False
+        self.calls: list[Any] = []
+
+    def connect(self) -> None:
+        self.calls.append("connect")
+
+    def disconnect(self) -> None:
+        self.calls.append("disconnect")
+
+    def set_timeout(self, timeout: float) -> None:
+        self.calls.append(("timeout", timeout))
+
+    def get_err_warn_code(self) -> tuple[int, tuple[int, int]]:
+        return 0, (self.error, 0)
+
+    def get_gripper_err_code(self) -> tuple[int, int]:
+        return 0, self.gripper_error
+
+    def get_state(self) -> tuple[int, int]:
+        return 0, self.state
+
+    def clean_error(self) -> None:
+        self.calls.append("clean_error")
+        if not self.stays:
+            self.error, self.has_err_warn = 0, False
+
+    def __getattr__(self, name: str) -> Callable[..., int]:
+        def call(*arguments: Any) -> int:
+            self.calls.append((name, *arguments) if arguments else name)
+            return self.code
+
+        return call
+
+
+class Clock(SimulatedClock):
+    time = 0.0
+
+    def now(self) -> float:
+        return self.time
+
+
+@pytest.fixture
+def arm() -> Arm:
+    return Arm()
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock(0.01)
+
+
+@pytest.fixture
+def wire(arm: Arm, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> XArmWire:
+    modules = {
+        "xarm": SimpleNamespace(wrapper=SimpleNamespace(XArmAPI=lambda *a, **k: arm)),
+        "xarm.core.utils.log": SimpleNamespace(logger=SimpleNamespace(setLevel=lambda level: None)),
+        "xarm.core.config.x_code": SimpleNamespace(ControllerErrorCodeMap=TITLES, GripperErrorCodeMap=TITLES),
+    }
+    passed = [0.0]
+    monkeypatch.setattr(hal.xarm.wire, "answers", lambda address, timeout: True)
+    monkeypatch.setattr(
+        hal.xarm.wire,
+        "time",
+        SimpleNamespace(
+            sleep=lambda duration: passed.__setitem__(0, passed[0] + duration), monotonic=lambda: passed[0]
+        ),
+    )
+    made = XArmWire("arm_controller", clock, modules.__getitem__)  # type: ignore[arg-type]
+    made.open("192.168.7.7", XArmOptions())
+    return made
+
+
+@pytest.mark.parametrize(("code", "heard"), [(0, True), (-1, False), (3, False), (8, False), (1, True), (9, True)])
+def test_only_what_is_answered_is_a_sign_of_life(wire: XArmWire, clock: Clock, code: int, heard: bool) -> None:
+    clock.time = 5.0
+    assert wire.ask(lambda arm: (code, [1.0])) == ([1.0] if code == 0 else None)
+    assert wire.heard == (5.0 if heard else 0.0)
+    clock.time = 6.0
+    wire.tell("set-point", lambda arm: code)
+    assert wire.heard == (6.0 if heard else 0.0)
+    assert (wire.fault is not None) is (code == 9)
+
+
+@pytest.mark.parametrize(
+    ("number", "code"),
+    [
+        (22, MotionErrorCode.COLLISION),
+        (31, MotionErrorCode.COLLISION),
+        (30, MotionErrorCode.TRACKING),
+        (38, MotionErrorCode.TRACKING),
+        (1, MotionErrorCode.STOPPED),
+        (2, MotionErrorCode.STOPPED),
+        (3, MotionErrorCode.STOPPED),
+        (23, MotionErrorCode.FAULT),
+    ],
+)
+def test_an_error_that_any_reply_flags_is_the_fault_with_its_number(
+    wire: XArmWire, arm: Arm, number: int, code: MotionErrorCode
+) -> None:
+    arm.has_err_warn = True
+    wire.ask(lambda _: (0, 1))
+    assert wire.fault is None  # a warning
+    arm.error = number
+    wire.ask(lambda _: (1, None))
+    assert wire.fault is not None
+    assert (wire.fault.code, wire.fault.vendor_code, wire.fault.text) == (code, f"C{number}", f"title {number}")
+    wire.tell("set-point", lambda _: 9)  # of which a later refusal is only the consequence
+    assert wire.fault.vendor_code == f"C{number}"
+
+
+def test_a_refusal_without_an_error_is_a_fault_of_its_own(wire: XArmWire) -> None:
+    for code, words in ((9, "not ready to move"), (77, "refused a set-point")):
+        wire.make_ready(gripper=False)
+        wire.tell("set-point", lambda _, code=code: code)
+        assert wire.fault is not None
+        assert words in wire.fault.text
+        assert wire.fault.vendor_code == f"SDK {code}"
+
+
+def test_a_fault_of_the_gripper_has_the_grippers_number(wire: XArmWire, arm: Arm) -> None:
+    wire.tell("gripper", lambda _: 102)
+    assert wire.fault is None
+    arm.gripper_error = 34
+    wire.ask(lambda _: 102)
+    assert wire.fault is not None
+    assert (wire.fault.code, wire.fault.vendor_code) == (MotionErrorCode.FAULT, "G34")
+
+
+def test_making_ready_clears_errors_and_enters_servo_mode_in_order(wire: XArmWire, arm: Arm, clock: Clock) -> None:
+    arm.error, arm.has_err_warn = 31, True
+    wire.ask(lambda _: (0, 1))
+    arm.calls.clear()
+    clock.time = 9.0
+    wire.make_ready(gripper=True)
+    assert arm.calls[:5] == [
+        "clean_error",
+        "clean_warn",
+        ("motion_enable", True),
+        ("set_mode", 1),
+        ("set_state", 0),
+    ]
+    assert arm.calls[5:] == ["clean_gripper_error", ("set_gripper_mode", 0), ("set_gripper_enable", True)]
+    assert wire.fault is None
+    assert wire.heard == 9.0
+
+
+@pytest.mark.parametrize(("error", "words"), [(31, "title 31"), (0, "it stays stopped")])
+def test_a_controller_that_does_not_become_ready_is_told_with_its_reason(
+    wire: XArmWire, arm: Arm, error: int, words: str
+) -> None:
+    arm.state, arm.error, arm.stays = 4, error, True
+    with pytest.raises(ConnectionFailedError, match=words):
+        wire.make_ready(gripper=False)
+
+
+def test_a_command_that_has_to_succeed_says_what_was_refused(wire: XArmWire, arm: Arm) -> None:
+    wire.demand("the payload", lambda _: 2)  # with a warning
+    with pytest.raises(ConnectionFailedError, match=r"arm_controller: the controller refused the payload \(SDK 1\)"):
+        wire.demand("the payload", lambda _: 1)
+
+
+def test_a_closed_wire_asks_and_tells_nothing(wire: XArmWire, arm: Arm) -> None:
+    wire.close()
+    wire.close()
+    assert arm.calls.count("disconnect") == 1
+    assert wire.ask(lambda _: (0, 1)) is None
+    wire.tell("set-point", lambda _: 77)
+    assert wire.fault is None
