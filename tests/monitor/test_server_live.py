@@ -7,14 +7,18 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets.exceptions import ConnectionClosed
 
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.timeline import Timeline
+from bestman_bt.monitor.viewer import MOST_CONTROLS, MOST_OPEN
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, Page, states_event, wait_until
 
 StartMonitor = Callable[..., Monitor]
@@ -180,7 +184,16 @@ def test_controls_reach_the_executor(
         ({"do": "set", "key": "cup"}, "set wants a value"),
         ({"do": "explode"}, "unknown request 'explode'"),
         ({"do": "seek", "time": None}, "time is a number"),
+        ({"do": "seek", "time": True}, "time is a number"),
+        ({"do": "seek", "time": float("nan")}, "time is a number"),
+        ({"do": "seek", "time": float("inf")}, "time is a number"),
         ({"do": "series", "joints": "elbow"}, "joints is a list"),
+        ({"do": "series", "joints": ["elbow"] * 101}, "joints is a list"),
+        ({"do": "breakpoint", "node": True}, "node is the number"),
+        ({"do": "breakpoint", "node": 0}, "there is no node 0"),
+        ({"do": "breakpoint", "node": 2, "once": 1}, "once is true or false"),
+        ({"do": "breakpoint", "node": 2, "condition": "x" * 4097}, "condition is a text of 1 to 4096"),
+        ({"do": "set", "key": "cup", "value": 1, "scope": 3}, "scope is a text"),
     ],
 )
 def test_what_cannot_be_carried_out_is_refused_with_the_reason(
@@ -207,6 +220,90 @@ def test_a_stop_waits_for_nothing_that_was_asked_before(executor: FakeExecutor, 
         assert not [message for message in page.seen if message["type"] == "answer" and message["for"] in range(40)]
     assert answers[0]["ok"]
     assert executor.asked.count({"do": "stop"}) == 1
+    time.sleep(0.2)  # whatever else would come
+    assert len([asked for asked in executor.asked if asked["do"] in executor.unanswered]) <= MOST_CONTROLS + 1
+
+
+def test_a_page_opens_so_many_runs_and_a_run_that_is_closed_makes_room(start_monitor: StartMonitor) -> None:
+    names = [f"77-{number}" for number in range(MOST_OPEN + 1)]
+    executors = [FakeExecutor(name) for name in names]
+    monitor = start_monitor()
+    try:
+        with monitor.page() as page:
+            wait_until(lambda: len(monitor.server.runs.summaries()) == len(executors), "all are listed")
+            for number in [*range(MOST_OPEN), 0]:  # the first one twice
+                page.ask("open", id=f"77-{number}", n=number)
+                assert page.next("answer", lambda answer, n=number: answer["for"] == n)["ok"]
+            page.ask("open", id=f"77-{MOST_OPEN}", n="more")
+            refused = page.next("answer", lambda answer: answer["for"] == "more")
+            assert refused["error"] == f"at most {MOST_OPEN} runs can be open at a time"
+            run = monitor.server.runs.get("77-0")
+            assert run is not None
+            assert len(run.watchers) == 1
+            page.ask("close", id="77-0", n="close")
+            assert page.next("answer", lambda answer: answer["for"] == "close")["ok"]
+            assert run.watchers == set()
+            page.ask("open", id=f"77-{MOST_OPEN}", n="again")
+            assert page.next("answer", lambda answer: answer["for"] == "again")["ok"]
+        wait_until(
+            lambda: not any(run.watchers for run in map(monitor.server.runs.get, names) if run),
+            "a page that goes looks no more",
+        )
+    finally:
+        for executor in executors:
+            executor.close()
+
+
+def test_so_many_pages_are_served_and_one_that_goes_makes_room(
+    start_monitor: StartMonitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bestman_bt.monitor.server.MOST_VIEWERS", 3)
+    monitor = start_monitor()
+    with ExitStack() as pages:
+        opened_pages = [pages.enter_context(monitor.page()) for _ in range(3)]
+        for page in opened_pages:
+            page.next("hello")
+        with monitor.page() as fourth, pytest.raises(ConnectionClosed) as caught:
+            fourth.next("hello")
+        assert caught.value.rcvd is not None
+        assert (caught.value.rcvd.code, caught.value.rcvd.reason) == (1013, "3 pages are open already")
+        opened_pages[0].connection.close()
+
+        def is_served() -> bool:
+            with monitor.page() as page:
+                try:
+                    return page.next("hello")["runs"] == []
+                except ConnectionClosed:
+                    return False
+
+        wait_until(is_served, "there is room")
+
+
+def test_a_page_that_asks_too_often_is_read_later(
+    executor: FakeExecutor, start_monitor: StartMonitor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("bestman_bt.monitor.viewer.REQUESTS_A_SECOND", 20)
+    with start_monitor().page() as page:
+        opened(page)
+        start = time.monotonic()
+        for number in range(40):
+            page.ask("live", id=ID, n=number)
+        page.next("answer", lambda answer: answer["for"] == 39)
+    assert time.monotonic() - start > 0.5, "20 at once, and 20 more within a second"
+
+
+def test_pictures_are_served_as_what_they_are(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
+    png = b"\x89PNG\r\n"
+    image = {"event": "image", "time": 1.0, "camera": "head", "width": 1, "height": 1}
+    executor.first.append(image | {"jpeg": base64.b64encode(png).decode()})
+    monitor = start_monitor()
+    with monitor.page() as page, monitor.http() as http:
+        opened(page)
+        answer = http.get(page.next("image")["url"])
+        assert http.get(f"/runs/{ID}/images/x.jpg").status_code == 404
+        assert http.get("/runs/nobody/images/1.jpg").text == "there is no such run\n"
+    assert (answer.content, answer.headers["content-type"]) == (png, "image/png")
+    assert answer.headers["cache-control"] == "private, max-age=3600"
 
 
 def test_what_the_executor_refuses_is_told(executor: FakeExecutor, start_monitor: StartMonitor) -> None:

@@ -20,7 +20,11 @@ CHROMIUM = next(
 )
 REQUIRED = os.environ.get("BROWSER_TESTS") == "required"
 """Where they must not be skipped."""
-STORIES = sorted(HERE.glob("*.test.mjs"), key=lambda path: path.name)
+QUICK = "showing.test.mjs"
+STORIES = [
+    pytest.param(path, marks=() if path.name == QUICK else pytest.mark.slow)
+    for path in sorted(HERE.glob("*.test.mjs"), key=lambda path: path.name)
+]
 
 
 def _missing() -> str | None:
