@@ -283,6 +283,8 @@ def test_a_covariance_on_a_plane_is_turned_into_the_frame() -> None:
     assert np.sqrt(np.diag(turned))[[0, 1, 5]] == pytest.approx([0.001, 0.004, 0.02])
     planar[0, 2] = planar[2, 0] = 1e-5
     assert covariance_in_frame(planar, Pose.from_xyz_rpy((0, 0, 0), (0, 0, math.pi)))[0, 5] == pytest.approx(-1e-5)
+    slanted = covariance_in_frame(planar, Pose.from_xyz_rpy((0, 0, 0), (0, 0, math.pi / 6)))
+    assert slanted[0, 1] == pytest.approx((0.004**2 - 0.001**2) * math.sin(math.pi / 3) / 2)
 
 
 def test_evidence_of_several_views_is_weighed_and_each_part_of_it_counts() -> None:
