@@ -155,7 +155,9 @@ def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: Session)
     assert "arm (encoders) delivers no readings" in words
 
 
-@pytest.mark.parametrize("limits", [[0.0, math.nan], [[1.0], [math.nan]]], ids=["flat", "nested"])
+@pytest.mark.parametrize(
+    "limits", [[0.0, math.nan], [[1.0], [math.nan]], [(1.0, math.nan)]], ids=["flat", "nested", "in a tuple"]
+)
 def test_a_condition_refuses_a_number_that_is_none_in_a_list_too(bystander: Session, limits: Any) -> None:
     assert tick(load(bystander, "<Compared/>"), 2) == SUCCESS
     tree = load(bystander, '<Compared limits="{limits}"/>')

@@ -216,3 +216,16 @@ def test_a_distance_counts_from_where_the_child_has_last_succeeded(skills: Any) 
     tree.halt()
     run(skills, tree, 1)
     assert tree.blackboard.get("n") == 4
+
+
+@pytest.mark.parametrize("code", [ControlErrorCode.STOPPED, ControlErrorCode.SUPERSEDED])
+@pytest.mark.parametrize(("leaf", "asked"), MOTIONS[:1] + MOTIONS[-1:])
+def test_a_motion_that_was_stopped_or_taken_over_by_another_command_has_failed(
+    skills: Any, leaf: str, asked: tuple[Any, ...], code: ControlErrorCode
+) -> None:
+    skills.base.ends[asked[0]] = [UNDER_WAY]
+    tree = load(skills, f"<{leaf}/>")
+    assert run(skills, tree, 3) == RUNNING
+    skills.base.handles[-1].abort(code, "it was ended from outside")
+    assert run(skills, tree, 3) == FAILURE
+    assert codes(skills) == [code.value]
