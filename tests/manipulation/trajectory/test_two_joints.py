@@ -107,7 +107,7 @@ PATHS = [np.random.default_rng(seed).uniform(TWO.lower * 0.9, TWO.upper * 0.9, (
 @pytest.mark.parametrize("path", PATHS[:2], ids=range(2))
 def test_stops_and_new_speeds_keep_the_limits_on_the_path_at_any_time(path: np.ndarray) -> None:
     whole = Toppra().parametrize(path, TWO, SpeedScale(0.8, 0.8))
-    dense = np.array([whole.sample(t)[0] for t in np.linspace(0.0, whole.duration, 800)])
+    dense = np.array([whole.sample(t)[0] for t in np.linspace(0.0, whole.duration, 1500)])
     for share in (0.33, 0.8):
         time = share * whole.duration
         for changed in (
