@@ -81,6 +81,7 @@ def test_a_plain_map_of_an_older_ros_is_read(tmp_path):
         ({"resolutoin": 3}, "resolutoin: unknown field; did you mean 'resolution'?"),
         ({"origin": [0.0]}, r"origin: should be \[x, y, yaw\] in metres and radians, got \[0.0\]"),
         ({"origin": [0.0, 0.0, 0.3]}, "should have a yaw of 0"),
+        ({"origin": [0.0, 0.0, -0.3]}, "should have a yaw of 0"),
         ({"origin": [0.0, float("nan"), 0.0]}, r"origin\[1\]: expected a finite number, got nan"),
         ({"origin": [1e308, 0.0]}, r"origin\[0\]: should be less than or equal to 10000000"),
         ({"mode": "ternary"}, "mode: should be 'trinary', 'scale' or 'raw', got 'ternary'"),
@@ -164,3 +165,17 @@ def test_an_empty_map_and_a_folder_that_cannot_be_made_are_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(MapFileError, match="cannot be written"):
         write_map(GRID, tmp_path / "file" / "home.yaml")
+
+
+def test_shades_between_the_thresholds_are_unknown_in_a_trinary_image_and_so_is_what_is_no_occupancy(tmp_path):
+    shades = OccupancyGrid(np.array([[-1, 0, 19, 20, 65, 66, 100]], dtype=np.int8), 0.05, np.zeros(2))
+    assert read_map(write_map(shades, tmp_path / "home.yaml")).data.tolist() == [[-1, 0, 0, -1, -1, 100, 100]]
+    assert read_map(write_map(shades, tmp_path / "raw.yaml", "raw")).data.tolist() == shades.data.tolist()
+
+
+def test_in_scale_what_is_not_opaque_is_unknown_and_in_trinary_its_shade_counts(tmp_path):
+    for mode, values in (("scale", [[-1, -1, 0]]), ("trinary", [[100, 100, 0]])):
+        path = map_with(tmp_path, [[0]], image="room.png", mode=mode)
+        pixels = np.array([[[0, 0], [0, 254], [255, 255]]], dtype=np.uint8)
+        Image.fromarray(pixels, mode="LA").save(tmp_path / "room.png")
+        assert read_map(path).data.tolist() == values

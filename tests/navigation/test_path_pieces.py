@@ -60,3 +60,36 @@ def test_joined_paths_pass_where_they_meet_once() -> None:
     assert len(whole.points) == 4
     assert whole.length == pytest.approx(CORNER.length)
     assert whole.goal == CORNER.goal
+
+
+def test_only_places_within_the_bounds_are_looked_at() -> None:
+    for begin, end, position, along in (
+        (0.5, 1.0, (0.1, 0.0), 0.5),
+        (0.5, 1.0, (1.9, 0.0), 1.0),
+        (2.2, 2.6, (2.0, 0.9), 2.6),
+        (0.0, 1.0, (2.0, 0.9), 1.0),
+    ):
+        assert nearest_along(CORNER, np.array(position), begin, end) == pytest.approx(along)
+
+
+def test_a_piece_that_would_end_before_it_begins_is_a_place() -> None:
+    nothing = piece(CORNER, 2.5, 1.0)
+    assert nothing.length == 0.0
+    assert nothing.points[0].tolist() == [1.0, 0.0]
+    assert piece(CORNER, -3.0, 0.5).points.tolist() == [[0.0, 0.0], [0.5, 0.0]]
+    assert piece(CORNER, 2.0, 2.5).points.tolist() == [[2.0, 0.0], [2.0, 0.5]]
+
+
+def test_a_path_that_passes_by_its_goal_is_cut_where_it_comes_near_for_the_last_time() -> None:
+    by = Path2D(np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 3.0], [2.0, 0.5]]), Pose2D(2.0, 0.5, 0.0))
+    cut = before_goal(by, 1.0)
+    assert np.linalg.norm(cut.points[-1] - [2.0, 0.5]) == pytest.approx(1.0)
+    assert cut.length == pytest.approx(by.length - 1.0)
+
+
+def test_cut_before_its_goal_a_path_that_is_driven_backwards_ends_with_its_back_to_the_goal() -> None:
+    back = Path2D(np.array([[0.0, 0.0], [-2.0, 0.0]]), Pose2D(-2.0, 0.0, 0.0), np.array([True]))
+    cut = before_goal(back, 0.5)
+    assert cut.points[-1].tolist() == pytest.approx([-1.5, 0.0])
+    assert cut.goal.theta == pytest.approx(0.0)
+    assert cut.reverse.all()

@@ -47,3 +47,20 @@ def test_a_stand_is_moved_with_the_front() -> None:
 def test_too_little_of_a_front_tells_nothing() -> None:
     assert front_edge(COUNTER, hits(0.0, 0.0, width=0.1)) is None
     assert front_edge(COUNTER, hits(0.5, 0.0)) is None
+
+
+def test_hits_beyond_the_gate_on_either_side_or_at_the_ends_do_not_count() -> None:
+    front = COUNTER.pose @ Pose2D(-COUNTER.footprint[0] / 2, 0.0, 0.0)
+    along = np.linspace(-0.7, 0.7, 60)
+    seen = np.column_stack([np.zeros(60), along])
+    for beside in (
+        np.column_stack([np.full(200, 0.09), np.linspace(-0.7, 0.7, 200)]),
+        np.column_stack([np.full(200, -0.09), np.linspace(-0.7, 0.7, 200)]),
+        np.column_stack([np.full(200, 0.05), np.linspace(0.775, 0.82, 200)]),
+        np.column_stack([np.full(200, 0.05), np.linspace(-0.82, -0.775, 200)]),
+    ):
+        edge = front_edge(COUNTER, front.apply(np.vstack([seen, beside])))
+        assert (edge.offset, edge.turn) == (pytest.approx(0.0, abs=1e-6), pytest.approx(0.0, abs=1e-6))
+    short = np.column_stack([np.zeros(60), np.linspace(0.0, 0.19, 60)])
+    assert front_edge(COUNTER, front.apply(short)) is None
+    assert front_edge(COUNTER, front.apply(seen[::4])) is None

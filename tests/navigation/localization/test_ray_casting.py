@@ -27,3 +27,15 @@ def test_a_ray_that_meets_nothing_is_infinite():
     distance, index = cast_rays(SQUARE[:1], Pose2D(), np.array([math.pi / 2, 0.0]))
     assert distance.tolist() == [math.inf, math.inf]
     assert index.tolist() == [-1, -1]
+
+
+def test_nothing_behind_the_ray_or_beside_a_segment_is_met():
+    segment = np.array([(1.0, -0.5, 1.0, 0.5)])
+    for pose, met in (
+        (Pose2D(0.0, 0.4), True),
+        (Pose2D(0.0, 0.6), False),
+        (Pose2D(0.0, -0.6), False),
+        (Pose2D(2.0), False),
+    ):
+        distance, index = cast_rays(segment, pose, np.array([0.0]))
+        assert (distance[0], index[0]) == ((1.0, 0) if met else (math.inf, -1))

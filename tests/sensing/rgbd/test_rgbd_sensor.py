@@ -55,7 +55,7 @@ def test_what_is_held_is_part_of_the_robot_and_left_out_of_views_where_it_is(rob
     middle = eye @ Pose(np.array([0.0, 0.0, 1.2]))
     box = ObjectModel("box", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box((0.1, 0.1, 0.1)), Pose()),))
     seen = camera.capture()
-    for gap, own in ((0.03, True), (0.20, False)):
+    for gap, own in ((0.09, True), (0.11, False)):
         depth = np.full_like(seen.depth, 1.2 + gap)
         image = RGBDImage(seen.rgb, depth, seen.intrinsics, seen.stamp)
         still = SimpleNamespace(
