@@ -65,6 +65,7 @@ def test_a_driver_beside_the_command_passes(folder: Path) -> None:
     }, said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -86,6 +87,7 @@ def test_what_is_wrong_with_the_options_is_said_before_anything_runs(
     assert words in said
 
 
+@pytest.mark.slow
 def test_what_is_declared_missing_is_listed_at_the_end(folder: Path) -> None:
     code, said = run(folder, "--driver", "lazy:Honest", "-q")
     assert code == 0, said
@@ -94,6 +96,7 @@ def test_what_is_declared_missing_is_listed_at_the_end(folder: Path) -> None:
     assert "Honest (diff_panda): lidar: it is being repaired" in end.partition("what the drivers declare missing")[2]
 
 
+@pytest.mark.slow
 def test_what_is_missing_and_not_declared_fails(folder: Path) -> None:
     code, said = run(folder, "--driver", "lazy:Blind", "-q")
     assert code == 1, said
@@ -101,6 +104,7 @@ def test_what_is_missing_and_not_declared_fails(folder: Path) -> None:
     assert "the model lists lidar, which the robot has not and does not declare missing" in said
 
 
+@pytest.mark.slow
 def test_a_driver_that_breaks_its_promises_fails(folder: Path) -> None:
     code, said = run(folder, "--driver", "lazy:Deaf", "-q", "-k", "stop")
     assert code == 1, said

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from hal.api import Lidar
 from hal.pybullet import PyBulletRobot
@@ -35,6 +36,7 @@ def test_equal_runs_are_equal_to_the_last_bit(robot_model, table_worlds, operato
     assert all(np.array_equal(a, b) for a, b in zip(first, second, strict=True))
 
 
+@pytest.mark.slow
 def test_another_robot_in_the_same_process_changes_nothing(robot_model, table_worlds, empty_world, operator) -> None:
     alone = run(robot_model, table_worlds["box"], operator, seed=11)
     with PyBulletRobot(robot_model, empty_world, seed=1) as other:
@@ -43,6 +45,7 @@ def test_another_robot_in_the_same_process_changes_nothing(robot_model, table_wo
     assert all(np.array_equal(a, b) for a, b in zip(alone, beside, strict=True))
 
 
+@pytest.mark.slow
 def test_another_seed_gives_other_noise(robot_model, table_worlds, operator) -> None:
     first = run(robot_model, table_worlds["box"], operator, seed=11)
     second = run(robot_model, table_worlds["box"], operator, seed=12)

@@ -18,7 +18,10 @@ ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "ta
 TOP = 0.85
 
 
-@pytest.mark.parametrize("name", ["xarm_gripper", "pr2_gripper", "wsg50"])
+MORE = ("pr2_gripper", "wsg50")
+
+
+@pytest.mark.parametrize("name", ["xarm_gripper", *(pytest.param(name, marks=pytest.mark.slow) for name in MORE)])
 def test_a_can_stays_in_the_hand_while_the_arm_turns(name: str, table_worlds, operator) -> None:
     model = combine("differential_base", "panda_arm", name)
     with PyBulletRobot(model, table_worlds["can"], seed=3) as robot:

@@ -51,6 +51,7 @@ def test_it_stands_still_and_level(walk: Walk) -> None:
     assert np.abs(now.roll_pitch_yaw[:2]).max() < 0.03
 
 
+@pytest.mark.slow
 def test_it_walks_three_metres_straight_and_its_odometry_knows(walk: Walk) -> None:
     start, said = walk.truth.base_pose(), walk.base.odometry()
     walk.finish(walk.base.move_forward(3.0))

@@ -12,6 +12,7 @@ from hal.pybullet import GroundTruth, PyBulletRobot
 WITH_OBJECTS = ("cup_in_drawer", "cup_in_fridge", "pick_place_table", "put_away", "set_table", "untidy_table")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*WITH_OBJECTS, "chest_room", "fridge_room", "microwave_room"])
 def test_nothing_moves_for_a_second(robot_model: RobotModel, name: str) -> None:
     world = draw_world(load_scene(name), seed=11)

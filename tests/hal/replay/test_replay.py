@@ -43,6 +43,7 @@ def test_the_same_program_sees_the_same(replay: ReplayRobot, recorded: tuple[Pat
         same(act(replay), recorded[1])
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_whether_it_is_recorded_or_not(
     recorded: tuple[Path, Story], robot_model: RobotModel, empty_world: World
 ) -> None:

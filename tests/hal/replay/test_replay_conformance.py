@@ -11,6 +11,7 @@ from hal.parts import interface_of
 from hal.pybullet import PyBulletRobot
 from hal.replay import TAPE_NAME, RecordedRobot, ReplayRobot
 
+pytestmark = pytest.mark.slow
 LENGTH = 40.0
 """Seconds: as long as the checks take together, with the rests between them."""
 
