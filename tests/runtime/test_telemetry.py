@@ -235,7 +235,6 @@ with Telemetry(executor, run, folder):
 """
 
 
-@pytest.mark.slow
 def test_a_run_that_is_killed_can_be_read_to_half_a_second_before(tmp_path: Path) -> None:
     process = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
