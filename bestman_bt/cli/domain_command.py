@@ -10,9 +10,9 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Plugins, Robot, SavedWorld, Scene, Seed, Settings
-from bestman_bt.cli.planning_config import planning_state
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as Fault
+from bestman_bt.runtime import node_registry
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.symbolic import Operator, Problem
@@ -34,9 +34,15 @@ def command(
     plugins: Plugins = None,
     as_json: Json = False,
 ) -> None:
-    """Show what task planners may order, what can be said in a goal, and what the robot believes."""
+    """Show what task planners may order, what can be said in a goal, and what the robot believes in a scene."""
     if output is not None and not pddl:
         raise ConfigurationError([Fault("-o", None, "", "is for --pddl")])
+    if not (pddl or as_json or goal or task or scene or robot or seed or world or settings):
+        _show_domain(Domain.of(node_registry([str(plugin) for plugin in plugins or ()])))
+        print("\nObjects and beliefs are those of a scene: name a --scene, --task or --world")
+        return
+    from bestman_bt.cli.planning_config import planning_state
+
     setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
     domain = Domain.of(setup.registry)
     problem = domain.problem(Beliefs(beliefs), goal)
@@ -44,7 +50,8 @@ def command(
         if pddl:
             _write(problem, output)
         elif not as_json:
-            _show(domain, problem)
+            _show_domain(domain)
+            _show_problem(problem)
         tell(_document(domain, problem))
 
 
@@ -58,7 +65,7 @@ def _write(problem: Problem, folder: Path | None) -> None:
     (folder / "problem.pddl").write_text(text.problem(), encoding="utf-8")
 
 
-def _show(domain: Domain, problem: Problem) -> None:
+def _show_domain(domain: Domain) -> None:
     print("Abilities")
     for ability in domain.abilities:
         operator = ability.operator
@@ -70,6 +77,9 @@ def _show(domain: Domain, problem: Problem) -> None:
     for name, types in sorted(domain.signatures.items()):
         known = domain.predicates.get(name)
         print(f"  {name}({', '.join(types)}): {known.words if known else 'holds once an ability has brought it about'}")
+
+
+def _show_problem(problem: Problem) -> None:
     print("\nThings")
     for kind in sorted(set(problem.objects.values())):
         print(f"  {kind}: {', '.join(name for name, own in problem.objects.items() if own == kind)}")

@@ -26,6 +26,15 @@ def test_abilities_predicates_things_and_beliefs_are_told(bestman_bt: Command) -
         assert line in answer.out.splitlines()
 
 
+def test_without_a_scene_only_the_domain_is_listed(bestman_bt: Command) -> None:
+    alone, in_a_scene = bestman_bt("domain").out, bestman_bt("domain", "--scene", "kitchen_furnished").out
+    head, _, hint = alone.rpartition("\n\n")
+    assert in_a_scene.startswith(head)
+    assert "\nBelieved\n" in in_a_scene
+    assert "\nThings\n" not in alone
+    assert "--scene, --task or --world" in hint
+
+
 def test_the_document_has_what_was_told(bestman_bt: Command) -> None:
     document = bestman_bt("domain", *TASK, "--goal", GOAL, "--json").document
     assert document["goal"] == ["on(cup, table/top)", "closed(drawer_chest/drawer_3)"]

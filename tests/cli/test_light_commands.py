@@ -44,6 +44,7 @@ def answer(*arguments: str, folder: Path) -> tuple[str, set[str]]:
         (("nodes",), "NavigateTo"),
         (("nodes", "PlanGrasp", "ComputePathToPose"), "planner_id"),
         (("nodes", "--xml"), "TreeNodesModel"),
+        (("domain",), "PickUp(object: object, place: place)"),
         (("show", "fetch_cup"), "PickAndPlace"),
         (("show", "fetch_cup", "--ports"), "goal"),
         (("validate", *data_names("tree")), "fetch_cup.xml: ok"),
