@@ -21,8 +21,10 @@ from bestman_bt.engine import (
     CoroutineAction,
     Delay,
     Fallback,
+    ForceSuccess,
     ForEach,
     FunctionLeafError,
+    KeepRunningUntilFailure,
     LoopInt,
     ManualClock,
     ManualSelector,
@@ -156,6 +158,74 @@ def test_a_manual_selector_repeats_its_last_choice_and_needs_a_terminal(monkeypa
     other = build_tree(ManualSelector([AlwaysSuccess(), AlwaysFailure()]))
     with pytest.raises(NodeError, match="no terminal to ask"):
         other.tick_exactly_once()
+
+
+def test_a_manual_selector_halts_the_child_that_runs_when_another_is_chosen_or_it_is_halted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(ManualSelector, "QUESTIONS", io.StringIO())
+    monkeypatch.setattr(ManualSelector, "ANSWERS", io.StringIO("1\n1\n2\nr\nf\n1\n3\n"))
+    first, second, done = Plan("first", plan="R"), Plan("second", plan="R"), Plan("done", plan="S")
+    tree = build_tree(ManualSelector([first, second, done]))
+    assert ticks(tree, 3) == [RUNNING, RUNNING, RUNNING]
+    assert (first.ticks, first.halts, second.ticks, second.halts) == (2, 1, 1, 0)
+    assert ticks(tree, 2) == [RUNNING, FAILURE]
+    assert second.halts == 1
+    assert ticks(tree, 1) == [RUNNING]
+    tree.halt()
+    assert (first.ticks, first.halts) == (3, 2)
+    assert ticks(tree, 1) == [SUCCESS]
+    assert (first.halts, second.halts, done.ticks) == (2, 1, 1)
+
+
+@pytest.mark.parametrize(("waited", "result"), [(0.2499, RUNNING), (0.25, FAILURE)])
+def test_a_timeout_ends_at_its_time_and_begins_anew(waited: float, result: int) -> None:
+    clock, slow = ManualClock(), Plan("slow", plan="R")
+    tree = build_tree(KeepRunningUntilFailure(ForceSuccess(Timeout(slow, msec=250))), clock=clock)
+    inner = tree.nodes[2]
+    ticks(tree, 1)
+    clock.advance(waited)
+    ticks(tree, 1)
+    assert slow.halts == (result == FAILURE)
+    if result == FAILURE:
+        assert inner.last_result == FAILURE
+        assert inner.feedback_message == "timed out after 0.25 s"
+        ticks(tree, 1)
+        clock.advance(0.24)
+        ticks(tree, 1)
+        assert slow.halts == 1
+
+
+def test_a_timeout_of_nothing_is_none_and_a_child_that_ends_in_time_starts_it_anew() -> None:
+    clock, slow = ManualClock(), Plan("slow", plan="RRS")
+    tree = build_tree(Timeout(slow, msec=0), clock=clock)
+    for expected in (RUNNING, RUNNING, SUCCESS):
+        assert ticks(tree, 1) == [expected]
+        clock.advance(100.0)
+    clock, again = ManualClock(), Plan("again", plan="RSRR")
+    tree = build_tree(Timeout(again, msec=250), clock=clock)
+    for expected in (RUNNING, SUCCESS, RUNNING, RUNNING):
+        assert ticks(tree, 1) == [expected]
+        clock.advance(0.2)
+    assert ticks(tree, 1) == [FAILURE]
+
+
+def test_a_delay_waits_before_each_start_of_its_child() -> None:
+    clock, child = ManualClock(), Plan("child", plan="SRRS")
+    tree = build_tree(Delay(child, delay_msec=250), clock=clock)
+    results = []
+    for _ in range(8):
+        results.append((tree.tick_exactly_once(), child.ticks))
+        clock.advance(0.125)
+    assert results == [(RUNNING, 0), (RUNNING, 0), (SUCCESS, 1)] + [(RUNNING, 1)] * 2 + [
+        (RUNNING, 2),
+        (RUNNING, 3),
+        (SUCCESS, 4),
+    ]
+    assert tree.tick_exactly_once() == RUNNING
+    tree.halt()
+    clock.advance(5.0)
+    assert (tree.tick_exactly_once(), child.ticks) == (RUNNING, 4)
 
 
 class Count(ThreadedAction):
