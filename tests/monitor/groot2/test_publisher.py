@@ -33,7 +33,7 @@ def tree() -> Tree:
 
 @pytest.fixture
 def publisher(tree: Tree) -> Iterator[Groot2Publisher]:
-    with Groot2Publisher(tree, PublisherParameters(free_ports(), heartbeat=0.4)) as serving:
+    with Groot2Publisher(tree, PublisherParameters(free_ports())) as serving:
         yield serving
 
 
@@ -74,17 +74,16 @@ def test_a_cancelled_execution_leaves_a_breakpoint(tree: Tree, client: Groot2Cli
     assert [(end.ending, end.why) for end in ends] == [(Ending.CANCELLED, "enough")]
 
 
-def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(
-    tree: Tree, client: Groot2Client
-) -> None:
-    client.ask("I", hook(FIRST, 0))
-    thread, ends = running(Executor(tree, tree.clock))
-    client.breakpoint()
-    thread.join(5.0)
-    assert ends[0].tree_status == "SUCCESS"
-    client.ask("S")
-    time.sleep(0.2)
-    assert json.loads(client.ask("D")[1])[0]["enabled"] is True
+def test_breakpoints_let_go_when_nobody_asks_any_more_and_hold_again_afterwards(tree: Tree) -> None:
+    parameters = PublisherParameters(free_ports(), heartbeat=2.0)
+    with Groot2Publisher(tree, parameters), groot2_client(parameters.port) as client:
+        client.ask("I", hook(FIRST, 0))
+        thread, ends = running(Executor(tree, tree.clock))
+        client.breakpoint()
+        thread.join(10.0)
+        assert ends[0].tree_status == "SUCCESS"
+        client.ask("S")
+        assert json.loads(client.ask("D")[1])[0]["enabled"] is True
 
 
 def test_closing_lets_go_what_a_breakpoint_holds(tree: Tree) -> None:
