@@ -88,6 +88,7 @@ def test_a_hand_that_closes_on_something_else_opens_and_leaves_as_it_came(
     skills: Any, width: float, pressing: bool, why: str
 ) -> None:
     skills.widths, skills.gripper.pressing = [width], lambda: pressing
+    skills.world.held = HeldObject("can", skills.world.models["cup"], Pose(), WIDTH)  # an old belief
     tree = load(skills, GRASP, grasps=planned(skills))
     assert run(skills, tree) == FAILURE
     assert codes(skills) == ["grasp_failed"]
