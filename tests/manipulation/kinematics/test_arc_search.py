@@ -202,11 +202,12 @@ class Downwind(Even):
 def test_approaches_are_looked_at_in_the_frame_of_the_base():
     """The tool's z axis points to the map's +x: to +y of a base that is turned to the right."""
     forward = Pose.from_xyz_rpy((0.1, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
+    opposite = Pose.from_xyz_rpy((0.1, 0.0, 0.0), (0.0, -np.pi / 2, 0.0))
     right, left = Pose2D(0.0, 0.0, -np.pi / 2), Pose2D(0.0, 0.0, np.pi / 2)
     assert promising_stands([left, right], [[forward]], SLIDES, Downwind())[0] == right
     ranked = rank_stand_poses(
         [left, right],
-        [[forward]],
+        [[opposite, forward]],
         SLIDES,
         LIMITS,
         HOME,
