@@ -6,6 +6,9 @@ REAL_TIME_JOBS ?= 4
 
 PAGE := bestman_bt/monitor/page
 
+# Where it is set, each of the many processes that tests start compiles every module that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: help install demo test test-all mutants eval eval-full gallery lint types contracts format docs lock page page-packages dist clean
 
 help:

@@ -22,7 +22,7 @@ def direct_requirements() -> list[str]:
     groups = PROJECT["dependency-groups"]
     grouped = [item for group in groups.values() for item in group if isinstance(item, str)]
     extras = PROJECT["project"]["optional-dependencies"]
-    in_a_checkout = [item for extra in Requirement(extras["all"][0]).extras for item in extras[extra]]
+    in_a_checkout = [item for extra in sorted(Requirement(extras["all"][0]).extras) for item in extras[extra]]
     return [*PROJECT["project"]["dependencies"], *in_a_checkout, *grouped]
 
 
