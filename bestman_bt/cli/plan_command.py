@@ -68,7 +68,7 @@ def command(
     ] = None,
     limits: Annotated[
         str,
-        typer.Option(metavar="LIMITS", help="For a plan: 'steps=20; only=PickUp, PutAt; without=fridge'."),
+        typer.Option("--limits", metavar="LIMITS", help="For a plan: 'steps=20; only=PickUp, PutAt; without=fridge'."),
     ] = "",
     settings: Settings = None,
     plugins: Plugins = None,

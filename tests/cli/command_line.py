@@ -65,3 +65,8 @@ def wait_for(folder: Path, pattern: str, timeout: float = 180.0) -> Path:
             return found[0]
         time.sleep(0.02)
     raise AssertionError(f"no {pattern} came to be in {folder}")
+
+
+def files_in(folder: Path) -> set[Path]:
+    """Everything below a folder but the byte code that Python keeps of imported files."""
+    return {path for path in folder.rglob("*") if "__pycache__" not in path.parts}

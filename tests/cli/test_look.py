@@ -18,7 +18,7 @@ from PIL import Image
 from bestman_bt.cli.main import main
 from bestman_bt.scene import draw_world, load_scene
 from hal.pybullet.client import PhysicsClient
-from tests.cli.command_line import Answer
+from tests.cli.command_line import Answer, files_in
 
 Command = Callable[..., Answer]
 
@@ -73,10 +73,10 @@ def refused(bestman_bt: Command, folder: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(PhysicsClient, "connect", lambda self, gui=False: started.append(self))
 
     def refuse(*arguments: object) -> str:
-        files = set(folder.rglob("*"))
+        files = files_in(folder)
         answer = bestman_bt("look", *arguments)
         assert (answer.code, answer.out, started) == (2, "", [])
-        assert set(folder.rglob("*")) == files
+        assert files_in(folder) == files
         assert "Traceback" not in answer.err
         return answer.err
 
