@@ -150,6 +150,7 @@ def test_a_grasp_slips_and_the_tree_recovers() -> None:
     assert result.audit["teleports"] == result.audit["tampering"] == 0
 
 
+@pytest.mark.slow
 def test_a_run_without_disturbances_has_none(fetch) -> None:
     assert fetch.result["audit"]["disturbances"] == []
 

@@ -21,6 +21,8 @@ from bestman_bt.monitor.timeline import Timeline
 from bestman_bt.monitor.viewer import MOST_CONTROLS, MOST_OPEN
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, Page, states_event, wait_until
 
+pytestmark = pytest.mark.real_time
+
 StartMonitor = Callable[..., Monitor]
 IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3
 ID = "4242-abc"

@@ -18,6 +18,8 @@ from hal.api import Part
 from hal.hardware import Connection, ConnectionFailedError, Fault, RealTimeClock, StopLatch
 from hal.hardware.only_client import OnlyClient
 
+pytestmark = pytest.mark.real_time
+
 ADDRESS = "192.168.77.203"
 HOLDER = f"""
 from hal.hardware.only_client import OnlyClient

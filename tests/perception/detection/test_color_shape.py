@@ -56,6 +56,7 @@ def detect(
     return detector.detect(scene.view, scene.region, models, np.random.default_rng(0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_the_shipped_objects_are_named_and_few_models_are_tried(seed: int) -> None:
     scene = crowd(seed)

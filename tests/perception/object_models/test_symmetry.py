@@ -92,6 +92,7 @@ def test_a_small_feature_takes_the_symmetry_away() -> None:
     assert symmetry_order(mesh_of(joined(can, knob, other))) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mug", "duck", "bottle", "bowl", "cup"])
 def test_the_shipped_objects_say_what_their_meshes_show(name: str) -> None:
     surface = seen(name)
