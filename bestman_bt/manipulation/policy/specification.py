@@ -122,7 +122,3 @@ def _faults(given: PolicySpecification) -> Iterator[str]:
         or not all(low < high for low, high in zip(*box, strict=True))
     ):
         yield f"workspace should be a lower and an upper corner of three numbers each, got {box}"
-
-
-def _is_finite(value: object) -> bool:
-    return isinstance(value, (int, float)) and math.isfinite(value)
