@@ -172,6 +172,16 @@ def test_a_stop_before_the_order_was_sent_keeps_it_back(gripper: HardwareGripper
     assert fingers.orders == []
 
 
+def test_a_stop_halts_fingers_that_have_not_begun_to_move_yet(gripper: HardwareGripper, fingers: Fingers) -> None:
+    fingers.low = fingers.width  # a slow valve
+    gripper.close()
+    run(gripper, fingers, 0.3)
+    gripper.stop()
+    fingers.low = 0.0
+    run(gripper, fingers, 0.5)
+    assert (fingers.halts, fingers.width) == (1, 0.08)
+
+
 def test_a_newer_order_takes_over_from_a_halt(gripper: HardwareGripper, fingers: Fingers) -> None:
     first = gripper.move(0.0, speed=0.05)
     run(gripper, fingers, 0.3)
