@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import os
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -27,6 +29,7 @@ from hal.api import (
 from hal.hardware import ConnectionFailedError, HardwareGripper, HardwareRobot
 from hal.parts import PartMotion
 from hal.robotiq import RobotiqOptions
+from hal.robotiq.wire import ModbusWire
 from hal.twins.robotiq_server import RobotiqTwin
 from tests.hal.twinned import SLACK
 
@@ -240,3 +243,14 @@ def test_a_silent_gripper_is_lost_until_it_is_back(bench: Bench) -> None:
     bench.twin.faults.happen("restore")
     bench.robot.clear_stop()
     assert bench.end(bench.gripper.open()).status is MotionStatus.SUCCEEDED
+
+
+def test_an_address_at_which_nobody_answers_is_in_no_log_of_modbus(caplog: pytest.LogCaptureFixture) -> None:
+    pytest.importorskip("pymodbus", reason="the extra ur is not installed")
+    with socket.socket() as taken:  # bound, and nobody listens
+        taken.bind((ADDRESS, 0))
+        wire = ModbusWire(import_module, ADDRESS, taken.getsockname()[1], 0.2, 2, 0, 0)
+        with caplog.at_level(logging.DEBUG, "pymodbus.logging"), pytest.raises(OSError, match="nobody answers"):
+            wire.open()
+    wire.close()
+    assert ADDRESS not in caplog.text

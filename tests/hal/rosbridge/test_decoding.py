@@ -100,6 +100,17 @@ def test_odometry_by_transforms_has_velocities_in_the_base_frame() -> None:
     assert source.decode(other, 5.2) is None
 
 
+def test_odometry_by_transforms_begins_anew_where_the_time_of_ros_goes_back() -> None:
+    """As after a restart of the robot's computer, or of a simulation."""
+    source, version = TransformOdometry("odom", "base_link"), RosVersion(2)
+    velocities = []
+    for at, x in ((50.0, 1.0), (50.1, 1.05), (2.0, 0.0), (2.1, -0.02)):
+        reading = source.decode(ros_messages.transform(version.header("odom", at), "base_link", Pose2D(x, 0, 0)), at)
+        assert reading is not None
+        velocities.append(reading.velocity.vx)
+    assert velocities == pytest.approx([0.0, 0.5, 0.0, -0.2])
+
+
 def test_a_battery_tells_what_is_drawn_and_whether_it_charges() -> None:
     told = BatteryReading(0.8, 25.2, 3.5, False, 0.0)
     message = ros_messages.battery({}, told)

@@ -9,10 +9,12 @@ from typing import Any
 import pytest
 
 import hal.xarm.wire
+from bestman_bt.robot_model import RobotModel
 from hal.api import MotionErrorCode
 from hal.hardware import ConnectionFailedError
 from hal.parts.simulated_clock import SimulatedClock
 from hal.xarm import XArmOptions
+from hal.xarm.arm_identity import ArmIdentity
 from hal.xarm.wire import XArmWire
 
 TITLES = {number: {"en": {"title": f"title {number}"}} for number in (*range(40), "other")}
@@ -194,3 +196,17 @@ def test_a_closed_wire_asks_and_tells_nothing(wire: XArmWire, arm: Arm) -> None:
     assert wire.ask(lambda _: (0, 1)) is None
     wire.tell("set-point", lambda _: 77)
     assert wire.fault is None
+
+
+@pytest.mark.parametrize("end", ["lower", "upper"])
+@pytest.mark.parametrize(("beyond", "refused"), [(0.009, False), (0.011, True)])
+def test_an_arm_whose_limits_go_beyond_the_controller_s_at_either_end_is_another_one(
+    robot_model: RobotModel, end: str, beyond: float, refused: bool
+) -> None:
+    arm = robot_model.arms["arm"]
+    told = [[low, high] for low, high in zip(arm.lower.tolist(), arm.upper.tolist(), strict=True)]
+    told[3][0 if end == "lower" else 1] += beyond if end == "lower" else -beyond
+    identity = ArmIdentity(len(told), 7, tuple((low, high) for low, high in told))
+    mismatch = identity.mismatch("xarm", arm)
+    assert (mismatch is not None) is refused
+    assert mismatch is None or arm.joint_names[3] in mismatch
