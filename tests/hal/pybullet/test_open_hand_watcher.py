@@ -51,8 +51,13 @@ def findings(simulation: Simulation, touches: str, drawer_step: float) -> list[s
 
 @pytest.mark.parametrize(
     ("touches", "drawer_step", "suspect"),
-    [("drawer", STEP, False), ("drawer", 0.0, True), ("body", STEP, True)],
-    ids=["the drawer takes it along", "the drawer is still", "it stands on the chest, not in the drawer"],
+    [("drawer", STEP, False), ("drawer", -STEP, False), ("drawer", 0.0, True), ("body", STEP, True)],
+    ids=[
+        "the drawer takes it along",
+        "a drawer that is pushed shut does, too",
+        "the drawer is still",
+        "it stands on the chest, not in the drawer",
+    ],
 )
 def test_a_cup_that_moves_with_a_finger_is_suspect_unless_its_drawer_moves(
     simulation, touches, drawer_step, suspect

@@ -15,6 +15,8 @@ from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import Walker, World, draw_world, load_scene
 from hal.api import Lidar, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot
+from hal.pybullet.contact_watcher import ContactWatcher
+from hal.pybullet.observation import BodyState, Observation
 
 START = Pose2D(-1.5, 0.0, 0.0)
 THERE = [(x, 0.0) for x in np.arange(0.8, -2.6, -0.1)]
@@ -161,6 +163,24 @@ def test_a_robot_that_drives_into_a_walker_has_collided(
     assert judged.collisions[0].second == "walker_1"
     assert not judged.contacts_by_walkers
     assert "collision of base_link with walker_1" in judged.faults(max_penetration=0.1)[0]
+
+
+def test_a_robot_that_pushes_on_into_who_came_into_it_is_blamed_for_that(
+    model: RobotModel, world_with: Callable[..., World]
+) -> None:
+    """Looks as the monitor has them: a walker presses on the front, and the base stands, or drives on into him."""
+    with running(model, world_with(considerate=False)) as (robot, _):
+        simulation, front = robot.simulation, (0.3, 0.0, 0.5)
+        built = simulation.built
+        walker, link, upright = built.walkers["walker_1"][0], built.links[model.base_frame], (0.0, 0.0, 0.0, 1.0)
+        pressing = (0, built.robot, walker, link, -1, front, front, (-1.0, 0.0, 0.0), 0.0, 20.0)
+        for speed, blamed in ((0.0, False), (0.1, True)):
+            watcher = ContactWatcher(simulation)
+            for look in range(60):
+                velocity = (speed if look > 20 else 0.0, 0.0, 0.0)
+                bodies = {built.robot: BodyState((0.0, 0.0, 0.0), upright, velocity, (0.0, 0.0, 0.0))}
+                watcher.watch(Observation(look / 60, bodies, [pressing], simulation.joint_states(), {}))
+            assert [incident.by_walker for incident in watcher.incidents()] == [not blamed]
 
 
 def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(
