@@ -280,6 +280,15 @@ def test_an_approach_is_slowed_to_the_share_that_stops_a_margin_before_what_is_t
     assert "22 cm ahead slows it down" in command.text
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_turn_on_the_spot_towards_something_is_slowed_and_not_refused(side):
+    monitor = CollisionMonitor(BASE)
+    monitor.observe(scan_at(np.array([[0.33, 0.20 * side]]), Pose2D()), Pose2D(), Pose2D())
+    command = monitor.limit(Twist2D(0.0, 0.0, -1.2 * side), Twist2D(), Pose2D())
+    assert command.action is MonitorAction.APPROACH
+    assert 0.1 < abs(command.twist.wz) < 1.2
+
+
 def test_what_a_lidar_that_is_mounted_askew_sees_is_where_it_is():
     base_from_lidar, pose = Pose2D(0.2, -0.1, 2.5), Pose2D(3.0, -2.0, 1.2)
     for where, twist, words in (

@@ -124,3 +124,12 @@ def test_braking_for_safety_is_as_hard_as_the_acceleration_allows_and_jerk_count
     assert smooth.twist == Twist2D(pytest.approx(0.1), 0.0, 0.0)
     smooth.reset(Twist2D(0.2))
     assert smooth.towards(Twist2D(0.2), DT) == Twist2D(0.2)
+
+
+def test_a_new_path_begins_without_the_acceleration_of_the_one_before(footprint):
+    smooth = JerkLimit(limits(footprint))
+    for _ in range(10):
+        smooth.towards(Twist2D(0.6, 0.0, -1.0), DT)
+    smooth.reset(Twist2D(0.2))
+    onward = smooth.towards(Twist2D(0.6, 0.0, 1.0), DT)
+    assert [onward.vx, onward.wz] == pytest.approx([0.2 + 2.0 * DT * DT, 10.0 * DT * DT])

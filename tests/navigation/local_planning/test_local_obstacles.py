@@ -57,6 +57,16 @@ def test_what_the_map_has_is_left_to_the_map(costmap, kitchen):
     assert obstacles.distance.at(x, y)[0] == pytest.approx(float(costmap.distance_at([1.45, -1.0])), abs=0.02)
 
 
+def test_another_map_counts_at_once_and_without_one_nothing_of_it_is_left(costmap):
+    obstacles, (x, y) = LocalObstacles(), (np.array([1.45], np.float32), np.array([-1.0], np.float32))
+    obstacles.centre_on(Pose2D(0.3, 0.2, 0.4))
+    assert obstacles.distance.at(x, y)[0] > 5.0
+    obstacles.use_costmap(costmap)
+    assert obstacles.distance.at(x, y)[0] == pytest.approx(float(costmap.distance_at([1.45, -1.0])), abs=0.02)
+    obstacles.use_costmap(None)
+    assert obstacles.distance.at(x, y)[0] > 5.0
+
+
 def test_the_grid_rolls_with_the_robot_and_keeps_what_it_has_seen():
     obstacles = LocalObstacles()
     obstacles.update(scan_of(disc(1.5, 0.5), Pose2D()), Pose2D())

@@ -91,6 +91,18 @@ def test_from_any_pose_the_wheels_are_followed_backwards_sideways_and_round_the_
         assert before > 1e-4  # distances that slip are no more certain than that
 
 
+def test_who_turns_further_left_than_believed_drives_further_left():
+    """Errors of heading and place belong together: by the covariances, on each of the four ways out."""
+    for heading in (0.3, 1.9, -2.8, -1.2):
+        ekf, wheels = OdometryEkf(), Pose2D(0.0, 0.0, heading)
+        ekf.reset(wheels)
+        for _ in range(80):
+            wheels = wheels @ Pose2D(0.01, 0.0, 0.0)
+            ekf.update(wheels, 0.0, DT)
+        left = np.array([-math.sin(heading), math.cos(heading)])
+        assert left @ ekf.covariance[:2, 2] > 0.2 * ekf.covariance[2, 2]
+
+
 def test_a_turn_of_the_wheels_that_the_gyroscope_did_not_feel_is_slip():
     ekf = OdometryEkf()
     for _ in range(80):
