@@ -112,8 +112,9 @@ def test_only_a_shallow_overlap_is_left_and_only_by_a_small_motion(rng) -> None:
     assert out_of(steep, [0.0, 0.0], rng)[-1, 0] == pytest.approx(0.031, abs=0.011)
     with pytest.raises(PlanningError, match="by 31 mm, too far"):
         out_of(Slope(lambda q: q[0] - 0.031), [0.0, 0.0], rng)
-    with pytest.raises(PlanningError, match=r"0\.35 rad of motion do not lead out"):
-        out_of(Slope(lambda q: 0.05 * q[0] - 0.02), [0.0, 0.0], rng)
+    for direction in (1.0, -1.0):
+        with pytest.raises(PlanningError, match=r"0\.35 rad of motion do not lead out"):
+            out_of(Slope(lambda q, direction=direction: 0.05 * direction * q[0] - 0.02), [0.0, 0.0], rng)
 
 
 def test_where_clearance_grows_by_less_than_a_step_the_steps_get_smaller(rng) -> None:

@@ -87,6 +87,20 @@ def test_a_board_in_the_hand_tells_where_the_head_stands_too():
     assert (np.abs(result.chain.poses.camera.position - camera.position) < 5 * deviations[:3]).all()
 
 
+@pytest.mark.parametrize("moved", [None, 1, 2, 5])
+def test_a_board_that_any_view_shows_elsewhere_is_held(moved: int | None):
+    holders = [Pose()] * 6
+    if moved is not None:
+        holders[moved] = Pose(np.array([0.02, 0.0, 0.0]))
+    rng, views = np.random.default_rng(4), []
+    for holder, pan in zip(holders, np.linspace(-0.3, 0.4, 6), strict=True):
+        eye_from_board = (MOUNT @ head(pan, 0.6) @ CAMERA_ON_HEAD).inverse() @ holder @ BOARD
+        views.append(BoardView(sighting(eye_from_board, CAMERA, rng, 0.0), head(pan, 0.6), holder))
+    anything = ChainParameters(worst_deviation=1e9)
+    found = calibrate_head_camera(views, CAMERA, MOUNT, CAMERA_ON_HEAD, parameters=anything)
+    assert found.free == (("camera", "board") if moved is None else ("mount", "camera", "board"))
+
+
 def test_offsets_of_the_encoders_are_told():
     rng = np.random.default_rng(6)
     pan, tilt = math.radians(1.5), math.radians(-2.0)

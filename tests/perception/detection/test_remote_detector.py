@@ -68,6 +68,18 @@ def test_names_and_pictures_arrive_as_they_were_sent(server: Server) -> None:
     np.testing.assert_array_equal(depth[0, :4], [0, 0, 0, 1234])
 
 
+def test_pictures_of_the_room_never_go_through_a_proxy(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("no_proxy", "NO_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+    server.ways = [reply()]
+    with serving_at("", raw(b"")) as proxy:
+        for name in ("http_proxy", "all_proxy"):
+            monkeypatch.setenv(name, f"http://127.0.0.1:{proxy.server_address[1]}")
+        assert detector(server.url).find(picture(), ["cup"]) == ()
+        assert proxy.questions == []
+    assert len(server.questions) == 1
+
+
 def test_depth_stays_here_unless_it_is_wanted(server: Server) -> None:
     server.ways = [reply()]
     detector(server.url).find(picture(), ["cup"])

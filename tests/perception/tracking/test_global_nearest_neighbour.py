@@ -117,6 +117,14 @@ def test_an_object_above_its_place_on_another_board_has_not_replaced_it() -> Non
     assert {change.kind for change in tracked.changes} == {"added"}
 
 
+@pytest.mark.parametrize(("apart", "kept"), [(-0.002, False), (0.002, True)])
+def test_what_reaches_into_its_height_has_taken_its_place_and_what_ends_below_has_not(apart: float, kept: bool) -> None:
+    heights = (CAN.size[2] + BOX.size[2]) / 2
+    below = replace(sighted(CAN, 0.5, 0.1), pose=Pose.from_xyz_rpy((0.5, 0.1, TOP + BOX.size[2] / 2 - heights - apart)))
+    tracked = update([below], [sighted(BOX, 0.5, 0.1, stamp=2.0)], table_with((BOX, standing(BOX, 0.5, 0.1))))
+    assert ("can" in tracked.objects) is kept
+
+
 def test_what_the_hand_holds_is_not_the_one_on_the_table(empty_table) -> None:
     tracked = update([], [sighted(CAN, 0.5, 0.1)], empty_table, taken=["can"])
     assert list(tracked.objects) == ["can_2"]
