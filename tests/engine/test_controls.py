@@ -201,3 +201,11 @@ def test_parallel_all_waits_for_all_and_fails_from_so_many_failures_on(limit: in
     tree = build_tree(ParallelAll([Plan(str(i), plan=plan) for i, plan in enumerate(plans)], max_failures=limit))
     assert ticks(tree, 3) == [RUNNING, RUNNING, result]
     assert tree.tick_exactly_once() == result, "leaves repeat their last letter"
+
+
+def test_a_clean_up_that_is_halted_is_not_begun_once_more() -> None:
+    clean_up = Plan("clean up", plan="R")
+    tree = build_tree(TryCatch([AlwaysFailure(), clean_up], catch_on_halt=True))
+    assert ticks(tree, 1) == [RUNNING]
+    tree.halt()
+    assert (clean_up.ticks, clean_up.halts) == (1, 1)

@@ -9,7 +9,13 @@ import pytest
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, ManualClock, load_tree
 from bestman_bt.engine.logs.btlog import BtLog, BtLogWriter, read_btlog
-from bestman_bt.engine.logs.segmented_file import SegmentedFile, full_segments, read_segment, read_segments
+from bestman_bt.engine.logs.segmented_file import (
+    SMALLEST,
+    SegmentedFile,
+    full_segments,
+    read_segment,
+    read_segments,
+)
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Repeat num_cycles="-1"><Sequence>
   <AlwaysSuccess name="a"/><Sleep msec="100" name="b"/></Sequence></Repeat></BehaviorTree></root>"""
@@ -167,3 +173,12 @@ def test_the_head_of_a_btlog_is_there_at_once(tmp_path: Path) -> None:
 def _only(path: Path, folder: Path) -> Path:
     folder.mkdir()
     return path.rename(folder / path.name)
+
+
+def test_segments_with_almost_nothing_in_them_count_as_much_as_small_ones(tmp_path: Path) -> None:
+    for number in range(1, 41):
+        (tmp_path / f"log.{number:04}.jsonl").write_bytes(b"x")
+    (tmp_path / "log.jsonl").write_bytes(b"")
+    segments = read_segments(tmp_path / "log.jsonl", 10 * SMALLEST, 1 << 20)
+    assert [segment.path.name for segment in segments][:2] == ["log.0001.jsonl", "log.0032.jsonl"]
+    assert len(segments) == 11
