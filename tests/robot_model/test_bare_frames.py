@@ -53,3 +53,17 @@ def test_roll_pitch_yaw_give_the_same_rotation_back(rpy: tuple[float, float, flo
     pose = Pose.from_xyz_rpy((0.0, 0.0, 0.0), rpy)
     again = Pose.from_xyz_rpy((0.0, 0.0, 0.0), pose.roll_pitch_yaw)
     assert again.rotation == pytest.approx(pose.rotation, abs=1e-7)
+
+
+def test_a_frame_on_a_turned_frame_is_where_both_joints_put_it() -> None:
+    urdf = """<robot name="r">
+      <link name="solid"><visual><geometry><sphere radius="1"/></geometry></visual></link>
+      <link name="turned"/><link name="ahead"/>
+      <joint name="a" type="fixed"><origin xyz="1 0 0" rpy="0 0 1.5707963"/>
+        <parent link="solid"/><child link="turned"/></joint>
+      <joint name="b" type="fixed"><origin xyz="2 0 0"/><parent link="turned"/><child link="ahead"/></joint>
+    </robot>"""
+    _, places = without_bare_frames(urdf)
+    holder, solid_from_ahead = places["ahead"]
+    assert holder == "solid"
+    assert solid_from_ahead.position == pytest.approx([1.0, 2.0, 0.0], abs=1e-6)

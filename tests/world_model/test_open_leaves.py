@@ -8,11 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Box, Handle, PlacedShape, Pose, Pose2D, distance_to_shape
+from bestman_bt.messages import Box, Handle, PlacedShape, PointCloud, Pose, Pose2D, YawSet, distance_to_shape
 from bestman_bt.scene import SceneConfig, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import (
     HandleBelief,
     HeldObject,
+    MapFurniture,
+    MapLeaf,
+    MapSurface,
     ObjectBelief,
     ObjectChange,
     Obstacle,
@@ -20,7 +23,7 @@ from bestman_bt.world_model import (
     WorldModel,
     open_leaves,
 )
-from bestman_bt.world_model.openness import is_open, is_shut, openness_of
+from bestman_bt.world_model.openness import containers_before, is_open, is_shut, openness_of
 
 DRAWER = "drawer_chest/drawer_3"
 OPEN = 0.3
@@ -180,3 +183,41 @@ def test_a_new_start_knows_what_was_known_at_the_first_and_shares_nothing(mapped
     again.models.clear()
     assert world.told == {"cup": DRAWER}
     assert world.models
+
+
+@pytest.mark.parametrize(
+    ("depth", "width", "before"), [(0.6, 0.3, ["case/left"]), (0.1, 0.6, ["case/left", "case/right"])]
+)
+def test_a_door_stands_before_a_board_behind_it_however_deep_that_is(depth, width, before) -> None:
+    def door(name: str, y: float) -> MapLeaf:
+        front = PlacedShape(Box((0.02, 0.4, 1.0)), Pose([-0.3, y, 0.5]))
+        return MapLeaf(name, "revolute", (-0.3, 2 * y, 0.5), (0.0, 0.0, 1.0), 1.6, (front,))
+
+    board = MapSurface("board", Pose([0.0, 0.25, 0.4]), (depth, width))
+    top = MapSurface("top", Pose([0.0, 0.0, 1.0]), (0.6, 0.8))
+    case = MapFurniture(
+        "case", Pose2D(), (0.6, 0.8), 1.0, (top, board), True, leaves=(door("left", 0.2), door("right", -0.2))
+    )
+    assert list(containers_before(case, board)) == before
+    assert list(containers_before(case, top)) == []
+
+
+def test_all_that_was_seen_of_an_object_turns_with_what_it_stands_on(scene) -> None:
+    cloud = PointCloud(np.array([[1.0, 0.0, 0.5]]))
+    belief = ObjectBelief(
+        "cup",
+        scene.models["cup"],
+        Pose(),
+        1.0,
+        0.001,
+        0.0,
+        yaw_set=YawSet(((0.5, 0.1),)),
+        cloud=cloud,
+        viewpoint=np.array([0.0, 2.0, 1.0]),
+    )
+    moved = belief.moved(Pose.from_xyz_rpy((3.0, 0.0, 0.0), (0.0, 0.0, math.pi / 2)))
+    assert moved.pose.yaw == pytest.approx(math.pi / 2)
+    assert moved.yaw_set.arcs == (pytest.approx((0.5 + math.pi / 2, 0.1)),)
+    assert moved.cloud is not None
+    np.testing.assert_allclose(moved.cloud.points, [[3.0, 1.0, 0.5]], atol=1e-9)
+    np.testing.assert_allclose(moved.viewpoint, [1.0, 0.0, 1.0], atol=1e-9)
