@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -22,6 +23,7 @@ from bestman_bt.monitor.events import (
 from bestman_bt.monitor.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A_KEY, RunHistory
 from bestman_bt.monitor.samples import Freshness, Samples
 from bestman_bt.monitor.timeline import Timeline
+from bestman_bt.monitor.updates import Updates
 from tests.monitor.conftest import tree_event
 
 IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3
@@ -157,3 +159,18 @@ def test_a_run_that_was_cut_off_parts_where_it_ends() -> None:
     parted = compare(a, b)["parted"]
     assert (parted["time_a"], parted["time_b"], parted["path"], parted["state_a"]) == (1.0, 3.0, "main/grasp", None)
     assert compare(history_of(), history_of())["words"].startswith("no leaf")
+
+
+def test_who_looks_at_an_earlier_time_is_not_told_that_the_run_is_paused_now() -> None:
+    history = history_of((1.0, LOOK, RUNNING), (2.0, LOOK, SUCCESS))
+    history.take(PausedEvent(3.0, "asked"))
+    updates = Updates(SimpleNamespace(id="run", history=history, is_live=True))  # type: ignore[arg-type]
+
+    def told() -> Any:
+        return next(message for message in updates.messages(0.0) if message["type"] == "state")
+
+    assert told()["paused"]["time"] == 3.0
+    updates.look_at(1.5)
+    assert told()["paused"] is None
+    updates.look_at(None)
+    assert told()["paused"]["time"] == 3.0

@@ -12,10 +12,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, Tree, load_tree
+from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, EngineError, ManualClock, NodeRegistry, Tree, load_tree
 from bestman_bt.messages import Pose2D
 from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, PublisherParameters
 from bestman_bt.monitor.groot2.blackboard_dump import dump_blackboards
+from bestman_bt.monitor.groot2.hooks import Hooks
 from bestman_bt.runtime import Ending, Execution, Executor
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
 
@@ -198,3 +199,16 @@ def test_values_of_all_kinds_are_shown_on_the_blackboard(tree: Tree) -> None:
         "long": "x" * 5000,
         "real": float("inf"),
     }
+
+
+def test_a_breakpoint_is_not_let_go_by_what_was_asked_while_the_hook_replaced_a_result() -> None:
+    tree = load_tree('<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>')
+    hooks = Hooks(tree, lambda uid: tree.refuse_ticks() if breaks else None)
+    breaks = False
+    hooks.insert(json.dumps(hook(1, 1, "FAILURE")).encode())
+    assert tree.tick_once() == FAILURE
+    hooks.unlock(json.dumps({"uid": 1, "position": 0, "desired_status": "SUCCESS", "remove_when_done": False}).encode())
+    breaks = True
+    hooks.insert(json.dumps(hook(1, 0)).encode())
+    with pytest.raises(EngineError, match="cancelled"):  # it was held up until the execution was cancelled
+        tree.tick_once()
