@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from behaviours import push as push_module
+from behaviours.arm_motion import FREE_SPEED, timed_path
 from behaviours.push import Push, PushPlan
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
@@ -145,3 +146,18 @@ def test_a_goal_is_refused_where_the_object_would_stand_too_near_to_any_edge(
         assert run(skills, push(skills, goal=frame @ Pose(local))) == status
         object.__setattr__(skills.world.objects["cup"], "pose", belief.pose)
     assert codes(skills) == ["off_surface"]
+
+
+def test_a_straight_way_at_a_share_of_the_usual_speed_takes_that_share_of_the_acceleration_too() -> None:
+    asked: list[Any] = []
+    skills = SimpleNamespace(
+        arm_positions=lambda: np.full(7, 0.1),
+        arm_model=None,
+        algorithms=SimpleNamespace(motion_planning=SimpleNamespace(follow_path=None)),
+    )
+    skill: Any = SimpleNamespace(skills=skills, compute=lambda *arguments: asked.extend(arguments))
+    next(timed_path(skill, np.zeros((3, 7)), cast(Any, None), speed=0.35))
+    *_, waypoints, _, _, scale = asked
+    np.testing.assert_array_equal(waypoints[:, 0], [0.1, 0.0, 0.0])
+    assert scale.velocity == pytest.approx(0.35 * FREE_SPEED.velocity)
+    assert scale.acceleration == pytest.approx(0.35 * FREE_SPEED.acceleration)

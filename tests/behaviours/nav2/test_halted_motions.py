@@ -229,3 +229,24 @@ def test_a_motion_that_was_stopped_or_taken_over_by_another_command_has_failed(
     skills.base.handles[-1].abort(code, "it was ended from outside")
     assert run(skills, tree, 3) == FAILURE
     assert codes(skills) == [code.value]
+
+
+def test_a_follower_that_nobody_knows_given_on_the_way_ends_the_drive_too(skills: Any) -> None:
+    skills.followers = lambda name: f"follower {name}"
+    skills.base.ends["follow"] = [UNDER_WAY]
+    tree = load(skills, FOLLOW, path=path_to(2.0), controller="")
+    assert run(skills, tree, 2) == RUNNING
+    tree.blackboard.set("controller", "nobody")
+    assert run(skills, tree, 2) == FAILURE
+    assert codes(skills) == ["bad_input"]
+    assert skills.base.under_way == []
+
+
+def test_a_speed_controller_that_is_started_again_for_the_same_goal_ticks_its_child_at_once(skills: Any) -> None:
+    skills.base.velocity = lambda: SimpleNamespace(vx=0.0, vy=0.0)
+    counting = '<SpeedController min_rate="0.1" max_rate="0.2"><Script code="n := n + 1"/></SpeedController>'
+    tree = load(skills, f'<PipelineSequence>{counting}<Wait wait_duration="99"/></PipelineSequence>', n=0)
+    for started in (1, 2):
+        assert run(skills, tree, 20) == RUNNING
+        assert tree.blackboard.get("n") == started
+        tree.halt()
