@@ -12,6 +12,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.runtime import Session
+from hal.pybullet import PyBulletRobot
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
 GOAL_IN_THE_MIDDLE = (
@@ -135,8 +136,17 @@ def test_of_several_failures_the_last_one_is_to_blame(tmp_path: Path) -> None:
     assert result.failure.node.endswith("second")
 
 
-def test_a_run_that_somebody_stops_is_cancelled_and_not_judged(tmp_path: Path) -> None:
+def test_a_run_that_somebody_stops_is_cancelled_and_not_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stops: list[float] = []
+    stop = PyBulletRobot.stop
+
+    def noted(robot: PyBulletRobot) -> None:
+        stops.append(robot.clock.now())
+        stop(robot)
+
+    monkeypatch.setattr(PyBulletRobot, "stop", noted)
     result = with_leaves(tmp_path, "<Stop/>", *cup_at(-0.12, 0.0))
+    assert stops[-1] - stops[0] == pytest.approx(0.5, abs=0.01), "stopped at once, not only when the session ends"
     assert (result.outcome, result.success, result.predicate, result.metrics) == (Outcome.CANCELLED, False, None, {})
     assert result.failure is not None
     assert result.failure.error_code == "cancelled"

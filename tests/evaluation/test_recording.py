@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from behaviours.grasp import PlannedGrasp
 from bestman_bt.configuration import load_run
+from bestman_bt.engine import ManualClock, load_tree
+from bestman_bt.evaluation.recorded_beliefs import RecordedBeliefs
 from bestman_bt.evaluation.recording import Recording, goal_points
 from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import open_session
 from hal.pybullet import SceneRecorder
 
@@ -78,3 +84,28 @@ def test_the_pictures_of_each_camera_are_recorded_when_a_skill_takes_one(tmp_pat
     assert {f"/world/sensed/{camera}_cloud" for camera in times} <= entities
     for camera, stamps in times.items():
         assert sorted(shown[f"/world/camera/{camera}/rgb"]) == pytest.approx(stamps)
+
+
+def test_a_planned_grasp_is_marked_where_the_tool_will_be() -> None:
+    told: list[Any] = []
+    skills = SimpleNamespace(
+        base=SimpleNamespace(path=None, last_scan=None),
+        world=SimpleNamespace(objects={}),
+        gripper_model=SimpleNamespace(finger_depth=0.04),
+    )
+    session: Any = SimpleNamespace(
+        setup=SimpleNamespace(robot_model=load_robot_model("diff_panda")),
+        skills=skills,
+        robot=SimpleNamespace(clock=ManualClock(2.0)),
+    )
+    recorder: Any = SimpleNamespace(blackboard=lambda *_: None, grasps=lambda marks, stamp: told.append((marks, stamp)))
+    tree = load_tree(NOTHING_TO_DO)
+    map_from_tool = Pose.from_xyz_rpy((1.0, 2.0, 0.9), (0.0, 0.0, 0.5))
+    map_from_object = Pose.from_xyz_rpy((1.1, 2.0, 0.8), (0.0, 0.0, -1.0))
+    candidate: Any = SimpleNamespace(width=0.05, quality=0.7)
+    grasp = PlannedGrasp(candidate, cast(Any, None), map_from_object, map_from_tool.inverse() @ map_from_object)
+    tree.blackboard.set("grasps", [grasp])
+    RecordedBeliefs(recorder, session, tree).after_tick()
+    ((mark,), stamp), *others = told
+    assert (others, stamp, mark.width, mark.finger_depth, mark.quality) == ([], 2.0, 0.05, 0.04, 0.7)
+    np.testing.assert_allclose(mark.pose.matrix, map_from_tool.matrix, atol=1e-9)
