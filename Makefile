@@ -2,7 +2,6 @@
 
 BIN := .venv/bin
 JOBS ?= 2
-REAL_TIME_JOBS ?= 4
 
 PAGE := bestman_bt/monitor/page
 
@@ -34,14 +33,15 @@ install:
 demo: install
 	$(BIN)/bestman-bt demo
 
-# Tests against real-time clocks mostly wait: they run after the others, on more workers than there are cores.
+# Tests against real-time clocks run after the others; those that take the whole machine run one after the other.
 test: lint page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and not real_time"
-	$(BIN)/python -m pytest -n $(REAL_TIME_JOBS) --dist loadfile -m "not slow and real_time"
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not slow and real_time"
 
 test-all: install page-packages
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "not real_time"
-	$(BIN)/python -m pytest -n $(REAL_TIME_JOBS) --dist loadfile -m real_time
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile -m "real_time and not alone"
+	$(BIN)/python -m pytest -m alone
 
 mutants: install
 	$(BIN)/python scripts/mutants.py --jobs $(JOBS)

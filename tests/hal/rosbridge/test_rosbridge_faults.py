@@ -59,6 +59,7 @@ def stands(twin: TwinProcess) -> None:
     assert np.max(np.abs(place(twin) - before)) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_pulled_cable_is_noticed_in_time_and_no_velocity_acts_when_it_is_back(
     robot: HardwareRobot, twin: TwinProcess
 ) -> None:
