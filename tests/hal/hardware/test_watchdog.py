@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -82,44 +81,3 @@ def test_a_command_at_the_moment_at_which_a_fault_fails_a_motion_is_refused(robo
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.FAULT
     assert "stopped because platform: a wheel is blocked" in str(controller.answer)
-
-
-class Looping(Controller):
-    """Has a loop that crashes where ``breaks`` is set."""
-
-    breaks = False
-    opened = steps = 0
-
-    def open(self) -> None:
-        self.opened += 1
-        self.add_loop("velocities", 200.0, self._step)
-
-    def _step(self, elapsed: float) -> None:
-        if self.breaks:
-            raise ZeroDivisionError("a bug")
-        self.steps += 1
-
-
-def waited_for(what: Callable[[], bool]) -> bool:
-    deadline = time.monotonic() + WAIT
-    while not what() and time.monotonic() < deadline:
-        time.sleep(0.005)
-    return what()
-
-
-def test_a_loop_that_crashed_stops_the_robot_and_runs_again_once_the_stop_is_cleared(
-    robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Looping)
-    with HardwareRobot(replace(robot_model, connections={"platform": ConnectionConfig("any", ("base",))})) as robot:
-        controller = robot.connections["platform"]
-        assert isinstance(controller, Looping)
-        controller.breaks = True
-        assert waited_for(lambda: robot.stopped)
-        assert "stopped working: ZeroDivisionError: a bug" in str(robot.faults["platform"])
-        controller.breaks, before = False, controller.steps
-        robot.clear_stop()
-        assert controller.opened == 2
-        assert waited_for(lambda: controller.steps > before + 10)
-        assert not robot.stopped
-        robot.part("base", MobileBase).set_velocity(0.0, 0.0, 0.0)
