@@ -1,19 +1,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, load_run, load_task
+from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.evaluation.predicates.at_goal import at_goal
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap
-from bestman_bt.runtime.drive_goals import base_footprint, true_costmap
+from bestman_bt.robot_model import load_robot_model
+from bestman_bt.runtime.drive_goals import base_footprint, drive_goal, true_costmap
 from bestman_bt.runtime.setup import Setup, prepare
-from bestman_bt.scene import SceneError
+from bestman_bt.scene import SceneError, draw_world, load_scene, semantic_map
 from tests.evaluation.predicates.scripted import ScriptedEnd
 from tests.evaluation.predicates.staged import Staged, judged, why
 
@@ -173,3 +176,13 @@ def test_the_truth_has_handles_and_furniture_that_the_map_does_not_have() -> Non
     chair = next(p for p in prepare(load_run("fetch_cup_with_chairs", seed=0)).world.furniture if not p.mapped)
     world = prepare(load_run("fetch_cup_with_chairs", seed=0)).world
     assert true_costmap(world, setup.robot_model).distance_at(chair.actual.xy) < 0.0
+
+
+def test_the_way_straight_out_from_before_furniture_is_free_by_the_map_too() -> None:
+    robot, world = load_robot_model("diff_panda"), draw_world(load_scene("kitchen"), 0)
+    known, asked = semantic_map(world), DriveConfig(at_furniture=1.0, distance=0.0)
+    goal = drive_goal(asked, world, known, robot, 1)
+    post = (goal @ Pose2D(-0.3, -0.22, 0.0)).xy  # behind the base, and before where it has room to turn
+    mapped = replace(known, walls=np.vstack([known.walls, [*post, *(post + 0.01)]]))
+    assert Costmap.from_map(mapped, base_footprint(robot)).clearance_at(goal) > 0.0
+    assert drive_goal(asked, world, mapped, robot, 1) != goal
