@@ -1,4 +1,4 @@
-"""Packages that one feature needs: missed when it is used, with the command that brings them."""
+"""Packages that only one feature needs; without them its use raises an error with the command that installs them."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class MissingExtraError(ImportError):
 
 
 def is_installed(extra: str) -> bool:
-    """Whether the package of an extra can be imported; it is not."""
+    """Return whether the package of an extra is installed, without importing it."""
     return find_spec(PACKAGE_OF_EXTRA[extra]) is not None
 
 
 def missing_extra(what: str, extra: str) -> MissingExtraError:
-    """That ``what`` needs ``extra``, for somebody to raise."""
+    """Return the error that names ``extra`` as what ``what`` needs."""
     package = PACKAGE_OF_EXTRA[extra]
     return MissingExtraError(f"{what} needs the package {package!r}: pip install 'bestman-bt[{extra}]'", name=package)
 

@@ -21,7 +21,7 @@ FOLDER = "pybullet_data"
 def bring_pybullet_data(wheel: Path | None = None) -> Path:
     """Unpack the folder pybullet_data alone into ``own_pybullet_data()``, and return that.
 
-    ``wheel``: a file; else the one of ``REQUIREMENT`` is downloaded as pip or uv is told to, and its hash checked.
+    ``wheel``: a file; by default ``REQUIREMENT`` is downloaded with the settings of pip or uv, and its hash checked.
     Raises ConfigurationError where that fails; then nothing is left.
     """
     target = own_pybullet_data()
@@ -47,7 +47,7 @@ def _unpack(wheel: Path, into: Path) -> None:
 
 
 def _download(into: Path) -> None:
-    """Let pip, else uv, install the wheel into ``into``: they look for packages where the user told them to."""
+    """Let pip, else uv, install the wheel into ``into``: they use the user's settings for package indexes."""
     lock = into / "lock.txt"
     lock.write_text(f"{REQUIREMENT} --hash=sha256:{SHA256}\n", encoding="utf-8")
     if find_spec("pip") is not None:

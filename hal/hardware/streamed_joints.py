@@ -217,7 +217,7 @@ class StreamedJointGroup(MovingPart, JointGroup):
         settled = error < parameters.settle_tolerance and speed < parameters.settle_speed
         if not settled and self._waiting <= parameters.settle_time:
             return
-        # Before anybody sees the end: at rest, they take the next command at once.
+        # Before the motion ends: joints at rest take the next command at once.
         self._velocity, self._setpoints = np.zeros_like(self._velocity), Hold(self._position)
         if settled:
             motion.succeed()

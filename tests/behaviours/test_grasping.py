@@ -52,7 +52,7 @@ def planned(skills: Any, count: int = 2) -> list[PlannedGrasp]:
     approach = SimpleNamespace(pre=np.zeros(7), into=np.arange(14.0).reshape(2, 7), out=np.full((2, 7), 99.0))
     at = skills.world.objects["cup"].pose
     tool_from_object = in_base(0.7, 0.002, 0.85).inverse() @ (ASKEW.to_pose().inverse() @ at)
-    grasp: Any = PlannedGrasp(candidate, approach, at, tool_from_object)  # type: ignore[arg-type]
+    grasp: Any = PlannedGrasp(candidate, approach, at, tool_from_object)
     return [grasp] * count
 
 

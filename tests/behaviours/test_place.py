@@ -102,7 +102,7 @@ def test_an_object_is_put_down_in_every_turn_that_looks_the_same_and_from_straig
 ) -> None:
     cup = skills.world.held
     model = SimpleNamespace(symmetry_order=order)
-    held = HeldObject("cup", model, cup.tool_from_object, WIDTH)  # type: ignore[arg-type]
+    held = HeldObject("cup", model, cup.tool_from_object, WIDTH)
     goal = Pose.from_xyz_rpy((0.7, 0.1, 0.8), (0.0, 0.0, 0.9))
     poses = place_tool_poses(held, goal, above=PRE_PLACE, lift=HOVER)
     assert len(poses) == (order or 12)

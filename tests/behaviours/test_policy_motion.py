@@ -31,9 +31,9 @@ def skills() -> Any:
 def motion(skills: Any) -> PolicyMotion:
     """The arm follows a chunk, and nothing has moved the fingers yet."""
     made = PolicyMotion(skills, BOX, skills.clock.now() + DEADLINE)
-    made.stream = SimpleNamespace(accept=lambda spliced, now: spliced, motion=None)  # type: ignore[assignment]
+    made.stream = SimpleNamespace(accept=lambda spliced, now: spliced, motion=None)
     skills.arm.ends["follow"] = [UNDER_WAY]
-    made.follow("a checked motion")  # type: ignore[arg-type]
+    made.follow("a checked motion")
     return made
 
 

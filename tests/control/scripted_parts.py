@@ -106,13 +106,13 @@ class ScriptedBase(MobileBase):
         self._wanted = np.zeros(3)
 
     def move_forward(self, distance: float) -> Motion:
-        raise NotImplementedError
+        raise NotImplementedError  # no test calls it
 
     def move_backward(self, distance: float) -> Motion:
-        raise NotImplementedError
+        raise NotImplementedError  # no test calls it
 
     def rotate(self, angle: float) -> Motion:
-        raise NotImplementedError
+        raise NotImplementedError  # no test calls it
 
     def _check(self) -> None:
         if self.error is not None:
@@ -191,7 +191,7 @@ class ScriptedArm(Arm):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        raise NotImplementedError
+        raise NotImplementedError  # no test calls it
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
         return self._begun()

@@ -44,7 +44,7 @@ class Episodes:
     """Runs nothing: ``of`` makes the results. ``ran``: task and seed of each, in their order; the last comes first."""
 
     def __init__(self, *of: Episode) -> None:
-        self._of, self.ran = list(of), []  # type: ignore[var-annotated]
+        self._of, self.ran = list(of), []
 
     def __call__(
         self, configs: Sequence[RunConfig], jobs: int = 1, folder: Path | None = None
@@ -215,7 +215,7 @@ def test_a_motion_holds_its_first_and_last_moment_and_every_fourth_tick_between(
         pose = Pose2D(float(stamp), 0.0, 0.0).to_pose()
         return SceneSnapshot(float(stamp), pose, {}, {"cup": pose}, {"chest/door": Pose()}, {"walker": Pose()})
 
-    log = MotionLog(tmp_path, SimpleNamespace(scene_snapshot=seen))  # type: ignore[arg-type]
+    log = MotionLog(tmp_path, SimpleNamespace(scene_snapshot=seen))
     log.open()
     for _ in range(9):
         log.after_tick()

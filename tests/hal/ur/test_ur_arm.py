@@ -84,7 +84,7 @@ def controller() -> Controller:
 def make_arm(ur5: RobotModel, controller: Controller, now: list[float]) -> Callable[..., URArm]:
     def make(**safety: Any) -> URArm:
         tool = ToolLimits(ur5, "arm", SafetyConfig(**safety))
-        made = URArm("arm", ur5.arms["arm"], controller, StopLatch(), PERIOD, tool, controller)  # type: ignore[arg-type]
+        made = URArm("arm", ur5.arms["arm"], controller, StopLatch(), PERIOD, tool, controller)
         made.attach()
         return made
 

@@ -55,11 +55,11 @@ def test_each_digital_channel_has_its_bit_and_a_stopped_robot_switches_none() ->
     for kind, first, count in (("standard", 0, 8), ("configurable", 8, 8), ("tool", 16, 2)):
         for number in range(count):
             link.report = report(digital_outputs=1 << first + number, digital_inputs=~(1 << first + number))
-            assert io.output(kind, number)  # type: ignore[arg-type]
-            assert not io.input(kind, number)  # type: ignore[arg-type]
+            assert io.output(kind, number)
+            assert not io.input(kind, number)
         for wrong in (-1, count):
             with pytest.raises(CommandRefusedError, match=kind):
-                io.set_output(kind, wrong, True)  # type: ignore[arg-type]
+                io.set_output(kind, wrong, True)
     io.set_output("tool", 1, True)
     assert calls == [("set_output", "tool", 1, True)]
     latch.set("a collision")

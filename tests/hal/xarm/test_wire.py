@@ -95,7 +95,7 @@ def wire(arm: Arm, clock: Clock, monkeypatch: pytest.MonkeyPatch) -> XArmWire:
             sleep=lambda duration: passed.__setitem__(0, passed[0] + duration), monotonic=lambda: passed[0]
         ),
     )
-    made = XArmWire("arm_controller", clock, modules.__getitem__)  # type: ignore[arg-type]
+    made = XArmWire("arm_controller", clock, modules.__getitem__)
     made.open("192.168.7.7", XArmOptions())
     return made
 

@@ -147,7 +147,7 @@ def told(tmp_path: Path, boxes: list[tuple[float, ...]], **options: object) -> O
     given = np.zeros((1, 6, 10), np.float32)
     given[0, :, : len(boxes)] = np.array(boxes).T
     file = save(tmp_path / "told.onnx", PICTURE, [1, 6, 10], "{0: 'a', 1: 'b'}", given)
-    return OnnxImageDetector(OnnxDetectorParameters(model=file, **options))  # type: ignore[arg-type]
+    return OnnxImageDetector(OnnxDetectorParameters(model=file, **options))
 
 
 SQUARE = image(np.zeros((64, 64, 3), np.uint8))
