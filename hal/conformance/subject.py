@@ -161,22 +161,30 @@ def set_moving(robot: Robot) -> list[Motion]:
     return motions
 
 
-def is_at_rest(robot: Robot) -> bool:
-    """Whether arms, groups and bases stand still, as the API defines it."""
+def what_moves(robot: Robot) -> list[str]:
+    """Arms, groups and bases that do not stand still, as the API defines it, with their velocities."""
+    moving = []
     for group in parts_of(robot, JointGroup):
-        if np.any(np.abs(group.velocities()) > REST_JOINT_SPEED):
-            return False
+        velocities = group.velocities()
+        if np.any(np.abs(velocities) > REST_JOINT_SPEED):
+            moving.append(f"{group.name} at {velocities.round(4)}")
     for base in parts_of(robot, MobileBase):
         velocity = base.velocity()
         if max(abs(velocity.vx), abs(velocity.vy), abs(velocity.wz)) > REST_BASE_SPEED:
-            return False
-    return True
+            moving.append(f"{base.name} at {velocity}")
+    return moving
+
+
+def is_at_rest(robot: Robot) -> bool:
+    """Whether nothing moves."""
+    return not what_moves(robot)
 
 
 def require_rest(robot: Robot, after: str) -> None:
     """The robot has to be at rest, its fingers too, and to stay so."""
     robot.clock.sleep(REST_TIME)
-    require(is_at_rest(robot), f"the robot should be at rest {REST_TIME} s after {after}")
+    moving = what_moves(robot)
+    require(not moving, f"the robot should be at rest {REST_TIME} s after {after}, yet: {', '.join(moving)}")
     groups, grippers = parts_of(robot, JointGroup), parts_of(robot, Gripper)
     bases = parts_of(robot, MobileBase)
     places, widths = [group.positions() for group in groups], [gripper.width() for gripper in grippers]

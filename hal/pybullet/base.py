@@ -50,7 +50,7 @@ class SimulatedBase(SimulatedMobileBase):
         return self._odometry.pose
 
     def velocity(self) -> Twist2D:
-        """Velocity from the wheels' speeds over the last control period; NoDataError where encoders tell none."""
+        """Velocity from the wheels' speeds over the last sixtieth of a second; NoDataError where encoders tell none."""
         reading = self.encoders.read()
         return Twist2D(*self._believed.motion(reading.speeds, reading.positions[self._wheels :]))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,8 @@ from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.simulation import Simulation
 
 Array = NDArray[np.float64]
+SPEED_WINDOW = 1.0 / 60.0
+"""Seconds between the two counts that a speed is told from, or a control period where that is longer."""
 
 
 class WheelMotors:
@@ -23,17 +27,16 @@ class WheelMotors:
         self._wheel_indices = simulation.indices(model.wheel_joints)
         self._steering_indices = simulation.indices(model.steering_joints)
         self._steered_to = self.steering
-        self._counted, self._speeds = self.angles.copy(), np.zeros(len(model.wheel_joints))
+        periods = max(1, round(SPEED_WINDOW / parameters.control_period))
+        self._counts = deque([self.angles.copy()], maxlen=periods + 1)
 
     def count(self) -> None:
-        """Take the encoders' counts, once in a control period; speeds are what they tell from one to the next.
+        """Take the encoders' counts, once in a control period.
 
         A motor that holds its wheel against friction chatters by hundredths of a millimetre in every physics step:
-        its speed at one instant is no speed of the base.
+        its speed over one step is no speed of the base.
         """
-        now = self.angles.copy()
-        self._speeds = (now - self._counted) / self._parameters.control_period
-        self._counted = now
+        self._counts.append(self.angles.copy())
 
     @property
     def angles(self) -> Array:
@@ -43,8 +46,9 @@ class WheelMotors:
 
     @property
     def speeds(self) -> Array:
-        """Measured speeds of the wheels over the last control period, (n,) rad/s."""
-        return self._speeds
+        """Measured speeds of the wheels over ``SPEED_WINDOW``, (n,) rad/s."""
+        elapsed = max(1, len(self._counts) - 1) * self._parameters.control_period
+        return np.asarray((self._counts[-1] - self._counts[0]) / elapsed)
 
     @property
     def steering(self) -> Array:

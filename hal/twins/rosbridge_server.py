@@ -130,7 +130,7 @@ class RosbridgeTwin:
             return kept[what]
 
         def odometry(header: Message) -> Message:
-            return ros_messages.odometry(header, options.base_frame, base.base.odometry(), base.base.velocity())
+            return ros_messages.odometry(header, options.base_frame, base.base.odometry(), base.mean_velocity())
 
         def transform(header: Message) -> Message:
             return ros_messages.transform(header, options.base_frame, base.base.odometry())
