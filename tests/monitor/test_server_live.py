@@ -478,6 +478,7 @@ def test_a_page_that_does_not_read_delays_no_other(executor: FakeExecutor, start
         assert page.next("delta", lambda delta: delta["time"] == 15.0)["id"] == ID
 
 
+@pytest.mark.slow
 def test_an_executor_that_was_killed_is_lost_within_seconds_and_its_socket_removed(
     start_monitor: StartMonitor,
 ) -> None:

@@ -15,7 +15,7 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Part
-from hal.hardware import Connection, ConnectionFailedError, Fault, RealTimeClock, StopLatch
+from hal.hardware import Connection, ConnectionFailedError, Fault, RealTimeClock, StopLatch, only_client
 from hal.hardware.only_client import OnlyClient
 
 pytestmark = pytest.mark.real_time
@@ -33,6 +33,7 @@ input()
 def own_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Locks of these tests are apart from those of anybody's robots."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(only_client, "PATIENCE", 0.3)
 
 
 def client(driver: str = "xarm", address: str = ADDRESS) -> OnlyClient:

@@ -14,7 +14,7 @@ from hal.pybullet import PyBulletRobot
 ALLOWED = [("fingers", "box"), ("fingers", "can"), ("box", "table"), ("can", "table")]
 
 
-@pytest.mark.parametrize("name", ["box", "can"])
+@pytest.mark.parametrize("name", ["box", pytest.param("can", marks=pytest.mark.slow)])
 def test_an_object_stays_in_a_moving_hand_and_where_it_is_released(name, robot_model, table_worlds, operator) -> None:
     with PyBulletRobot(robot_model, table_worlds[name], seed=3) as robot:
         hand = operator(robot)
@@ -50,7 +50,7 @@ def test_an_object_stays_in_a_moving_hand_and_where_it_is_released(name, robot_m
         assert judged.joint_limit_violations == judged.velocity_limit_violations == 0
 
 
-@pytest.mark.parametrize("name", ["box", "can"])
+@pytest.mark.parametrize("name", ["box", pytest.param("can", marks=pytest.mark.slow)])
 def test_fingers_press_along_their_way_after_the_hand_has_turned(name, robot_model, table_worlds, operator) -> None:
     """Bullet keeps normals of contact as they were in the world: they have to be found afresh on the way."""
     with PyBulletRobot(robot_model, table_worlds[name], seed=3) as robot:

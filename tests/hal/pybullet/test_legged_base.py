@@ -70,6 +70,7 @@ def test_it_turns_by_a_quarter(walk: Walk) -> None:
     assert np.hypot(*turned.position[:2]) < 0.15
 
 
+@pytest.mark.slow
 def test_it_follows_velocities_in_all_directions(walk: Walk) -> None:
     for velocity in ((0.0, 0.15, 0.0), (-0.2, 0.0, 0.0), (0.2, 0.0, 0.4)):
         walk.drive(*velocity, 1.0)

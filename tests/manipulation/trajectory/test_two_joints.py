@@ -104,7 +104,7 @@ def test_acceleration_and_jerk_are_shares_of_each_joints_limit_in_either_directi
 PATHS = [np.random.default_rng(seed).uniform(TWO.lower * 0.9, TWO.upper * 0.9, (5, 2)) for seed in range(4)]
 
 
-@pytest.mark.parametrize("path", PATHS[:2], ids=range(2))
+@pytest.mark.parametrize("path", [PATHS[0], pytest.param(PATHS[1], marks=pytest.mark.slow)], ids=range(2))
 def test_stops_and_new_speeds_keep_the_limits_on_the_path_at_any_time(path: np.ndarray) -> None:
     whole = Toppra().parametrize(path, TWO, SpeedScale(0.8, 0.8))
     dense = np.array([whole.sample(t)[0] for t in np.linspace(0.0, whole.duration, 1500)])
@@ -192,7 +192,7 @@ def test_a_timed_path_may_begin_a_little_outside_the_limits_on_either_side(place
 
 
 @pytest.mark.parametrize("scale", [SpeedScale(1.0, 0.2), SpeedScale(0.2, 1.0)])
-@pytest.mark.parametrize("path", PATHS[:2], ids=range(2))
+@pytest.mark.parametrize("path", [PATHS[0], pytest.param(PATHS[1], marks=pytest.mark.slow)], ids=range(2))
 def test_speed_and_acceleration_are_scaled_each_by_itself_in_both_directions(
     scale: SpeedScale, path: np.ndarray
 ) -> None:

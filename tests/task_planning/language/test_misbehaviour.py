@@ -118,7 +118,7 @@ def test_a_model_that_corrects_itself_is_believed(way: str) -> None:
     assert all(len(text) < 10_000 for text in told)
 
 
-@pytest.mark.parametrize("way", SERVERS)
+@pytest.mark.parametrize("way", [pytest.param("timeout", marks=pytest.mark.slow), *list(SERVERS)[1:]])
 def test_a_server_that_gives_no_answer_ends_in_an_error_and_one_that_recovers_in_a_plan(way: str) -> None:
     behaviour, reason = SERVERS[way]
     timeout = 0.3 if way == "timeout" else 10.0

@@ -6,6 +6,8 @@ import os
 import time
 from pathlib import Path
 
+import pytest
+
 from bestman_bt.visualization.rerun import LiveFeed
 
 
@@ -34,6 +36,7 @@ def test_what_is_written_last_arrives_before_the_end(tmp_path: Path) -> None:
         assert pipe.read() == b"all at once"
 
 
+@pytest.mark.slow
 def test_a_frozen_viewer_holds_up_nobody(tmp_path: Path) -> None:
     file = tmp_path / "recording.rrd"
     reading, writing = os.pipe()
