@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Collection, Hashable, Iterable
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -47,6 +47,13 @@ def activities(changes: Iterable[tuple[float, K, int]], end: float) -> list[Acti
             found.append(Activity(key, begun.pop(key), time, IDLE))
     found += [Activity(key, begin, max(end, begin), RUNNING) for key, begin in begun.items()]
     return sorted(found, key=lambda activity: activity.begin)
+
+
+def ended_by(changes: Iterable[tuple[float, K, int]], root: K, leaves: Collection[K]) -> tuple[K, float] | None:
+    """The leaf by which a tree failed, and when: of what failed at the moment at which ``root`` did, the last leaf."""
+    failed = [(time, key) for time, key, state in changes if state == FAILURE]
+    end = next((time for time, key in reversed(failed) if key == root), None)
+    return next(((key, time) for time, key in reversed(failed) if time == end and key in leaves), None)
 
 
 @dataclass(frozen=True)

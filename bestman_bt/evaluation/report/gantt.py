@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 from bestman_bt.evaluation.report.activities import Activity
 from bestman_bt.evaluation.report.story import NodeKey, StoryNode
 
-WORDS = {SUCCESS: "success", FAILURE: "failure", SKIPPED: "skipped", IDLE: "halted", RUNNING: "running"}
-MARKS = {SUCCESS: "✓", FAILURE: "✕", IDLE: "◌", RUNNING: "…", SKIPPED: "↷"}
+NO = -1
+"""Beside the states: a condition whose answer is no, which is its work and no fault, unless it ended the tree."""
+WORDS = {SUCCESS: "success", FAILURE: "failure", SKIPPED: "skipped", IDLE: "halted", RUNNING: "running", NO: "no"}
+MARKS = {SUCCESS: "✓", FAILURE: "✕", IDLE: "◌", RUNNING: "…", SKIPPED: "↷", NO: "–"}
 WIDTH = 1000.0
 """Units of the picture for the whole run; the rows are 22 high."""
 LEAST_WIDTH = 2.0
@@ -20,7 +22,7 @@ MARK_WIDTH = 14.0
 MAX_ROWS = 150
 MAX_BARS = 6000
 _TICKS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1800.0, 3600.0)
-_WEIGHT = {SKIPPED: 0, SUCCESS: 1, IDLE: 2, RUNNING: 3, FAILURE: 4}
+_WEIGHT = {SKIPPED: 0, SUCCESS: 1, NO: 2, IDLE: 3, RUNNING: 4, FAILURE: 5}
 
 
 @dataclass(frozen=True)
@@ -51,12 +53,23 @@ class Gantt:
     left_out: int
 
 
-def gantt(nodes: Sequence[StoryNode], done: Sequence[Activity[NodeKey]], duration: float) -> Gantt:
-    """The chart of a run; conditions that always returned the same at once have no row where room is short."""
+def gantt(
+    nodes: Sequence[StoryNode],
+    done: Sequence[Activity[NodeKey]],
+    duration: float,
+    ended_by: tuple[NodeKey, float] | None = None,
+) -> Gantt:
+    """The chart of a run; conditions that always returned the same at once have no row where room is short.
+
+    ``ended_by``: the leaf by which the tree failed, and when.
+    """
+    conditions = {node.key for node in nodes if node.category == "condition"}
     duration = max([duration, *(activity.end for activity in done)], default=duration) or 1.0
     by_node: dict[NodeKey, list[Activity[NodeKey]]] = {}
     for activity in done:
-        by_node.setdefault(activity.key, []).append(activity)
+        answers = activity.key in conditions and (activity.key, activity.end) != ended_by
+        shown_so = replace(activity, result=NO) if answers and activity.result == FAILURE else activity
+        by_node.setdefault(activity.key, []).append(shown_so)
     shown = [node for node in nodes if node.key in by_node and (node.is_leaf or node.category == "subtree")]
     ranked = sorted(shown, key=lambda node: -sum(a.duration for a in by_node[node.key]))
     kept = {node.key for node in ranked[:MAX_ROWS]}

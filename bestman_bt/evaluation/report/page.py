@@ -72,7 +72,7 @@ def _shown(story: RunStory) -> _ShownRun:
     work = work_of_nodes(story.activities)
     listed = [(node, work[node.key]) for node in story.nodes if node.key in work]
     listed.sort(key=lambda item: -item[1].seconds)
-    chart = gantt(story.nodes, story.activities, story.duration)
+    chart = gantt(story.nodes, story.activities, story.duration, story.ended_by)
     return _ShownRun(story, chart, tuple(listed[:MAX_NODES]))
 
 

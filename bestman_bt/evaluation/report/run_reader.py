@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import logged_nodes, read_btlog
-from bestman_bt.evaluation.report.activities import activities
+from bestman_bt.evaluation.report.activities import activities, ended_by
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
 from bestman_bt.evaluation.report.plain_yaml import read_plain_yaml
 from bestman_bt.evaluation.report.story import (
@@ -132,10 +132,18 @@ def _story(folder: Path, parts: _Parts) -> RunStory:
         config=parts.config,
         nodes=tuple(_in_reading_order(parts.nodes)),
         activities=tuple(activities(changes, parts.last)),
+        ended_by=_ended_by(parts, changes),
         failures=tuple(_failures(folder, parts)),
         pictures=tuple(_pictures(folder, parts)),
         notes=tuple(parts.notes),
     )
+
+
+def _ended_by(parts: _Parts, changes: list[tuple[float, NodeKey, int]]) -> tuple[NodeKey, float] | None:
+    """Of the main tree, which stands in ``transitions.btlog``."""
+    main = [node for key, node in parts.nodes.items() if key[0] == 0]
+    leaves = {node.key for node in main if node.is_leaf}
+    return ended_by(changes, main[0].key, leaves) if main else None
 
 
 def _outcome(folder: Path, parts: _Parts) -> str:

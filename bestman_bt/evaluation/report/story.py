@@ -62,7 +62,8 @@ class RunStory:
 
     ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING where there is none. ``started``: seconds since
     the epoch, None where nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
-    ``result``: None where the run never came to its end. ``notes``: what could not be read, in words.
+    ``result``: None where the run never came to its end. ``ended_by``: the leaf by which the tree failed, and when;
+    None where it did not. ``notes``: what could not be read, in words.
     """
 
     folder: Path
@@ -78,6 +79,7 @@ class RunStory:
     config: str
     nodes: tuple[StoryNode, ...] = ()
     activities: tuple[Activity[NodeKey], ...] = ()
+    ended_by: tuple[NodeKey, float] | None = None
     failures: tuple[StoryFailure, ...] = ()
     pictures: tuple[StoryPicture, ...] = ()
     notes: tuple[str, ...] = field(default=())

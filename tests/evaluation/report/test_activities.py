@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
-from bestman_bt.evaluation.report.activities import Activity, activities, work_of_nodes
+from bestman_bt.evaluation.report.activities import Activity, activities, ended_by, work_of_nodes
 
 
 def test_a_node_works_from_running_to_its_result() -> None:
@@ -22,6 +22,16 @@ def test_a_node_that_returns_at_once_works_for_no_time() -> None:
 
 def test_what_the_log_ends_within_is_still_running() -> None:
     assert activities([(1.0, "a", RUNNING)], 4.0) == [Activity("a", 1.0, 4.0, RUNNING)]
+
+
+def test_a_tree_fails_by_the_last_leaf_that_fails_with_its_root() -> None:
+    leaves = {"held", "grasp"}
+    before = [(1.0, "held", FAILURE), (1.0, "grasp", RUNNING), (3.0, "held", FAILURE)]
+
+    assert ended_by([*before, (3.0, "grasp", FAILURE), (3.0, "root", FAILURE)], "root", leaves) == ("grasp", 3.0)
+    assert ended_by([*before, (3.0, "root", FAILURE), (3.0, "held", IDLE)], "root", leaves) == ("held", 3.0)
+    assert ended_by([*before, (3.0, "root", SUCCESS)], "root", leaves) is None
+    assert ended_by([*before, (4.0, "root", FAILURE)], "root", leaves) is None, "nothing failed with it"
 
 
 def test_the_work_of_a_node_adds_up() -> None:

@@ -154,6 +154,28 @@ def test_bars_that_would_cover_one_another_become_one_that_shows_a_failure_among
     assert bar.words.endswith("(501 times)")
 
 
+def test_a_condition_that_does_not_hold_is_shown_as_no_and_only_the_one_that_ended_the_tree_as_a_failure() -> None:
+    held = StoryNode((0, 1), None, "held", "Holding", "condition", "held", 0)
+    done: list[Activity[NodeKey]] = [Activity((0, 1), t, t, FAILURE) for t in (0.0, 5.0, 9.0)]
+
+    bars = gantt([held, _node(2)], [*done, Activity((0, 2), 5.0, 9.0, FAILURE)], 10.0, ended_by=((0, 1), 9.0)).rows
+
+    assert [bar.state for bar in bars[0].bars] == ["no", "no", "failure"]
+    assert bars[0].bars[0].words == "0.00 s: no"
+    assert bars[1].bars[0].state == "failure", "an action has failed"
+
+
+def test_an_answer_is_not_lost_among_others_that_it_would_cover() -> None:
+    held = StoryNode((0, 1), None, "held", "Holding", "condition", "held", 0)
+    done: list[Activity[NodeKey]] = [
+        Activity((0, 1), 0.001 * i, 0.001 * i, (SUCCESS, FAILURE)[i == 7]) for i in range(9)
+    ]
+
+    (bar,) = gantt([held], done, 100.0).rows[0].bars
+
+    assert bar.state == "no"
+
+
 def test_a_chart_is_bounded_and_keeps_the_nodes_that_took_the_most_time() -> None:
     nodes = [_node(number) for number in range(1, 1001)]
     done: list[Activity[NodeKey]] = [

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.engine.status import FAILURE, SUCCESS
+from bestman_bt.engine import load_tree
+from bestman_bt.engine.logs.btlog import BtLogWriter
+from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
 from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, read_story, run_folders
 from bestman_bt.evaluation.result import Outcome
 from bestman_bt.monitor.events import DescribedNode, StatesEvent, TreeEvent
-from tests.evaluation.report.run_folders import HOSTILE, failure_with_picture, picture, write_run
+from tests.evaluation.report.run_folders import HOSTILE, SteppedClock, failure_with_picture, picture, write_run
 
 
 def test_a_finished_run_is_told_with_its_times_and_nodes(tmp_path: Path) -> None:
@@ -26,6 +28,23 @@ def test_a_finished_run_is_told_with_its_times_and_nodes(tmp_path: Path) -> None
     assert (drive.begin, drive.end, drive.result) == (0.0, pytest.approx(1.0), SUCCESS)
     assert by_name["drive"].depth == by_name["approach"].depth + 1
     assert story.duration == pytest.approx(1.6, abs=0.11)
+
+
+def test_a_tree_that_failed_is_told_with_the_condition_that_ended_it(tmp_path: Path) -> None:
+    asking = """<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence>
+        <Fallback><ScriptCondition name="held" code="1 == 2"/><Sleep name="grasp" msec="100"/></Fallback>
+        <ScriptCondition name="ready" code="1 == 2"/></Sequence></BehaviorTree></root>"""
+    clock = SteppedClock()
+    tree = load_tree(asking, clock=clock)
+    with BtLogWriter(tree, tmp_path / "transitions.btlog"):
+        while tree.tick_exactly_once() == RUNNING:
+            clock.sleep(0.05)
+
+    story = read_story(tmp_path)
+
+    ready = next(node for node in story.nodes if node.name == "ready")
+    assert (ready.category, story.ended_by) == ("condition", (ready.key, pytest.approx(0.1)))
+    assert read_story(write_run(tmp_path / "good")).ended_by is None
 
 
 def test_a_run_without_an_end_was_interrupted(tmp_path: Path) -> None:
