@@ -29,7 +29,7 @@ class RunConfig:
 
     ``name``: of the task, in results and folders. ``scene_settings``, ``robot_settings``: dotted keys → values for
     ``load_scene`` and ``load_robot_model``. ``driver``: which implementation of the Robotics API; ``recording``: the
-    run folder that the driver ``replay`` plays.
+    run folder that the driver ``replay`` plays. ``entry``: of the suite that the run belongs to; changes nothing in it.
     ``written``: the task as it was written and where, for messages; not part of the run.
     """
 
@@ -41,6 +41,7 @@ class RunConfig:
     recording: str = ""
     scene_settings: Mapping[str, Any] = field(default_factory=dict)
     robot_settings: Mapping[str, Any] = field(default_factory=dict)
+    entry: str = ""
     written: Document = field(default_factory=lambda: Document({}), init=False, repr=False, compare=False)
 
     def problem(self, path: FieldPath, message: str) -> Problem:

@@ -29,7 +29,7 @@ def code_fingerprint() -> str:
 
 
 def config_fingerprint(config: RunConfig) -> str:
-    """Twelve hexadecimal digits over a run's configuration but its seed, and the files of a user that it names.
+    """Twelve hexadecimal digits over a run's configuration but its seed and entry, and the files of a user it names.
 
     Also over what those files name: furniture, objects, parts, meshes, included trees, policies.
     """
@@ -41,7 +41,8 @@ def config_fingerprint(config: RunConfig) -> str:
         robot=Path(task.robot).name,
         plugins=tuple(Path(plugin).name for plugin in task.plugins),
     )
-    digest = hashlib.sha256(dump_run(replace(config, task=plain, seed=0)).encode())
+    config = replace(config, seed=0, entry="")
+    digest = hashlib.sha256(dump_run(replace(config, task=plain)).encode())
     for path in named_files(yaml.safe_load(dump_run(config))):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()[:12]

@@ -95,7 +95,8 @@ class Entry:
 
     def configs(self) -> list[RunConfig]:
         """One per episode."""
-        return [replace(self.config, seed=self.config.seed + i) for i in range(self.episodes)]
+        entry = self.name if self.asked is not None else ""
+        return [replace(self.config, seed=self.config.seed + i, entry=entry) for i in range(self.episodes)]
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,8 @@ from bestman_bt.configuration import ConfigurationError, data_names, load_task
 from bestman_bt.evaluation import evaluation as evaluation_module
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
+from bestman_bt.evaluation.report.many_runs import groups_by_name
+from bestman_bt.evaluation.report.run_reader import read_story, run_folders
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import Entry, is_suite, load_suite
 
@@ -77,6 +79,8 @@ def test_an_interrupted_evaluation_goes_on_where_it_stopped(suite_file: Path, tm
     ]
     assert [failure["seed"] for failure in task["failures"]] == [3, 4, 5]
     assert evaluate(suite_file, tmp_path / "out")[0] == []
+    rows = groups_by_name([read_story(folder) for folder in run_folders(tmp_path / "out")])
+    assert [name.split(" · ")[0] for name in rows] == ["fail", "control"]
     text = markdown(document)
     assert "**Not all targets met.** 4 episodes, 0 false successes, audit clean." in text
     assert "missed: successes 0 of 3, asked ≥ 2 of 3" in text

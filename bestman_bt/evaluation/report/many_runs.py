@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.evaluation.report.activities import work_of_nodes
-from bestman_bt.evaluation.report.story import RunStory
+from bestman_bt.evaluation.report.story import RunStory, setting_words
 from bestman_bt.evaluation.summary import summarize
 
 MAX_SLOW_NODES = 20
+MAX_DIFFERENCES = 6
+"""Settings that a group's name tells."""
 
 
 @dataclass(frozen=True)
 class TaskGroup:
-    """The runs of one task, robot and settings; ``summary``: of those that came to an end, as ``summarize`` makes it.
+    """Runs that are counted together; ``summary``: of those that came to an end, as ``summarize`` makes it.
 
     ``others``: outcome → how many did not come to an end of their own, and are not in the summary.
     """
@@ -55,15 +57,48 @@ class SlowNode:
     share: float
 
 
-def group_name(story: RunStory) -> str:
-    """What runs have to have in common to be counted together."""
-    return " · ".join(part for part in (story.task, story.robot, story.settings) if part)
+def groups_by_name(stories: Sequence[RunStory]) -> dict[str, list[RunStory]]:
+    """The runs that are counted together, in the order of their first: of one task, entry, robot and settings.
+
+    Named by entry or else task, robot, settings of scene and robot, and what else tells the group from others of its
+    task and robot.
+    """
+    alike: dict[tuple[Any, ...], list[RunStory]] = defaultdict(list)
+    for story in stories:
+        alike[story.task, story.robot, story.entry, frozenset(story.settings.items())].append(story)
+    same_task: dict[tuple[str, str], list[RunStory]] = defaultdict(list)
+    for (task, robot, *_), mine in alike.items():
+        same_task[task, robot].append(mine[0])
+    named: dict[str, list[RunStory]] = {}
+    for (task, robot, *_), mine in alike.items():
+        name = base = _name(mine[0], _differing(same_task[task, robot]))
+        number = 1
+        while name in named:  # what differs is too long to be told
+            number += 1
+            name = f"{base} ({number})"
+        named[name] = mine
+    return named
+
+
+def _differing(stories: Sequence[RunStory]) -> list[str]:
+    """The settings that are not the same in all of them."""
+    keys = dict.fromkeys(key for story in stories for key in story.settings)
+    return [key for key in keys if len({story.settings.get(key) for story in stories}) > 1]
+
+
+def _name(story: RunStory, differing: Sequence[str]) -> str:
+    others = [key for key in differing if key in story.settings and not key.startswith(("scene.", "robot."))]
+    told = setting_words(story.settings, others[:MAX_DIFFERENCES])
+    if len(others) > MAX_DIFFERENCES:
+        told += f" and {len(others) - MAX_DIFFERENCES} more"
+    parts = (story.entry or story.task, story.robot, story.scene_and_robot_settings, told)
+    return " · ".join(part for part in parts if part)
 
 
 def task_groups(stories: Sequence[RunStory]) -> list[TaskGroup]:
-    """In the order of their first runs."""
+    """As ``groups_by_name`` has them."""
     groups = []
-    for name, mine in _by_group(stories).items():
+    for name, mine in groups_by_name(stories).items():
         results = [s.result for s in sorted(mine, key=lambda s: s.seed) if s.is_counted and s.result is not None]
         summary = summarize(name, results[0].seed if results else 0, results, sum(r.wall_time_s for r in results))
         groups.append(TaskGroup(name, summary, dict(Counter(s.outcome for s in mine if not s.is_counted))))
@@ -73,10 +108,11 @@ def task_groups(stories: Sequence[RunStory]) -> list[TaskGroup]:
 def causes(stories: Sequence[RunStory]) -> list[Cause]:
     """Why runs failed, the most frequent cause first."""
     found: dict[tuple[str, str], list[RunStory]] = defaultdict(list)
-    for story in stories:
-        if story.is_counted and story.result is not None and not story.result.success:
-            code = story.result.failure.error_code if story.result.failure else story.outcome
-            found[group_name(story), code].append(story)
+    for name, group in groups_by_name(stories).items():
+        for story in group:
+            if story.is_counted and story.result is not None and not story.result.success:
+                code = story.result.failure.error_code if story.result.failure else story.outcome
+                found[name, code].append(story)
     told = []
     for (task, code), mine in found.items():
         example = mine[0].result.failure if mine[0].result is not None else None
@@ -88,7 +124,7 @@ def causes(stories: Sequence[RunStory]) -> list[Cause]:
 def slow_nodes(stories: Sequence[RunStory]) -> list[SlowNode]:
     """The leaves that took the most time, over all runs that have a log."""
     found = []
-    for task, mine in _by_group(stories).items():
+    for task, mine in groups_by_name(stories).items():
         total = sum(story.duration for story in mine if story.activities)
         seconds: dict[tuple[str, str], list[float]] = defaultdict(list)
         counts: Counter[tuple[str, str]] = Counter()
@@ -110,10 +146,3 @@ def slow_nodes(stories: Sequence[RunStory]) -> list[SlowNode]:
             share = sum(values) / total if total > 0 else 0.0
             found.append(SlowNode(task, *which, len(values), counts[which], failures[which], median, p95, share))
     return sorted(found, key=lambda node: -node.share)[:MAX_SLOW_NODES]
-
-
-def _by_group(stories: Sequence[RunStory]) -> dict[str, list[RunStory]]:
-    groups: dict[str, list[RunStory]] = defaultdict(list)
-    for story in stories:
-        groups[group_name(story)].append(story)
-    return groups

@@ -57,6 +57,7 @@ class _Parts:
     result: RunResult | None = None
     config: str = ""
     about: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, str] = field(default_factory=dict)
     nodes: dict[NodeKey, StoryNode] = field(default_factory=dict)
     changes: list[tuple[float, NodeKey, int]] = field(default_factory=list)
     logged: list[LogEvent] = field(default_factory=list)
@@ -124,7 +125,8 @@ def _story(folder: Path, parts: _Parts) -> RunStory:
         seed=result.seed if result is not None else _number(parts.about.get("seed")),
         robot=_text(task.get("robot") if task else ""),
         scene=_text(task.get("scene") if task else ""),
-        settings=_settings(parts.about),
+        entry=_text(parts.about.get("entry")),
+        settings=parts.settings,
         outcome=_outcome(folder, parts),
         started=parts.started,
         duration=duration,
@@ -161,13 +163,26 @@ def _outcome(folder: Path, parts: _Parts) -> str:
     return STILL_RUNNING
 
 
-def _settings(about: dict[str, Any]) -> str:
-    found = []
-    for kind in ("scene", "robot"):
-        settings = about.get(f"{kind}_settings")
-        if isinstance(settings, dict):
-            found += [f"{kind}.{key}={value}"[:LONGEST_TEXT] for key, value in settings.items()]
-    return ", ".join(found)
+def _settings(about: dict[str, Any]) -> dict[str, str]:
+    """Everything of a run's configuration that may decide it, but what a report names otherwise."""
+    below = {"scene.": "scene_settings", "robot.": "robot_settings", "": "task"}
+    found = {
+        key: value
+        for prefix, part in below.items()
+        if isinstance(about.get(part), dict)
+        for key, value in _flat(about[part], prefix)
+    }
+    if isinstance(about.get("driver"), str):
+        found["driver"] = about["driver"]
+    return {key: value for key, value in found.items() if key not in ("robot", "description")}
+
+
+def _flat(values: dict[Any, Any], prefix: str) -> Iterator[tuple[str, str]]:
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _read_result(path: Path, parts: _Parts) -> None:
@@ -191,7 +206,7 @@ def _read_config(path: Path, parts: _Parts) -> None:
     about = read_plain_yaml(parts.config)
     if not isinstance(about, dict):
         raise ReportError("it holds no configuration of a run")
-    parts.about = about
+    parts.about, parts.settings = about, _settings(about)
 
 
 def _read_states(path: Path, parts: _Parts) -> None:

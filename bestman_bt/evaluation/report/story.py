@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeAlias
@@ -14,6 +15,7 @@ NodeKey: TypeAlias = tuple[int, int]
 
 INTERRUPTED = "interrupted"
 STILL_RUNNING = "running"
+LONGEST_SETTING = 200
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,7 @@ class RunStory:
 
     ``outcome``: as in ``result.json``, or INTERRUPTED or STILL_RUNNING where there is none. ``started``: seconds since
     the epoch, None where nothing tells. ``duration``: seconds of the robot's clock up to the last thing that is known.
+    ``entry``: of a suite, empty of other runs. ``settings``: what else decides the run, as ``--set`` names it → text.
     ``result``: None where the run never came to its end. ``ended_by``: the leaf by which the tree failed, and when;
     None where it did not. ``notes``: what could not be read, in words.
     """
@@ -71,7 +74,8 @@ class RunStory:
     seed: int
     robot: str
     scene: str
-    settings: str
+    entry: str
+    settings: Mapping[str, str]
     outcome: str
     started: float | None
     duration: float
@@ -85,6 +89,16 @@ class RunStory:
     notes: tuple[str, ...] = field(default=())
 
     @property
+    def scene_and_robot_settings(self) -> str:
+        """The settings of scene and robot, which a run has only where somebody gave them, in words."""
+        return setting_words(self.settings, [key for key in self.settings if key.startswith(("scene.", "robot."))])
+
+    @property
     def is_counted(self) -> bool:
         """Whether it came to an end of its own, so that it counts in a rate of success."""
         return self.result is not None and self.outcome != "cancelled"
+
+
+def setting_words(settings: Mapping[str, str], keys: Iterable[str]) -> str:
+    """``key=value, …`` of those of ``keys`` that are set, in their order, each shortened to what can be read."""
+    return ", ".join(f"{key}={settings[key]}"[:LONGEST_SETTING] for key in keys if key in settings)

@@ -10,6 +10,7 @@ import pytest
 from bestman_bt.engine.status import FAILURE, SUCCESS
 from bestman_bt.evaluation.report.activities import Activity
 from bestman_bt.evaluation.report.gantt import MAX_BARS, MAX_ROWS, WIDTH, gantt
+from bestman_bt.evaluation.report.many_runs import groups_by_name
 from bestman_bt.evaluation.report.page import report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 from bestman_bt.evaluation.report.story import NodeKey, StoryNode
@@ -126,6 +127,52 @@ def test_runs_of_other_settings_are_counted_apart(tmp_path: Path) -> None:
 
     assert "scene.finger_friction=0.001" in text
     assert text.count("1 of 1") == 2
+
+
+def _configured(folder: Path, seed: int, more: str = "", **algorithms: str) -> Path:
+    """A run with algorithms, as ``dump_run`` writes them."""
+    run = write_run(folder, seed=seed)
+    slots = "".join(f"    {slot}: {{algorithm: {name}}}\n" for slot, name in algorithms.items())
+    config = f"name: fetch_cup\ntask:\n  robot: diff_panda\n  scene: kitchen\n  algorithms:\n{slots}seed: {seed}\n"
+    (run / "config.yaml").write_text(config + more)
+    return run
+
+
+def test_runs_with_other_algorithms_are_counted_apart_and_named_by_what_differs(tmp_path: Path) -> None:
+    same = {"costmap": "layered"}
+    folders = [_configured(tmp_path / f"a{n}", n, motion_planning="rrt_connect", **same) for n in range(3)]
+    folders += [_configured(tmp_path / f"b{n}", n, motion_planning="bit_star", **same) for n in range(2)]
+
+    names = list(groups_by_name([read_story(folder) for folder in folders]).items())
+
+    assert [(name, len(runs)) for name, runs in names] == [
+        ("fetch_cup · diff_panda · algorithms.motion_planning.algorithm=rrt_connect", 3),
+        ("fetch_cup · diff_panda · algorithms.motion_planning.algorithm=bit_star", 2),
+    ]
+    text = _page(*folders).text
+    assert "3 of 3" in text
+    assert "2 of 2" in text
+    assert "layered" not in text.split("Runs", maxsplit=1)[0]
+
+
+def test_entries_of_a_suite_are_rows_of_their_own(tmp_path: Path) -> None:
+    folders = [_configured(tmp_path / f"a{n}", n, "entry: as_shipped\n", costmap="layered") for n in range(3)]
+    folders += [_configured(tmp_path / f"b{n}", n, "entry: again\n", costmap="layered") for n in range(2)]
+
+    names = groups_by_name([read_story(folder) for folder in folders])
+
+    assert list(names) == ["as_shipped · diff_panda", "again · diff_panda"]
+
+
+def test_settings_that_are_too_long_to_tell_apart_still_count_apart(tmp_path: Path) -> None:
+    folders = [
+        _configured(tmp_path / end, 1, f"scene_settings:\n  note: {300 * 'x'}{end}\n", costmap="layered")
+        for end in "ab"
+    ]
+
+    first, second = groups_by_name([read_story(folder) for folder in folders])
+
+    assert second == f"{first} (2)"
 
 
 def _node(number: int) -> StoryNode:

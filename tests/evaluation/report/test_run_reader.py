@@ -177,7 +177,7 @@ def test_numbers_of_a_configuration_stay_text_however_long_they_are(tmp_path: Pa
     story = read_story(folder)
 
     assert (story.notes, story.task, story.seed) == ((), folder.name, 0)
-    assert story.settings == f"{('scene.size=' + digits)[:200]}, scene.on=true"
+    assert story.scene_and_robot_settings == f"{('scene.size=' + digits)[:200]}, scene.on=true"
 
 
 def test_a_log_with_an_entity_bomb_is_refused(tmp_path: Path) -> None:
