@@ -56,6 +56,11 @@ def test_other_controllers_are_others() -> None:
     clients = [client(), client(driver="other"), client(address="192.168.77.204")]
     for each in clients:
         each.take()
+    assert len(list(runtime_folder().glob("*.lock"))) == 3
+    for each in clients:
+        each.release()
+    for each in clients:
+        each.take()
     for each in clients:
         each.release()
 
@@ -149,5 +154,7 @@ def test_only_controllers_that_ask_for_it_are_locked(robot_model: RobotModel, mo
     clients: Mapping[int, Follower] = {number: follower(robot_model) for number in range(2)}
     for each in clients.values():
         each.connect()
+    assert all(each.connected and each.opened == 1 for each in clients.values())
+    assert not list(runtime_folder().glob("*.lock"))
     for each in clients.values():
         each.disconnect()

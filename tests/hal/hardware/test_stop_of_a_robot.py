@@ -62,10 +62,11 @@ class Controller(Connection):
 
     def make_parts(self) -> dict[str, Part]:
         self.calls: list[str] = []
-        (name,) = self.settings.parts
-        if name == "base":
-            return {name: DrivenBase(name, self.model.bases[name], Wheels(), self.latch)}
-        return {name: HardwareGripper(name, self.model.grippers[name], Fingers(), self.latch)}
+        makers: dict[str, Callable[[], Part]] = {
+            "base": lambda: DrivenBase("base", self.model.bases["base"], Wheels(), self.latch),
+            "gripper": lambda: HardwareGripper("gripper", self.model.grippers["gripper"], Fingers(), self.latch),
+        }
+        return {name: makers[name]() for name in self.settings.parts}
 
     def open(self) -> None:
         self.calls.append("open")
@@ -140,6 +141,13 @@ def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot:
     controller(robot, "hand").told = Fault(MotionErrorCode.FAULT, "again")
     until(lambda: "hand" in robot.faults)  # it is noticed anew
     assert robot.faults["hand"].text == "again"
+
+
+def test_after_a_fault_the_other_controllers_are_watched_on(robot: HardwareRobot) -> None:
+    for name in ("platform", "hand"):
+        controller(robot, name).told = Fault(MotionErrorCode.FAULT, "broken")
+        until(lambda name=name: name in robot.faults)  # type: ignore[misc]
+    assert list(robot.faults) == ["platform", "hand"]
 
 
 def test_a_silent_controller_is_lost_and_connected_anew_even_if_it_is_heard_again(robot: HardwareRobot) -> None:
@@ -264,15 +272,20 @@ def test_connecting_is_all_or_nothing_and_a_stop_from_before_stays(unconnected: 
     assert unconnected.stopped
 
 
-def test_disconnecting_waits_until_the_parts_rest(robot: HardwareRobot) -> None:
+@pytest.mark.parametrize("parts", [("base",), ("gripper", "base")])
+def test_disconnecting_waits_until_all_parts_rest(
+    robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch, parts: tuple[str, ...]
+) -> None:
     """And not for ever: nothing drives this base any more."""
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Controller)
+    robot = HardwareRobot(replace(robot_model, connections={"platform": ConnectionConfig("any", parts)}))
+    robot.connect()
     base = robot.part("base", DrivenBase)
     base.set_velocity(0.3, 0.0, 0.0)
     base.cycle(0.02)
     begun = time.monotonic()
     controller(robot, "platform").disconnect()
     assert time.monotonic() - begun > 0.5
-    begun = time.monotonic()
-    controller(robot, "platform").disconnect()
+    robot.disconnect()
     assert controller(robot, "platform").calls[-1] == "close"
     assert not controller(robot, "platform").connected

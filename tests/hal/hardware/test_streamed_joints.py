@@ -364,6 +364,10 @@ def test_no_command_makes_the_tool_faster_than_its_limit(
         assert motion.status is MotionStatus.SUCCEEDED
         assert 0.09 < fastest_tool(arm, channel, robot_model) < 0.105
         assert channel.at == pytest.approx(sideways(0.6))
+    arm, channel = make_arm(tool_speed=0.1)
+    arm.move_to(sideways(0.05))  # too short for the joint's top speed
+    run(arm, 3.0)
+    assert 0.09 < fastest_tool(arm, channel, robot_model) < 0.105
     arm, _ = make_arm(tool_speed=0.1)
     with pytest.raises(CommandRefusedError, match="faster than its limit"):
         arm.servo(sideways(0.01))

@@ -48,6 +48,7 @@ def test_the_way_is_looked_at_too(robot_model: RobotModel, home: np.ndarray) -> 
     assert tool.outside(home + around) is None
     assert tool.outside(home - around) is None
     assert tool.outside_on_the_way(home - around, home + around) is not None
+    assert tool.outside_on_the_way(home + around, home - around) is not None
 
 
 def test_a_fast_tool_is_slowed_down_to_its_limit(robot_model: RobotModel, home: np.ndarray) -> None:

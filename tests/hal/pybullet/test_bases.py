@@ -71,9 +71,10 @@ def test_it_turns_on_the_spot_skidding_where_it_has_to(robot) -> None:
     drive(robot, (0.0, 0.0, 0.6), 2.0)
     moved = start.inverse() @ robot.truth.base_pose()
     turned = robot.part("base", MobileBase).odometry().theta - before
-    assert moved.yaw == pytest.approx(1.2, abs=0.35)
-    slip = 0.35 if robot.model.bases["base"].kind == "skid" else 0.03
-    assert turned == pytest.approx(moved.yaw, abs=slip)
+    # A skidding base with an arm turns farther than its wheels tell.
+    factor, spread = (1.12, 0.06) if robot.model.bases["base"].kind == "skid" else (1.0, 0.01)
+    assert turned == pytest.approx(1.2, abs=0.07)  # steered wheels turn into place first
+    assert moved.yaw == pytest.approx(factor * turned, abs=spread)
 
 
 def test_stop_brings_it_to_rest_within_half_a_second(robot) -> None:

@@ -65,20 +65,30 @@ def test_a_mass_that_hangs_on_the_hand_pulls_down_with_its_weight(exact_model: R
         np.testing.assert_allclose(sensor.wrench().force, hand + pull, atol=0.05)
 
 
-def test_noise_and_offset_are_as_described_and_the_seed_decides_them(robot_model: RobotModel, empty_world) -> None:
-    def readings(seed: int) -> np.ndarray:
-        with PyBulletRobot(robot_model, empty_world, seed=seed) as robot:
+def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
+    robot_model: RobotModel, exact_model: RobotModel, empty_world
+) -> None:
+    def readings(model: RobotModel, seed: int) -> np.ndarray:
+        """(60, 6), newtons and newton metres."""
+        with PyBulletRobot(model, empty_world, seed=seed) as robot:
             sensor = robot.part(SENSOR, ForceTorque)
             values = []
             for _ in range(60):
                 robot.clock.sleep(1 / 240)
-                values.append(sensor.wrench().force)
+                values.append(np.append(sensor.wrench().force, sensor.wrench().torque))
             return np.array(values)
 
-    first = readings(1)
-    np.testing.assert_array_equal(first, readings(1))
-    assert first.std(axis=0).max() == pytest.approx(0.1, rel=0.5)
-    assert np.abs(first.mean(axis=0) - readings(2).mean(axis=0)).max() > 0.3
+    model = robot_model.force_torques[SENSOR]
+    first, exact = readings(robot_model, 1), readings(exact_model, 1)
+    np.testing.assert_array_equal(first, readings(robot_model, 1))
+    errors = first - exact  # the motion is the same
+    noise = np.sqrt(errors.var(axis=0).reshape(2, 3).mean(axis=1))
+    np.testing.assert_allclose(noise, [model.noise_force, model.noise_torque], rtol=0.15)
+    deviations = np.array([model.offset_force, model.offset_torque])
+    other = readings(robot_model, 2) - readings(exact_model, 2)
+    offsets = np.array([errors.mean(axis=0), other.mean(axis=0)]).reshape(2, 2, 3)  # seed, kind, axis
+    assert (np.abs(offsets).max(axis=(0, 2)) < 3.0 * deviations).all()
+    assert (np.abs(offsets[0] - offsets[1]).max(axis=1) > 0.5 * deviations).all()
 
 
 def test_two_readings_within_a_period_are_the_same_one(standing_robot: PyBulletRobot) -> None:

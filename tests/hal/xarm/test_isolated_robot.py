@@ -14,6 +14,7 @@ import pytest
 from bestman_bt.robot_model import RobotModel
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import IsolatedRobot
+from hal.twins import TwinProcess
 from tests.hal.twinned import disconnected, wait_for
 
 pytestmark = [pytest.mark.real_time, pytest.mark.slow]
@@ -79,7 +80,9 @@ def its_process_dies(twin_model: RobotModel) -> None:
     assert children() == before
 
 
-def test_a_stop_is_kept_across_connections(twin_model: RobotModel, isolated_robot: IsolatedRobot) -> None:
+def test_a_stop_is_kept_across_connections(
+    twin: TwinProcess, twin_model: RobotModel, isolated_robot: IsolatedRobot
+) -> None:
     robot = IsolatedRobot(twin_model)
     robot.stop()
     with disconnected(isolated_robot), robot:
@@ -90,6 +93,11 @@ def test_a_stop_is_kept_across_connections(twin_model: RobotModel, isolated_robo
         robot.clear_stop()
         assert not robot.stopped
         arm.move_to(arm.positions())
+        twin.fault("arm_controller", "protective_stop")
+        wait_for(lambda: robot.stopped, "the fault has stopped the robot")
+        robot.disconnect()
+        twin.fault("arm_controller", "restore")
+        assert robot.stopped
 
 
 def test_a_stop_from_another_thread_does_not_wait_for_what_is_asked(isolated_robot: IsolatedRobot) -> None:

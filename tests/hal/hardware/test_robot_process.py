@@ -1,0 +1,86 @@
+"""The process that holds a robot's connections: what it answers, asked over a wire within this one."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from bestman_bt.messages import Pose2D, Twist2D
+from bestman_bt.registry import CONNECTIONS
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig
+from hal.api import MotionStatus, Part
+from hal.hardware import BaseChannel, BaseReading, Connection, DrivenBase, Fault
+from hal.hardware.robot_process import REMEMBERED_MOTIONS, ROBOT, Call, MotionNumber, MotionReport, RobotServer, Setup
+
+Ask = Callable[[Call], Any]
+
+
+class Wheels(BaseChannel):
+    """Of a base that stays where it is."""
+
+    def read(self) -> BaseReading:
+        return BaseReading(Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
+
+    def send(self, velocity: Twist2D) -> None:
+        pass
+
+
+class Controller(Connection):
+    """Nothing is wrong with it."""
+
+    def make_parts(self) -> dict[str, Part]:
+        return {"base": DrivenBase("base", self.model.bases["base"], Wheels(), self.latch)}
+
+    def open(self) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+    def heard(self) -> float:
+        return self.clock.now()
+
+    def reported_fault(self) -> Fault | None:
+        return None
+
+    def recover(self) -> None:
+        pass
+
+
+@pytest.fixture
+def ask(robot_model: RobotModel, monkeypatch: pytest.MonkeyPatch) -> Iterator[Ask]:
+    """Sends a call to a server of a robot that is connected; gives back its answer."""
+    monkeypatch.setattr(CONNECTIONS, "resolve", lambda driver: Controller)
+    model = replace(robot_model, connections={"platform": ConnectionConfig("any", ("base",))})
+    ours, theirs = multiprocessing.Pipe()
+    serving = threading.Thread(target=RobotServer(Setup(model, 0.0)).serve, args=(theirs,), daemon=True)
+    serving.start()
+
+    def ask(call: Call) -> Any:
+        ours.send(call)
+        assert ours.poll(60.0)
+        return ours.recv()
+
+    assert ask(Call(ROBOT, "connect")) is None
+    yield ask
+    ask(Call(ROBOT, "disconnect"))
+    ours.close()
+    serving.join(60.0)
+
+
+def test_of_very_many_motions_the_latest_are_remembered(ask: Ask) -> None:
+    numbers = [ask(Call("base", "rotate", (1.0,))) for _ in range(REMEMBERED_MOTIONS + 1)]
+    assert all(isinstance(number, MotionNumber) for number in numbers)
+    last = ask(Call(numbers[-1].number, "poll"))
+    assert isinstance(last, MotionReport)
+    assert last.status is MotionStatus.RUNNING
+    before = ask(Call(numbers[1].number, "poll"))
+    assert isinstance(before, MotionReport)
+    assert before.status is MotionStatus.CANCELED  # superseded
+    assert isinstance(ask(Call(numbers[0].number, "poll")), Exception)
