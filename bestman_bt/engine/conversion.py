@@ -102,7 +102,8 @@ def number_from_text(text: str) -> int | float | str:
 
 
 def partly_read(text: str, data_type: Any) -> bool:
-    """Return whether ``text`` goes on behind the number that is read from it."""
+    """Return whether ``text`` goes on behind the number that is read from it, by more than spaces."""
+    text = text.rstrip()
     if data_type is int:
         return _INTEGER.fullmatch(text) is None
     return data_type is float and _REAL.fullmatch(text) is None

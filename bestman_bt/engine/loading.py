@@ -111,6 +111,8 @@ def check_documents(documents: Documents, registry: NodeRegistry, compiler: Scri
     used = documents.trees.keys() if main is None or len(documents.trees) == 1 else documents.used_trees(main)
     for tree_id, definition in documents.trees.items():
         checker.check(definition, used=tree_id in used)
+    for definition in documents.replaced:
+        checker.check(definition, used=False)
 
 
 def main_tree_of(documents: Documents, wanted: str | None) -> str | None:

@@ -181,8 +181,8 @@ class Pose2D:
 
     @classmethod
     def from_string(cls, text: str) -> Pose2D:
-        """Parse ``x;y`` or ``x;y;theta`` (metres, radians), the form of a port literal."""
-        pose = cls(*_parse_numbers(text, (2, 3), "a planar pose 'x;y' or 'x;y;theta' (metres, radians)"))
+        """Parse ``x;y;theta`` (metres, radians), the form of a port literal; who leaves theta out does not mean 0."""
+        pose = cls(*_parse_numbers(text, (3,), "a planar pose 'x;y;theta' (metres, radians)"))
         if pose.fault:
             raise ValueError(pose.fault)
         return pose

@@ -15,10 +15,13 @@ from bestman_bt.engine import (
     SUCCESS,
     NodeRegistry,
     PortInformation,
+    Sleep,
     StatefulAction,
     SubstitutionError,
     SubstitutionRules,
     TestNodeConfig,
+    TreeLoadError,
+    build_tree,
     current_states,
     load_tree,
     render_dot,
@@ -311,25 +314,63 @@ def test_what_fails_only_once_it_is_ticked_loads_and_is_told(tmp_path: Path, reg
     ]
 
 
+@pytest.mark.parametrize(
+    ("node", "told"),
+    [
+        ('<Sleep msec="2 s"/>', "<Sleep> port 'msec': '2 s' is not accepted, but a whole number alone, without a unit"),
+        ('<Repeat num_cycles="3.5"><AlwaysSuccess/></Repeat>', "'3.5' is not accepted, but a whole number alone"),
+        ('<Timeout msec="1e3"><AlwaysSuccess/></Timeout>', "'1e3' is not accepted, but a whole number alone"),
+    ],
+)
+def test_a_literal_that_is_more_than_its_number_is_refused(
+    node: str, told: str, tmp_path: Path, registry: NodeRegistry
+) -> None:
+    path = file(tmp_path, node)
+    assert told in "\n".join(found(path, registry))
+    with pytest.raises(TreeLoadError, match=re.escape(told)):
+        load_tree(path, registry)
+    if "Sleep" in node:
+        with pytest.raises(TreeLoadError, match="'2 s' is not accepted"):
+            build_tree(Sleep(msec="2 s"))
+
+
+def test_two_trees_of_one_id_are_an_error_with_both_lines_and_hide_nothing(
+    tmp_path: Path, registry: NodeRegistry
+) -> None:
+    twice = '<BehaviorTree ID="Inner">\n<Grisp/>\n</BehaviorTree>\n<BehaviorTree ID="Inner"><Grosp/></BehaviorTree>\n'
+    path = file(tmp_path, '<SubTree ID="Inner"/>', twice)
+    assert found(path, registry) == [
+        "tree.xml:6: <Grisp>: unknown node 'Grisp' (did you mean 'Grasp'?)",
+        "tree.xml:8: <BehaviorTree> 'ID': 'Inner' is the ID of the tree in line 5, too; give one of them another",
+        "tree.xml:8: <Grosp>: unknown node 'Grosp' (did you mean 'Grasp'?)",
+    ]
+    with pytest.raises(TreeLoadError, match="in line 5, too"):
+        load_tree(path, registry)
+
+
+def test_a_tree_that_replaces_an_included_one_is_warned_of(tmp_path: Path, registry: NodeRegistry) -> None:
+    inner = '<BehaviorTree ID="Inner"><AlwaysFailure/></BehaviorTree>'
+    (tmp_path / "parts.xml").write_text(f'<root BTCPP_format="4">{inner}</root>')
+    more = '<include path="parts.xml"/>' + inner.replace("AlwaysFailure", "AlwaysSuccess")
+    path = file(tmp_path, '<SubTree ID="Inner"/>', more)
+    assert "'Inner' is defined already, at" in "\n".join(found(path, registry))
+    assert load_tree(path, registry).tick_exactly_once() == SUCCESS
+
+
 def test_what_behaviortree_cpp_accepts_without_a_word_is_warned_of(tmp_path: Path, registry: NodeRegistry) -> None:
     body = (
-        '<Sequence>\n<Repeat num_cycles="3abc"><AlwaysSuccess/></Repeat>\n<Grasp target="mug" width="7"/>\n'
+        '<Sequence>\n<Repeat num_cycles="3 "><AlwaysSuccess/></Repeat>\n<Grasp target="mug" width="7"/>\n'
         '<Action ID="Sequence"><AlwaysSuccess/></Action>\n<SubTree ID="Inner" size="{@size}"/>\n</Sequence>'
     )
-    more = (
-        '<BehaviorTree ID="Inner">\n<Grasp target="cup" width="{size}"/>\n</BehaviorTree>\n<Metadata/>\n'
-        '<BehaviorTree ID="Inner">\n<Grasp target="cup" width="{size}"/>\n</BehaviorTree>\n'
-    )
+    more = '<BehaviorTree ID="Inner">\n<Grasp target="cup" width="{size}"/>\n</BehaviorTree>\n<Metadata/>\n'
     messages = found(file(tmp_path, body, more), registry)
     assert [message for message in messages if ": warning: " not in message] == []
     told = "\n".join(messages)
     for expected in (
-        "tree.xml:4: warning: <Repeat> port 'num_cycles': only the beginning of '3abc' is read as a number",
         "tree.xml:5: warning: <Grasp> port 'width': nothing is written: an output port is mapped to an entry, as "
         "'{width}', not to '7'",
         "tree.xml:6: warning: <Sequence>: 'Sequence' is no Action (write <Control ID=\"Sequence\">)",
         "<Metadata>: it is ignored",
-        "'Inner' is defined already, at tree.xml:10; this later one counts",
         "what it writes to '{size}' does not reach '@size', which the SubTree maps it to (write to '{@size}' itself)",
     ):
         assert expected in told

@@ -50,12 +50,14 @@ class MetadataEntry:
 class Documents:
     """Everything that was read for one tree, and what is wrong with it so far.
 
-    ``metadata``: of the subtree models, by key, what their ``<Metadata key="text"/>`` say.
+    ``metadata``: of the subtree models, by key, what their ``<Metadata key="text"/>`` say. ``replaced``: trees whose
+    ID another file, or a later tree of the same file, gives to another one.
     """
 
     file: str
     source: str
     trees: dict[str, TreeDefinition] = field(default_factory=dict)
+    replaced: list[TreeDefinition] = field(default_factory=list)
     models: dict[str, dict[str, ModelPort]] = field(default_factory=dict)
     metadata: dict[str, dict[str, MetadataEntry]] = field(default_factory=dict)
     main_tree: str | None = None
@@ -211,9 +213,14 @@ def _read_tree(element: Element, file: str, documents: Documents, *, alone: bool
         report(Problem(file, element.line, "BehaviorTree", "ID", what))
     known = documents.trees.get(tree_id)
     if known is not None:
-        where = f"{known.file}:{known.element.line}"
-        what = f"'{tree_id}' is defined already, at {where}; this later one counts"
-        report(Problem(file, element.line, "BehaviorTree", "ID", what, severity="warning"))
+        documents.replaced.append(known)
+        if known.file == file:
+            what = f"'{tree_id}' is the ID of the tree in line {known.element.line}, too; give one of them another"
+            report(Problem(file, element.line, "BehaviorTree", "ID", what))
+        else:
+            where = f"{known.file}:{known.element.line}"
+            what = f"'{tree_id}' is defined already, at {where}; this later one counts"
+            report(Problem(file, element.line, "BehaviorTree", "ID", what, severity="warning"))
     if len(element.children) != 1:
         what = f"tree '{tree_id}' must have exactly one root node but has {len(element.children)}"
         report(Problem(file, element.line, "BehaviorTree", "", what))

@@ -76,8 +76,8 @@ def test_an_update_may_come_as_text(driver) -> None:
 
 
 def test_poses_are_near_within_the_tolerance(driver) -> None:
-    assert succeeds(driver, '<ArePosesNear ref_pose="1;1" target_pose="1.3;1"/>')
-    assert why_not(driver, '<ArePosesNear ref_pose="1;1" target_pose="1.3;1" tolerance="0.2"/>')[0] == "not_near"
+    assert succeeds(driver, '<ArePosesNear ref_pose="1;1;0" target_pose="1.3;1;0"/>')
+    assert why_not(driver, '<ArePosesNear ref_pose="1;1;0" target_pose="1.3;1;0" tolerance="0.2"/>')[0] == "not_near"
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
 @pytest.mark.parametrize(
     ("node", "port", "value", "told"),
     [
-        ('ComputePathToPose goal="0;0"', "planner_id", "GridBased", "did you mean 'grid_astar'?"),
-        ('ComputePathToPose goal="0;0"', "planner_id", "layered", "known: 'grid_astar', 'hybrid_astar', 'prm'"),
+        ('ComputePathToPose goal="0;0;0"', "planner_id", "GridBased", "did you mean 'grid_astar'?"),
+        ('ComputePathToPose goal="0;0;0"', "planner_id", "layered", "known: 'grid_astar', 'hybrid_astar', 'prm'"),
         ("FollowPath", "controller_id", "FollowPath", "known: 'dwa', 'mppi', 'pure_pursuit'"),
         ('SmoothPath unsmoothed_path="{a}" smoothed_path="{b}"', "smoother_id", "savitzky", "known: 'simple_smoother'"),
         ("BackUp", "backup_dist", "0", "other than 0"),
@@ -23,17 +23,17 @@ from tests.behaviours.at_the_table import failures_of, tick, tree_of
         ("Spin", "spin_dist", "90 deg", "a number alone, without a unit (radians"),
         ("Spin", "spin_dist", "inf", "a finite number"),
         ("Wait", "wait_duration", "-3", "of 0 or more"),
-        ('DockAt goal="0;0"', "attempts", "0", "a whole number of 1 or more"),
-        ('DockAt goal="0;0"', "approach", "0", "above 0"),
+        ('DockAt goal="0;0;0"', "attempts", "0", "a whole number of 1 or more"),
+        ('DockAt goal="0;0;0"', "approach", "0", "above 0"),
         ("Relocalise", "looks", "0", "a whole number of 1 or more"),
         ("Relocalise", "turn", "4", "below 3.14159"),
         ("ExploreAndMap", "max_time", "-1", "above 0"),
-        ('NavigateTo goal="0;0"', "max_replans", "-5", "a whole number of 0 or more"),
-        ('NavigateTo goal="0;0"', "max_replans", "2.5", "a whole number alone"),
+        ('NavigateTo goal="0;0;0"', "max_replans", "-5", "a whole number of 0 or more"),
+        ('NavigateTo goal="0;0;0"', "max_replans", "2.5", "a whole number alone"),
         ("NavigateTo", "goal", "0;0;1e300", "theta is 1e+300 rad; at most two turns"),
         ("NavigateTo", "goal", "1e308;0;0", "x is 1e+308 m"),
         ("NavigateThroughPoses", "goals", "0;0;0;1;0;90", "theta is 90 rad"),
-        ('GoalReached goal="0;0"', "tolerance", "-1", "above 0"),
+        ('GoalReached goal="0;0;0"', "tolerance", "-1", "above 0"),
     ],
 )
 def test_a_wrong_literal_is_told_with_its_line_its_port_and_what_is_right(node, port, value, told) -> None:
