@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,18 +13,17 @@ from bestman_bt.configuration import (
     Document,
     Problem,
     beside,
-    check,
     find_data,
     override,
     read_document,
+    salvage,
 )
 from bestman_bt.messages import ObjectModel
 from bestman_bt.registry import suggestion
 from bestman_bt.scene.apartment_generator.furnish import NEEDED
 from bestman_bt.scene.furniture_file import read_furniture
-from bestman_bt.scene.furniture_overlap import furniture_overlaps
-from bestman_bt.scene.furniture_standing import standing_furniture
 from bestman_bt.scene.object_file import read_object
+from bestman_bt.scene.placement_faults import placement_faults
 from bestman_bt.scene.scene import FurnitureModel, Surface
 from bestman_bt.scene.scene_config import SceneFile
 from bestman_bt.scene.scene_faults import scene_faults
@@ -71,8 +69,13 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
     document = override(_extended(path, ()), SceneFile, overrides or {}, prefix="scene.")
     absent = _absent(document)
     document = _without_absent(document)
-    file = check(document, SceneFile)
-    return replace(_resolved(path.stem, file, document), absent=absent)
+    file, problems = salvage(document, SceneFile)
+    if file is None:
+        raise ConfigurationError(problems)
+    scene = replace(_resolved(path.stem, file, document, problems), absent=absent)
+    if problems:
+        raise ConfigurationError(sorted(problems, key=lambda problem: (problem.source, problem.line or 0)))
+    return scene
 
 
 def _extended(path: Path, below: tuple[Path, ...]) -> Document:
@@ -126,8 +129,9 @@ def _without_absent(document: Document) -> Document:
     return replace(document, data=data)
 
 
-def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
-    problems = list(scene_faults(file, document))
+def _resolved(name: str, file: SceneFile, document: Document, problems: list[Problem]) -> SceneConfig:
+    """The scene as far as it can be read; what is wrong is added to ``problems``."""
+    problems += scene_faults(file, document)
     furniture: dict[str, FurnitureModel] = {}
     models: dict[str, ObjectModel] = {}
     goal_models: dict[str, ObjectModel] = {}
@@ -158,60 +162,5 @@ def _resolved(name: str, file: SceneFile, document: Document) -> SceneConfig:
         except ConfigurationError as error:
             problems += error.problems
     scene = SceneConfig(name, file, furniture, models, goal_models, unmapped)
-    if not problems:
-        problems += _placement_problems(scene, document)
-    if problems:
-        raise ConfigurationError(problems)
+    problems += list(placement_faults(scene, document, problems))
     return scene
-
-
-def _placement_problems(scene: SceneConfig, document: Document) -> list[Problem]:
-    problems = []
-    for thing, placement in scene.file.objects.items():
-        if placement.region is None and placement.at is None:
-            problems.append(document.problem(("objects", thing), "one of 'region' and 'at' should be given"))
-        elif placement.region is not None and placement.at is not None:
-            message = "'region' is given too; 'region: null' takes it away"
-            problems.append(document.problem(("objects", thing, "at"), message))
-    placed = [("furniture", name, item.open, scene.furniture) for name, item in scene.file.furniture.items()]
-    placed += [("unmapped", name, item.open, scene.unmapped) for name, item in scene.file.unmapped.items()]
-    for kind, piece, opened, models in placed:
-        for name, why in _misopened(piece, opened, models[piece]):
-            problems.append(document.problem((kind, piece, "open", name), why))
-    every = {**scene.furniture, **scene.unmapped}
-    doors = [f"{piece}/{leaf.name}" for piece, model in every.items() for leaf in model.articulations]
-    for name in scene.file.moving_doors if scene.file.generator is None else ():
-        if name not in doors:
-            problems.append(document.problem(("moving_doors", name), f"is no door here; {suggestion(name, doors)}"))
-    surfaces = [("objects", key, "surface", item.surface) for key, item in scene.file.objects.items()]
-    surfaces += [("goals", key, "surface", item.surface) for key, item in scene.file.goals.items()]
-    surfaces += [("furniture", key, "on", item.on) for key, item in scene.file.furniture.items() if item.on]
-    names = list(scene.file.furniture)
-    for kind, key, attribute, surface in surfaces:
-        try:
-            standing_on, _ = scene.surface(surface)
-        except KeyError as error:
-            problems.append(document.problem((kind, key, attribute), str(error.args[0])))
-            continue
-        if kind == "furniture" and names.index(standing_on) >= names.index(key):
-            message = f"{standing_on!r} should be named above what stands on it, got {surface!r}"
-            problems.append(document.problem((kind, key, attribute), message))
-    return problems or list(_overlap_problems(scene, document))
-
-
-def _overlap_problems(scene: SceneConfig, document: Document) -> Iterator[Problem]:
-    for earlier, later, depth in furniture_overlaps(standing_furniture(scene)):
-        message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; furniture may touch or stand on other furniture"
-        yield document.problem(("furniture", later, "at"), message)
-
-
-def _misopened(piece: str, opened: Mapping[str, float], model: FurnitureModel) -> Iterator[tuple[str, str]]:
-    """Names of doors and drawers that cannot stand open as asked, and why."""
-    leaves = {leaf.name: leaf for leaf in model.articulations}
-    for name, position in opened.items():
-        if name not in leaves:
-            yield name, f"{piece!r} has no door or drawer {name!r}; {suggestion(name, list(leaves))}"
-        elif not 0.0 <= position <= leaves[name].upper:
-            scale, unit = (math.degrees(1.0), " deg") if leaves[name].kind == "revolute" else (100.0, " cm")
-            upper, asked = scale * leaves[name].upper, scale * position
-            yield name, f"opens from 0 to {upper:.4g}{unit}, got {asked:.4g}{unit}"

@@ -1,0 +1,139 @@
+"""What is wrong with where things stand in a scene: surfaces that are not there, places beside them, overlaps."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from bestman_bt.configuration import Document, Problem
+from bestman_bt.registry import suggestion
+from bestman_bt.scene.furniture_overlap import furniture_overlaps
+from bestman_bt.scene.furniture_standing import standing_furniture
+from bestman_bt.scene.scene import FurnitureModel, Surface
+from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement
+
+if TYPE_CHECKING:
+    from bestman_bt.scene.load import SceneConfig
+
+
+def placement_faults(scene: SceneConfig, document: Document, found: Sequence[Problem]) -> Iterator[Problem]:
+    """All faults of places, each at the line that is at fault.
+
+    ``found``: what is known to be wrong already, and left out of ``scene``; it is not told again as a consequence.
+    """
+    yield from _choice_faults(scene, document)
+    yield from _opening_faults(scene, document)
+    faults = list(_surface_faults(scene, document))
+    yield from faults
+    yield from _object_overlaps(scene, document)
+    if not any(problem.field.startswith("furniture") for problem in (*found, *faults)):
+        for earlier, later, depth in furniture_overlaps(standing_furniture(scene)):
+            message = (
+                f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; furniture may touch or stand on other furniture"
+            )
+            yield document.problem(("furniture", later, "at"), message)
+
+
+def _choice_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    for thing in scene.file.objects:
+        written = document.data["objects"][thing]
+        given = [key for key in ("region", "at") if written.get(key) is not None]
+        if not given:
+            yield document.problem(("objects", thing), "one of 'region' and 'at' should be given")
+        elif len(given) == 2:
+            message = "'region' is given too; 'region: null' takes it away"
+            yield document.problem(("objects", thing, "at"), message)
+
+
+def _opening_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    placed = [("furniture", name, item.open, scene.furniture) for name, item in scene.file.furniture.items()]
+    placed += [("unmapped", name, item.open, scene.unmapped) for name, item in scene.file.unmapped.items()]
+    for kind, piece, opened, models in placed:
+        for name, why in _misopened(piece, opened, models[piece]) if piece in models else ():
+            yield document.problem((kind, piece, "open", name), why)
+    every = {**scene.furniture, **scene.unmapped}
+    doors = [f"{piece}/{leaf.name}" for piece, model in every.items() for leaf in model.articulations]
+    for name in scene.file.moving_doors if scene.file.generator is None else ():
+        if name not in doors and _is_known(name, scene, document):
+            yield document.problem(("moving_doors", name), f"is no door here; {suggestion(name, doors)}")
+
+
+def _surface_faults(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    placed: list[tuple[str, str, ObjectPlacement | GoalPlacement]] = []
+    placed += [("objects", name, item) for name, item in scene.file.objects.items()]
+    placed += [("goals", name, item) for name, item in scene.file.goals.items()]
+    for kind, name, item in placed:
+        try:
+            _, surface = scene.surface(item.surface)
+        except KeyError as error:
+            if _is_known(item.surface, scene, document):
+                yield document.problem((kind, name, "surface"), str(error.args[0]))
+            continue
+        at = item.at if isinstance(item, ObjectPlacement) else None
+        if at is not None and _is_beside([(at[0], at[0]), (at[1], at[1])], surface):
+            yield document.problem((kind, name, "at"), _beside(item.surface, surface))
+        if item.region is not None and _is_beside([item.region.x, item.region.y], surface):
+            yield document.problem((kind, name, "region"), _beside(item.surface, surface))
+    names = list(scene.file.furniture)
+    for name, piece in scene.file.furniture.items():
+        if piece.on is None:
+            continue
+        try:
+            standing_on, _ = scene.surface(piece.on)
+        except KeyError as error:
+            if _is_known(piece.on, scene, document):
+                yield document.problem(("furniture", name, "on"), str(error.args[0]))
+            continue
+        if names.index(standing_on) >= names.index(name):
+            message = f"{standing_on!r} should be named above what stands on it, got {piece.on!r}"
+            yield document.problem(("furniture", name, "on"), message)
+
+
+def _is_known(name: str, scene: SceneConfig, document: Document) -> bool:
+    """Whether what is said of ``piece/part`` can be judged: not where the piece itself could not be read."""
+    piece = name.partition("/")[0]
+    return all(
+        piece in models or piece not in (document.data.get(kind) or {})
+        for kind, models in (("furniture", scene.furniture), ("unmapped", scene.unmapped))
+    )
+
+
+def _is_beside(ranges: Sequence[tuple[float, float]], surface: Surface) -> bool:
+    """Whether no point with coordinates in ``ranges`` lies over the surface."""
+    sizes = zip(ranges, surface.size, strict=True)
+    return any(lower > size / 2 or upper < -size / 2 for (lower, upper), size in sizes)
+
+
+def _beside(name: str, surface: Surface) -> str:
+    x, y = (50.0 * size for size in surface.size)
+    reach = f"from {-x:.4g} to {x:.4g} cm along its x, from {-y:.4g} to {y:.4g} cm along its y"
+    return f"lies beside {name!r}, which reaches {reach}"
+
+
+def _object_overlaps(scene: SceneConfig, document: Document) -> Iterator[Problem]:
+    """Of objects that stand exactly somewhere: circles that lie within both of their outlines overlap."""
+    placed = {
+        name: (placement.surface, placement.at)
+        for name, placement in scene.file.objects.items()
+        if placement.at is not None and name in scene.models
+    }
+    for (earlier, (surface, here)), (later, (other, there)) in itertools.combinations(placed.items(), 2):
+        radii = sum(float(scene.models[name].size[:2].min()) / 2 for name in (earlier, later))
+        depth = radii - math.dist(here[:2], there[:2])
+        if surface == other and depth > 0.0:
+            message = f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; each object needs a place of its own"
+            yield document.problem(("objects", later, "at"), message)
+
+
+def _misopened(piece: str, opened: Mapping[str, float], model: FurnitureModel) -> Iterator[tuple[str, str]]:
+    """Names of doors and drawers that cannot stand open as asked, and why."""
+    leaves = {leaf.name: leaf for leaf in model.articulations}
+    for name, position in opened.items():
+        if name not in leaves:
+            yield name, f"{piece!r} has no door or drawer {name!r}; {suggestion(name, list(leaves))}"
+        elif not 0.0 <= position <= leaves[name].upper:
+            scale, unit = (math.degrees(1.0), " deg") if leaves[name].kind == "revolute" else (100.0, " cm")
+            upper, asked = scale * leaves[name].upper, scale * position
+            yield name, f"opens from 0 to {upper:.4g}{unit}, got {asked:.4g}{unit}"
