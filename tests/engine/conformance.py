@@ -357,7 +357,7 @@ def named_deviations() -> set[str]:
     """Return the ids of the cases that the docs page of deviations names."""
     if not DEVIATIONS_PAGE.exists():
         return set()
-    return set(re.findall(r"`(?:case:)?([a-z]\d+_\w+)`", DEVIATIONS_PAGE.read_text()))
+    return set(re.findall(r"`(?:case:)?([a-z]\d+_\w+|x_\w+)`", DEVIATIONS_PAGE.read_text()))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from py_trees.ports import PortInformation
-
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.decorators.base import Decorator
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
 
@@ -12,7 +11,7 @@ class Timeout(Decorator):
     """Halts its child and fails when the child still runs ``msec`` after the node started (0: never)."""
 
     INPUT_PORTS = {
-        "msec": PortInformation(int, True, "After a certain amount of time, halt() the child if it is still running.")
+        "msec": BoundedPort(int, True, "After a certain amount of time, halt() the child if it is still running.")
     }
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
@@ -48,7 +47,7 @@ class Timeout(Decorator):
 class Delay(Decorator):
     """Ticks its child ``delay_msec`` after the node started, in a later tick; RUNNING until then."""
 
-    INPUT_PORTS = {"delay_msec": PortInformation(int, True, "Tick the child after a few milliseconds")}
+    INPUT_PORTS = {"delay_msec": BoundedPort(int, True, "Tick the child after a few milliseconds")}
     RESETS_CHILD = True
     CHECKED_AT_TICK = True
 

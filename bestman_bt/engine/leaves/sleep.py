@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from py_trees.ports import PortInformation
-
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.engine.leaves.base import StatefulAction
 from bestman_bt.engine.status import RUNNING, SUCCESS
 
@@ -12,7 +11,7 @@ class Sleep(StatefulAction):
     """RUNNING for ``msec`` milliseconds of the tree's clock, then SUCCESS."""
 
     CHECKED_AT_TICK = True
-    INPUT_PORTS = {"msec": PortInformation(int, True, "how long, in milliseconds")}
+    INPUT_PORTS = {"msec": BoundedPort(int, True, "how long, in milliseconds")}
 
     def on_start(self) -> int:
         """Remember the time."""

@@ -117,9 +117,11 @@ class Checker:
 
     def _check_literal(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         message = literal_message(info, key, text, self.registry)
+        data_type = info.ports[key].data_type
         if message:
-            latent = info.ports[key].data_type is NodeStatus
-            self._report(element, key, message, "", "latent" if latent else self._wrong)
+            self._report(element, key, message, "", "latent" if data_type is NodeStatus else self._wrong)
+        elif data_type in (int, float) and partly_read(text, data_type):
+            self._report(element, key, f"only the beginning of '{text}' is read as a number", "", "warning")
 
     def _check_output(self, element: Element, info: NodeInfo, key: str, text: str) -> None:
         message = literal_message(info, key, text, self.registry) if info.ports[key].data_type is not str else ""
@@ -195,11 +197,13 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
         return str(error)
     if _holds_nan(typed):
         return f"{value!r} is not a number"
+    if port.bounds is None:
+        return ""
     if isinstance(value, str) and partly_read(value, port.data_type):
         number = "a whole number" if port.data_type is int else "a number"
         means = f" ({port.description})" if port.description else ""
         return f"{value!r} is not accepted, but {number} alone, without a unit{means}"
-    return "" if port.bounds is None else refusal(typed, port.bounds)
+    return refusal(typed, port.bounds)
 
 
 def _holds_nan(value: Any) -> bool:
