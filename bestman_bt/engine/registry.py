@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from bestman_bt.engine import catalogue
-from bestman_bt.engine.conversion import UNTYPED, Converter, ConverterRegistry
+from bestman_bt.engine.conversion import UNTYPED, ConverterRegistry
 from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.ports import Port, declared_ports
@@ -22,8 +22,8 @@ class RegistryError(EngineError):
 class NodeInfo:
     """One entry of the palette.
 
-    ``kind`` is Action, Condition, Control, Decorator or SubTree; ``checks`` holds, for each typed or bounded input
-    port, the converter that its literals must pass.
+    ``kind`` is Action, Condition, Control, Decorator or SubTree; ``checked`` are the typed or bounded input ports,
+    whose literals are converted when a tree is loaded.
     """
 
     name: str
@@ -32,7 +32,7 @@ class NodeInfo:
     ports: dict[str, Port]
     description: str
     required: tuple[str, ...]
-    checks: dict[str, Converter | None]
+    checked: frozenset[str]
     min_children: int
     max_children: int | None
     builtin: bool
@@ -81,18 +81,6 @@ class NodeRegistry:
         self._add(name, cls, builtin=False)
         return cls
 
-    def unregister(self, name: str) -> None:
-        """Forget a name that is not built in.
-
-        Raises:
-            RegistryError: it is built in or not known.
-        """
-        info = self.info(name)
-        if info.builtin:
-            raise RegistryError(f"'{name}' is built in and cannot be removed")
-        del self._infos[name]
-        self._by_class.pop(info.cls, None)
-
     def register_enum(self, name: str, value: int) -> None:
         """Make ``name`` a constant in scripts and in ports of enum types.
 
@@ -103,7 +91,7 @@ class NodeRegistry:
             raise RegistryError(f"the enum name '{name}' has the value {self.enums[name]} already, not {value}")
 
     def _add(self, name: str, cls: type[Node], *, builtin: bool) -> NodeInfo:
-        info = make_info(name, cls, self.converters, builtin=builtin)
+        info = make_info(name, cls, builtin=builtin)
         self._infos[name] = info
         self._by_class.setdefault(cls, info)
         return info
@@ -125,7 +113,7 @@ class NodeRegistry:
         info = self._by_class.get(cls)
         if info is None:
             name = getattr(cls, "NAME", None) or cls.__name__
-            info = self._by_class[cls] = make_info(name, cls, self.converters, builtin=False)
+            info = self._by_class[cls] = make_info(name, cls, builtin=False)
         return info
 
     def find(self, name: str) -> NodeInfo | None:
@@ -147,14 +135,15 @@ class NodeRegistry:
         return sorted(self._infos.values(), key=lambda info: info.name)
 
 
-def make_info(name: str, cls: type[Node], converters: ConverterRegistry, *, builtin: bool) -> NodeInfo:
+def make_info(name: str, cls: type[Node], *, builtin: bool) -> NodeInfo:
     """Describe a node class."""
     ports = declared_ports(cls)
-    checks: dict[str, Converter | None] = {}
-    for port in ports.values():
-        typed = port.data_type not in UNTYPED and port.data_type is not str
-        if port.direction != "output" and (typed or port.bounds is not None):
-            checks[port.name] = converters.converter(port.data_type)
+    checked = frozenset(
+        port.name
+        for port in ports.values()
+        if port.direction != "output"
+        and (port.bounds is not None or (port.data_type not in UNTYPED and port.data_type is not str))
+    )
     kind = cls.KIND
     low, high = getattr(cls, "MIN_CHILDREN", 0), getattr(cls, "MAX_CHILDREN", None)
     if kind == "Decorator":
@@ -168,7 +157,7 @@ def make_info(name: str, cls: type[Node], converters: ConverterRegistry, *, buil
         ports=ports,
         description=inspect.cleandoc(cls.__doc__ or ""),
         required=tuple(port.name for port in ports.values() if port.required),
-        checks=checks,
+        checked=checked,
         min_children=low,
         max_children=high,
         builtin=builtin,

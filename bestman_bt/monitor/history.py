@@ -9,8 +9,9 @@ from dataclasses import asdict, dataclass
 from itertools import islice, takewhile
 from typing import Any
 
-from bestman_bt.engine.status import SKIPPED
+from bestman_bt.engine.status import FAILURE, SKIPPED
 from bestman_bt.monitor.events import (
+    MAIN_TREE,
     BlackboardEvent,
     BreakpointsEvent,
     DroppedEvent,
@@ -30,6 +31,7 @@ from bestman_bt.monitor.events import (
     StatesEvent,
     TreeEvent,
 )
+from bestman_bt.monitor.node_states import NO
 from bestman_bt.monitor.nodes import NodeList
 from bestman_bt.monitor.outcomes import Outcomes
 from bestman_bt.monitor.robot_history import RobotHistory
@@ -86,6 +88,8 @@ class RunHistory:
         self.changed_nodes: Freshness[int] = Freshness()
         self.changed_messages: Freshness[int] = Freshness()
         self.changed_entries: Freshness[tuple[str, str]] = Freshness()
+        self._leaves: set[int] = set()
+        self._conditions: set[int] = set()
         self._messages: dict[int, Samples[str]] = {}
         self._entries: dict[tuple[str, str], Samples[ShownEntry | None]] = {}
         self._time = 0.0
@@ -188,23 +192,34 @@ class RunHistory:
             if is_leaf or is_subtree:
                 self.timeline.add_node(uid)
             if is_leaf:
+                self._leaves.add(uid)
                 self.outcomes.add_leaf(uid)
+            if self.nodes.document[uid - 1]["category"] == "condition":
+                self._conditions.add(uid)
         self.states.now.grow(len(self.nodes))
         self.tree_version = self.version
 
     def _take_states(self, event: StatesEvent) -> None:
         offset, count = self.nodes.range_of(event.tree)
         changes = [(offset + uid, state) for uid, state in event.changes if 0 < uid <= count and 0 <= state <= SKIPPED]
-        fresh = self.states.record(event.time, event.tick, changes)
+        ended_by = self._ended_by(changes, offset + 1) if event.tree == MAIN_TREE else None
+        answers = self._conditions - {ended_by}
+        shown = [(uid, NO if state == FAILURE and uid in answers else state) for uid, state in changes]
+        fresh = self.states.record(event.time, event.tick, shown)
         time = self.states.time
         for uid, state in fresh:
             self.changed_nodes.touch(uid, self.version)
             self.timeline.change(uid, state, time)
-            self.outcomes.change(uid, state, time)
+            self.outcomes.change(uid, FAILURE if state == NO else state, time)
         for uid, text in event.messages.items():
             if 0 < uid <= count:
                 self._messages.setdefault(offset + uid, Samples(MAX_MESSAGES_A_NODE)).add(time, text[:MAX_TEXT])
                 self.changed_messages.touch(offset + uid, self.version)
+
+    def _ended_by(self, changes: list[tuple[int, int]], root: int) -> int | None:
+        """The leaf by which a tree fails: of changes in which its root does, the last leaf that does."""
+        failed = [uid for uid, state in changes if state == FAILURE]
+        return next((uid for uid in reversed(failed) if uid in self._leaves), None) if root in failed else None
 
     def _take_blackboard(self, event: BlackboardEvent) -> None:
         for scope, entries in event.entries.items():

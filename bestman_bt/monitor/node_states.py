@@ -7,6 +7,9 @@ from collections.abc import Iterable
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
+NO = 5
+"""Beside the engine's states: FAILURE of a condition, which has answered no, unless its tree ended by it."""
+
 
 class NodeStates:
     """Indexed by uid; element 0 is unused.
@@ -60,9 +63,9 @@ class NodeStates:
         elif state == SUCCESS:
             self.successes[uid] += 1
             self.results[uid] = SUCCESS
-        elif state == FAILURE:
+        elif state in (FAILURE, NO):
             self.failures[uid] += 1
-            self.results[uid] = FAILURE
+            self.results[uid] = state
         elif state == SKIPPED:
             self.results[uid] = SKIPPED
         return True

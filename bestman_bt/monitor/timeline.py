@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
+from bestman_bt.monitor.node_states import NO
 
 MAX_SPANS = 20_000
 """Beyond it the timeline gets coarser: spans that are nearer than the resolution become one."""
 MAX_MARKS = 2_000
 FINEST = 0.02
 """Seconds."""
-_WEIGHT = {SKIPPED: 0, RUNNING: 1, SUCCESS: 2, FAILURE: 3}
+_WEIGHT = {SKIPPED: 0, RUNNING: 1, SUCCESS: 2, NO: 3, FAILURE: 4}
 """Which state a merged span shows: what it came to, and a failure before all."""
 
 

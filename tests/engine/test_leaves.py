@@ -54,6 +54,14 @@ class Drive(Base):
         return SUCCESS
 
 
+class Look(SyncAction):
+    INPUT_PORTS = {"at": PortInformation(complex)}
+
+    def on_tick(self) -> int:
+        self.seen = self.get_input("at")
+        return SUCCESS
+
+
 def drive(**ports: Any) -> Drive:
     return Drive("drive", **ports)
 
@@ -68,6 +76,19 @@ def test_a_literal_is_converted_by_the_types_from_string() -> None:
     tree = build_tree(drive(target="1.5;2"))
     tree.tick_exactly_once()
     assert tree.root.seen == {"target": Pose(1.5, 2.0), "speed": 0.5, "label": None, "count": None}
+
+
+def test_a_converter_serves_nodes_that_were_registered_before_it_and_may_be_replaced() -> None:
+    registry = NodeRegistry()
+    registry.register(Look)
+    tree = '<root BTCPP_format="4"><BehaviorTree ID="Main"><Look at="3 4"/></BehaviorTree></root>'
+    with pytest.raises(TreeLoadError, match="a complex cannot be written as a literal"):
+        load_tree(tree, registry)
+    for scale in (1, 10):
+        registry.converters.register(complex, lambda text, scale=scale: complex(*map(int, text.split())) * scale)
+        looking = load_tree(tree, registry)
+        looking.tick_exactly_once()
+        assert looking.root.seen == complex(3, 4) * scale
 
 
 def test_a_text_on_the_blackboard_is_converted_when_read() -> None:

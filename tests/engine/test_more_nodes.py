@@ -33,6 +33,7 @@ from bestman_bt.engine import (
     Output,
     PopFromQueue,
     PortInformation,
+    Precondition,
     QueueSize,
     Repeat,
     RetryUntilSuccessful,
@@ -40,6 +41,7 @@ from bestman_bt.engine import (
     ScriptCondition,
     Sequence,
     SetBlackboard,
+    Sleep,
     SyncAction,
     ThreadedAction,
     Timeout,
@@ -86,6 +88,20 @@ def test_for_each_runs_its_child_for_every_item() -> None:
     assert seen == [(0, "a"), (1, "b"), (2, "c")]
 
 
+def test_for_each_goes_over_the_items_that_were_there_when_it_started() -> None:
+    found = ["a"]
+
+    @action
+    def look(item: Any) -> bool:
+        found.append(f"behind {item}")
+        return len(found) < 9
+
+    tree = build_tree(ForEach(look(item="{it}"), items="{list}", item="{it}"))
+    tree.blackboard.set("list", found)
+    assert tree.tick_once() == SUCCESS
+    assert found == ["a", "behind a"]
+
+
 def test_for_each_ends_at_the_first_failure_and_succeeds_without_items() -> None:
     tree = build_tree(ForEach(ScriptCondition(code="it != 'b'"), items="{list}", item="{it}", index="{i}"))
     tree.blackboard.set("list", ["a", "b", "c"])
@@ -110,6 +126,20 @@ def test_queues_are_emptied_in_place_by_loops_and_queue_nodes() -> None:
     assert tree.tick_exactly_once() == SUCCESS
     assert (tree.blackboard["size"], tree.blackboard["first"], tree.blackboard["now"], list(queue)) == (3, 1, 3, [])
     assert tree.tick_exactly_once() == FAILURE
+
+
+@pytest.mark.parametrize(("result", "left"), [(SUCCESS, []), (FAILURE, [2])])
+def test_a_queue_ends_with_an_item_that_ran_for_several_ticks_and_failed(result: int, left: list[int]) -> None:
+    clock = ManualClock()
+    wait = Sequence([Sleep(msec=100), ScriptCondition(code=f"now != 1 || {result} == 2")])
+    tree = build_tree(ConsumeQueue(wait, queue="{q}", popped_item="{now}"), clock=clock)
+    queue = deque([1, 2])
+    tree.blackboard.set("q", queue)
+    statuses = []
+    while (status := tree.tick_exactly_once()) == RUNNING:
+        statuses.append(status)
+        clock.advance(0.1)
+    assert (status, list(queue)) == (result, left)
 
 
 def test_a_loop_reads_a_list_once_and_a_deque_at_every_item() -> None:
@@ -268,6 +298,31 @@ def test_what_a_thread_raises_is_raised_by_the_tick() -> None:
 
     with pytest.raises(NodeError, match=r"\[Broken\]: OSError: no arm"):
         build_tree(Broken()).tick_while_running(period=5.0)
+
+
+def test_a_threaded_action_that_has_failed_once_may_succeed_the_next_time() -> None:
+    class Flaky(ThreadedAction):
+        tries = 0
+
+        def on_work(self, inputs: Any) -> int:
+            Flaky.tries += 1
+            if Flaky.tries == 1:
+                raise OSError("no arm")
+            return SUCCESS
+
+    tree = build_tree(Flaky())
+    with pytest.raises(NodeError, match="no arm"):
+        tree.tick_while_running(period=5.0)
+    tree.halt()
+    assert tree.tick_while_running(period=5.0) == SUCCESS
+
+
+def test_a_precondition_whose_script_is_an_entry_asks_the_script_that_stands_there_now() -> None:
+    tree = build_tree(Precondition(AlwaysSuccess(), if_="{allowed}"))
+    tree.blackboard.set("allowed", "1 == 1")
+    assert tree.tick_exactly_once() == SUCCESS
+    tree.blackboard.set("allowed", "1 == 2")
+    assert tree.tick_exactly_once() == FAILURE
 
 
 def test_a_coroutine_pauses_between_ticks_and_cleans_up_on_halt() -> None:

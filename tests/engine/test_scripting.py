@@ -45,6 +45,8 @@ def evaluate(source: str, **entries: Any) -> Any:
         ("RED + 1", 4.0),
         ("a == RED", 0.0),
         ("'RED' == 3", 1.0),
+        ("3 == 'RED'", 1.0),
+        ("a > 'RED'", 1.0),
         ("1e3", 1000.0),
         ("65..'x'", "65x"),
         ("true", 1.0),

@@ -118,6 +118,14 @@ def test_the_fingers_are_links_of_the_robot_but_the_robot_is_more_than_its_finge
         assert (audit(replace(NOTHING, contacts=(contact,)), [allowed]).collisions == ()) is forgiven
 
 
+def test_what_is_in_the_hand_may_not_touch_all_that_the_robot_may_touch() -> None:
+    held = ContactIncident("cup", "table", ("cup", "table"), 1.0, 1.1, 2.0)
+    record = replace(NOTHING, contacts=(held,))
+    for allowed in (("robot", "table"), ("fingers", "table"), ("robot", "cup")):
+        assert len(audit(record, [allowed]).collisions) == 1
+    assert audit(record, [("cup", "table")]).collisions == ()
+
+
 def test_a_walker_who_comes_into_the_robot_is_told_and_is_no_fault_of_it() -> None:
     overlap = Penetration("base_link", "walker_1", 0.01, 2.5)
     less = Penetration("panda_hand", "cup", 0.0015, 1.0)

@@ -16,17 +16,20 @@ from bestman_bt.monitor.events import (
     ImageEvent,
     LogEvent,
     PausedEvent,
+    RobotEvent,
     ShownEntry,
     StatesEvent,
     from_line,
 )
 from bestman_bt.monitor.history import MAX_LOG_LINES, MAX_PICTURES, MAX_VALUES_A_KEY, RunHistory
+from bestman_bt.monitor.robot_history import SERIES_POINTS
 from bestman_bt.monitor.samples import Freshness, Samples
+from bestman_bt.monitor.shown_value import REMOVED
 from bestman_bt.monitor.timeline import Timeline
 from bestman_bt.monitor.updates import Updates
 from tests.monitor.conftest import tree_event
 
-IDLE, RUNNING, SUCCESS, FAILURE = 0, 1, 2, 3
+IDLE, RUNNING, SUCCESS, FAILURE, NO = 0, 1, 2, 3, 5
 LOOK, AGAIN, GRASP = 2, 3, 4
 
 
@@ -101,6 +104,39 @@ def test_an_event_that_does_not_fit_is_refused_and_nothing_is_lost(damaged: dict
     assert (len(history.nodes), history.last) == (4, 1.0)
 
 
+def robot_event(time: float, **joints: float) -> RobotEvent:
+    return RobotEvent(time, 0, (time, 0.0, 0.0), (0.0, 0.0), joints)
+
+
+def test_joints_are_told_by_the_names_that_they_had_then() -> None:
+    history = RunHistory()
+    history.take(robot_event(1.0, lift=0.5))
+    history.take(robot_event(2.0, elbow=0.25))
+    told = [history.robot.at(time) for time in (1.5, 2.5)]
+    assert [one["joints"] for one in told if one is not None] == [{"lift": 0.5}, {"elbow": 0.25}]
+    assert history.robot.joint_names() == ["elbow"]
+    assert history.robot.series(["lift", "elbow"]) == {"lift": [[1.0, 0.5]], "elbow": [[2.0, 0.25]]}
+
+
+def test_curves_and_ways_of_a_long_run_are_bounded_and_a_curve_ends_with_the_newest_sample() -> None:
+    history = RunHistory()
+    for number in range(2 * SERIES_POINTS + 2):
+        history.take(robot_event(float(number), lift=float(number)))
+    curve, way = history.robot.series(["lift"])["lift"], history.robot.driven(1e6)
+    assert SERIES_POINTS / 2 < len(curve) <= SERIES_POINTS + 1
+    assert (curve[0], curve[-1]) == ([0.0, 0.0], [2 * SERIES_POINTS + 1.0, 2 * SERIES_POINTS + 1.0])
+    assert SERIES_POINTS / 2 < len(way) <= SERIES_POINTS
+    assert history.robot.driven(1.0) == [[0.0, 0.0], [1.0, 0.0]]
+
+
+def test_an_entry_that_was_removed_is_there_no_more_and_was_there_before() -> None:
+    history = history_of()
+    history.take(BlackboardEvent(1.0, 20, {"": {"cup": ShownEntry("Pose", "here")}}))
+    history.take(BlackboardEvent(2.0, 40, {"": {"cup": REMOVED}}))
+    assert [sorted(history.blackboard_at(time)) for time in (0.5, 1.0, 1.9, 2.0)] == [[], [""], [""], []]
+    assert history.entry_at("", "cup", 2.0) is None
+
+
 def test_the_timeline_has_spans_of_leaves_and_marks() -> None:
     history = history_of((1.0, GRASP, RUNNING), (1.0, AGAIN, RUNNING), (3.0, GRASP, FAILURE), (4.0, GRASP, IDLE))
     history.take(LogEvent(3.0, "error", "slipped", "main/grasp", "not_held"))
@@ -126,6 +162,39 @@ def test_a_timeline_with_too_many_spans_gets_coarser_and_keeps_failures() -> Non
     assert len(spans) <= 200
     assert any(span["state"] == FAILURE and span["from"] <= 700 <= span["to"] for span in spans)
     assert max(span["to"] for span in spans) == 4999.5
+
+
+ASKING = [
+    (1, None, "main", "Sequence", "control"),
+    (2, 1, "held", "Holding", "condition"),
+    (3, 1, "grasp", "Grasp", "action"),
+]
+
+
+def asked(*batches: list[tuple[int, int]]) -> RunHistory:
+    """A history of the tree of a condition and an action: what changed in each second."""
+    history = RunHistory()
+    history.take(as_event(tree_event(ASKING)))
+    for second, changes in enumerate(batches):
+        history.take(StatesEvent(float(second), second, changes))
+    return history
+
+
+def test_a_condition_that_does_not_hold_has_answered_no_and_an_action_has_failed() -> None:
+    history = asked([(1, RUNNING), (2, FAILURE), (2, IDLE), (3, RUNNING)], [(3, FAILURE), (3, IDLE)])
+    nodes = history.states.at(9.0).nodes
+    assert [nodes.results[uid] for uid in (2, 3)] == [NO, FAILURE]
+    assert [nodes.failures[uid] for uid in (2, 3)] == [1, 1], "counted as before"
+    assert [span["state"] for span in history.timeline.document(9.0)["spans"]] == [NO, RUNNING, FAILURE]
+    assert [outcome.state for outcome in history.outcomes.told] == [FAILURE, FAILURE], "stories are compared as before"
+
+
+def test_the_condition_by_which_the_tree_fails_has_failed_and_one_before_it_has_not() -> None:
+    ending = [(2, FAILURE), (3, FAILURE), (1, FAILURE)]
+    assert list(asked(ending).states.now.states[1:]) == [FAILURE, NO, FAILURE]
+    assert list(asked([(2, FAILURE), (1, FAILURE)]).states.now.states[1:3]) == [FAILURE, FAILURE]
+    begun_anew = asked([(2, FAILURE), (1, FAILURE)], [(2, IDLE), (1, IDLE)], [(1, RUNNING), (2, FAILURE)])
+    assert begun_anew.states.now.states[2] == NO
 
 
 def test_equal_stories_at_different_speeds_do_not_part() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import lzma
 import os
@@ -15,10 +16,12 @@ import pytest
 
 from bestman_bt.engine import ManualClock, NodeRegistry, load_tree
 from bestman_bt.engine.logs import BtLogWriter
+from bestman_bt.monitor.events import LogEvent, RunEvent, from_line
 from bestman_bt.monitor.history import RunHistory
 from bestman_bt.monitor.recorded import LARGEST_FILE, RecordedRun, read_into, read_picture, run_folders
 from bestman_bt.monitor.run import RunError
-from bestman_bt.monitor.run_log import MOST_READ, read_events
+from bestman_bt.monitor.run_list import MAX_LOADED, RunList
+from bestman_bt.monitor.run_log import MOST_READ, RunLogWriter, read_events, read_log
 from tests.monitor.conftest import FakeExecutor, Message, Monitor, run_event, states_event, tree_event
 
 EVIL = "<script>alert(1)</script>"
@@ -280,6 +283,27 @@ def test_new_run_folders_are_found(folder: Path, tmp_path: Path) -> None:
     assert run_folders(tmp_path) == [folder]
     assert run_folders(folder / "pictures") == []
     assert run_folders(tmp_path / "nowhere") == []
+
+
+def test_of_recorded_runs_that_nobody_looks_at_those_that_were_opened_last_are_held(folder: Path) -> None:
+    runs = RunList()
+    for number in range(MAX_LOADED + 2):
+        run = RecordedRun(f"run-{number}", folder)
+        run.is_loaded, run.opened = True, float(-number)
+        runs._recorded[run.id] = run
+    runs._recorded[f"run-{MAX_LOADED}"].watchers.add(asyncio.Event())
+    asyncio.run(runs._forget())
+    assert [run.id for run in runs._recorded.values() if not run.is_loaded] == [f"run-{MAX_LOADED + 1}"]
+
+
+def test_a_log_line_of_the_very_start_is_read_again(tmp_path: Path) -> None:
+    start = from_line(json.dumps(run_event()).encode())
+    assert isinstance(start, RunEvent)
+    log = RunLogWriter(tmp_path, load_tree(TREE, NodeRegistry()), start)
+    line = LogEvent(0.0, "warning", "no camera", "main/look", "no_image")
+    log.write(line)
+    log.close()
+    assert list(read_log(tmp_path)) == [line]
 
 
 def test_the_past_of_a_run_is_known_to_a_monitor_that_comes_later(folder: Path, start_monitor: StartMonitor) -> None:

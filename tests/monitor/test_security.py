@@ -14,7 +14,7 @@ from starlette.responses import PlainTextResponse
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from bestman_bt.monitor.address import page_address
-from bestman_bt.monitor.security import AccessRules, Guard, is_loopback, new_token
+from bestman_bt.monitor.security import HEADERS, AccessRules, Guard, is_loopback, new_token
 from bestman_bt.monitor.server import LARGEST_REQUEST, STATIC
 from tests.monitor.conftest import Monitor
 
@@ -196,6 +196,21 @@ def test_only_the_whole_token_of_its_kind_opens(scheme: str, token: str, status:
     door = Door(AccessRules.of("0.0.0.0", 80, TOKEN))
     assert door.ask(("Authorization", f"{scheme} {token}"))[0] == status
     assert door.ask(path="/", query=f"token={quote(token.strip())}")[0] == (303 if token.strip() == TOKEN else 401)
+
+
+@pytest.mark.parametrize(
+    ("host", "path", "query", "status"),
+    [
+        ("127.0.0.1", "/", "", 403),
+        ("0.0.0.0", "/", "", 401),
+        ("0.0.0.0", "/", f"token={TOKEN}", 303),
+        ("0.0.0.0", "/health", "", 200),
+    ],
+)
+def test_what_is_said_to_strangers_is_guarded_as_the_page_is(host: str, path: str, query: str, status: int) -> None:
+    told, headers = Door(AccessRules.of(host, 80, TOKEN)).ask(path=path, query=query)
+    assert told == status
+    assert {name: headers.get(name.lower()) for name in HEADERS} == HEADERS
 
 
 def test_the_cookie_is_found_among_others_and_whole() -> None:

@@ -31,10 +31,9 @@ class ConsumeQueue(Decorator):
         """Finish the current item, then take the others until the child runs or fails."""
         result = SUCCESS
         if self.child_runs:
-            status = self._tick_child()
-            if status == RUNNING:
-                return RUNNING
-            result = status
+            result = self._tick_child()
+            if result in (RUNNING, FAILURE):
+                return result
         queue = self.get_input("queue")
         while queue:
             self.set_state(RUNNING)

@@ -93,7 +93,7 @@ class Checker:
 
     def _check_attributes(self, element: Element, info: NodeInfo) -> None:
         ports = info.ports
-        checks = info.checks
+        checked = info.checked
         for key, text in element.attributes.items():
             if key == "name":
                 continue
@@ -110,7 +110,7 @@ class Checker:
                     continue
             if port.direction == "output":
                 self._check_output(element, info, key, text)
-            elif key in checks:
+            elif key in checked:
                 self._check_literal(element, info, key, text)
             elif key == "code" and info.builtin and (text or info.name != "Script"):
                 self._check_script(element, key, text)
@@ -187,7 +187,7 @@ def literal_message(info: NodeInfo, key: str, value: Any, registry: NodeRegistry
         return ""
     try:
         if isinstance(value, str):
-            converter = info.checks[key] if key in info.checks else registry.converters.converter(port.data_type)
+            converter = registry.converters.converter(port.data_type)
             if converter is None:
                 return f"a {type_name(port.data_type)} cannot be written as a literal; map an entry, as '{{{key}}}'"
             typed = converter(value)

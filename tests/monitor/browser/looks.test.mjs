@@ -71,10 +71,15 @@ test("the theme is chosen and kept", async () => {
   assert.equal(await theme(), "dark");
 });
 
-test("each state has a shape of its own", async () => {
-  const { page } = await open([errand()]);
+test("each state has a shape of its own, and so has a condition that does not hold", async () => {
+  const run = errand();
+  const { uid } = run.tree.records.find((node) => node.category === "condition");
+  for (const moment of run.history) [moment.states[uid], moment.results[uid]] = [0, 5];
+  const { page } = await open([run]);
   const shapes = await page.locator(".legend .shape").evaluateAll((found) => found.map((shape) => shape.innerHTML));
-  assert.equal(new Set(shapes).size, 5);
+  assert.equal(new Set(shapes).size, 6);
+  await page.keyboard.press("o");
+  await page.locator(".outline-row .shape.no.faint").first().waitFor();
 });
 
 test("the robot's map, joints and pictures are drawn", async () => {

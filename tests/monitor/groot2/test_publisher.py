@@ -17,6 +17,7 @@ from bestman_bt.messages import Pose2D
 from bestman_bt.monitor.groot2 import Groot2Error, Groot2Publisher, PublisherParameters
 from bestman_bt.monitor.groot2.blackboard_dump import dump_blackboards
 from bestman_bt.monitor.groot2.hooks import Hooks
+from bestman_bt.monitor.groot2.observed_states import ObservedStates
 from bestman_bt.runtime import Ending, Execution, Executor
 from tests.monitor.groot2.wire_client import Groot2Client, free_ports, groot2_client, hook
 
@@ -212,3 +213,32 @@ def test_a_breakpoint_is_not_let_go_by_what_was_asked_while_the_hook_replaced_a_
     hooks.insert(json.dumps(hook(1, 0)).encode())
     with pytest.raises(EngineError, match="cancelled"):  # it was held up until the execution was cancelled
         tree.tick_once()
+
+
+def test_a_breakpoint_that_was_let_go_holds_the_next_time() -> None:
+    tree = load_tree('<root BTCPP_format="4"><BehaviorTree ID="Main"><AlwaysSuccess/></BehaviorTree></root>')
+    let_go = json.dumps({"uid": 1, "position": 0, "desired_status": "SKIPPED", "remove_when_done": False}).encode()
+    met = []
+
+    def reached(uid: int) -> None:
+        met.append(uid)
+        hooks.unlock(let_go) if len(met) == 1 else tree.refuse_ticks()
+
+    hooks = Hooks(tree, reached)
+    hooks.insert(json.dumps(hook(1, 0)).encode())
+    assert tree.tick_once() == SUCCESS
+    with pytest.raises(EngineError, match="cancelled"):  # it was held up until the execution was cancelled
+        tree.tick_once()
+
+
+def test_a_recording_holds_nothing_of_the_one_before(tree: Tree) -> None:
+    states = ObservedStates(tree)
+    tree.subscribe(states.on_changes)
+    states.start_recording()
+    tree.tick_exactly_once()
+    states.stop_recording()
+    tree.halt()
+    states.start_recording()
+    assert states.take_transitions() == b""
+    tree.tick_exactly_once()
+    assert states.take_transitions().startswith(bytes(6) + b"\x01\x00\x01"), "the root has begun to run, at 0 s"

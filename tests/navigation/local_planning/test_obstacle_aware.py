@@ -130,18 +130,6 @@ def test_equal_calls_give_equal_drives(costmap, kitchen):
     assert np.array_equal(drives[0].commands, drives[1].commands)
 
 
-def test_a_path_after_another_is_driven_as_if_it_was_the_first(costmap):
-    ahead, back = (GridAStar().plan(START, goal, costmap) for goal in (GOAL, Pose2D(0.5, 1.5, math.pi / 2)))
-    used, fresh = DWA(), DWA()
-    for follower in (used, fresh):
-        follower.configure(limits(costmap.footprint))
-    used.reset(ahead, costmap)
-    used.compute(START, Twist2D(), DT)
-    for follower in (used, fresh):
-        follower.reset(back, costmap)
-    assert used.compute(START, Twist2D(), DT) == fresh.compute(START, Twist2D(), DT)
-
-
 def test_a_path_that_is_closed_off_makes_the_base_stand(costmap, kitchen):
     door = box(1.45, -0.05, 0.2, 1.05)
     drive = Drive(MPPI(), costmap, kitchen.walls, START, GOAL, lambda _: door, seconds=9.0)

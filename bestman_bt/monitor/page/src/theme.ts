@@ -42,7 +42,7 @@ export interface Palette {
 function read(): Palette {
   const style = getComputedStyle(document.documentElement);
   const get = (name: string): string => style.getPropertyValue(name).trim();
-  const names = ["idle", "running", "success", "failure", "skipped"];
+  const names = ["idle", "running", "success", "failure", "skipped", "no"];
   return {
     ink: get("--ink"),
     muted: get("--muted"),

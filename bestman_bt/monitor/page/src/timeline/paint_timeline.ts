@@ -13,7 +13,7 @@ const MARKS = 12;
 const SIGNED = 13;
 const NAMED = 26;
 const HATCH = 5;
-const SIGNS = ["◌", "", "✓", "✕", "↷"];
+const SIGNS = ["◌", "", "✓", "✕", "↷", "–"];
 export const RIGHT = 16;
 
 export interface TimelinePicture {
