@@ -67,6 +67,21 @@ def test_what_does_not_give_way_is_told_within_the_force_limit(jam, end, words):
         assert np.linalg.norm(it.wrist.force(it.tool)) < 0.9 * handle.result.peak_pull
 
 
+def test_a_hand_that_gets_no_further_is_jammed_though_it_feels_nothing(monkeypatch):
+    it = AtWork()
+    way, measured = np.append(OUT, np.zeros(4)), it.arm.positions
+
+    def held_up() -> np.ndarray:
+        off = measured() - START
+        return START + off - max(0.0, float(off @ way) - 0.05) * way
+
+    monkeypatch.setattr(it.arm, "positions", held_up)
+    handle = it.wait(it.controller.follow_constraint(OUT, distance=0.2), 60.0)
+    assert handle.result.end is FollowEnd.JAMMED
+    assert handle.result.distance == pytest.approx(0.05, abs=1e-3)
+    assert it.clock.now() < 3.0
+
+
 @pytest.mark.parametrize(("side", "meets"), [(9.0, False), (16.0, True)])
 def test_what_pushes_aside_harder_than_it_may_is_an_obstacle(side, meets):
     def force(pose: Pose) -> np.ndarray:

@@ -104,6 +104,14 @@ def test_a_guarded_move_goes_its_way_in_its_direction_at_its_speed_and_stops_the
     assert len(it.arm.sent) == sent
 
 
+def test_a_guarded_move_sends_no_arm_further_than_asked_however_late_its_encoders_are(monkeypatch):
+    it = AtWork()
+    monkeypatch.setattr(it.arm, "positions", lambda: [*[START] * 6, *it.arm.sent][len(it.arm.sent)])
+    handle = it.wait(it.controller.move_until(ALONG, 0.05, 0.12, 5.0))
+    assert handle.status is ControlStatus.SUCCEEDED
+    assert it.arm.sent[-1][:3] - START[:3] == pytest.approx(0.12 * ALONG, abs=2e-4)
+
+
 def test_a_guarded_move_stops_at_the_force_that_opposes_it_beyond_what_was_felt_at_the_start():
     weight, wall = np.array([0.0, 3.0, -7.0]), spring(START[:3] + 0.05 * ALONG, -ALONG, 4000.0)
     it = AtWork(lambda pose: weight + wall(pose))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import hal.ur.arm
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
 from hal.hardware import ConnectionFailedError, Fault, JointChannel, JointReading, StopLatch, ToolLimits
@@ -82,9 +83,9 @@ def controller() -> Controller:
 
 @pytest.fixture
 def make_arm(ur5: RobotModel, controller: Controller, now: list[float]) -> Callable[..., URArm]:
-    def make(**safety: Any) -> URArm:
+    def make(model: ArmModel = ur5.arms["arm"], **safety: Any) -> URArm:
         tool = ToolLimits(ur5, "arm", SafetyConfig(**safety))
-        made = URArm("arm", ur5.arms["arm"], controller, StopLatch(), PERIOD, tool, controller)
+        made = URArm("arm", model, controller, StopLatch(), PERIOD, tool, controller)
         made.attach()
         return made
 
@@ -150,18 +151,19 @@ def test_a_motion_that_did_not_settle_has_failed_and_the_next_one_begins_at_once
 
 
 def test_a_path_is_sent_once_with_its_limits_and_a_blend_at_all_but_its_last_waypoint(
-    arm: URArm, controller: Controller, run: Run
+    make_arm: Callable[..., URArm], ur5: RobotModel, controller: Controller, now: list[float]
 ) -> None:
+    joints = np.arange(6.0)
+    arm = make_arm(replace(ur5.arms["arm"], velocity=3.0 - joints / 5, acceleration=4.0 + joints))
     arm.move_path([HOME + NUDGE, HOME], speed_scale=0.5, blend=0.02)
-    run(0.3)
+    now[0] += PERIOD
+    arm.cycle(PERIOD)
     ((name, (rows,)),) = controller.calls
-    limits = arm.limits
     assert name == "move_path"
     assert [row[:6] for row in rows] == [(HOME + NUDGE).tolist(), HOME.tolist()]
     assert [row[8] for row in rows] == [0.02, 0.0]
     for row in rows:
-        assert row[6] == pytest.approx(0.5 * min(limit.velocity for limit in limits))
-        assert row[7] == pytest.approx(0.5 * min(limit.acceleration for limit in limits))
+        assert row[6:8] == pytest.approx([0.5 * 2.0, 0.5 * 4.0])  # of the slowest joint
 
 
 def test_a_path_whose_tool_would_be_too_fast_is_slower_as_a_whole(
@@ -216,6 +218,16 @@ def test_a_way_out_of_the_workspace_is_refused_also_in_the_middle_of_a_path(
     with pytest.raises(CommandRefusedError, match="workspace"):
         arm.move_path([HOME + NUDGE, HOME + 800 * NUDGE, HOME])
     arm.move_path([HOME + NUDGE, HOME])
+
+
+def test_the_way_between_two_waypoints_counts_and_not_those_from_the_start(make_arm: Callable[..., URArm]) -> None:
+    left = HOME + np.array([0.9, 0.3, -0.5, 0, 0, 0])
+    right = HOME + np.array([-1.0, 0.5, -0.6, 0, 0, 0])
+    box = WorkspaceConfig((-1.0, -1.0, 0.0), (0.58, 1.0, 2.0))
+    for waypoint in (left, right):
+        make_arm(workspace=box).move_path([waypoint])
+    with pytest.raises(CommandRefusedError, match="workspace"):
+        make_arm(workspace=box).move_path([left, right])
 
 
 @pytest.mark.parametrize("end", ["cancel", "stop"])
