@@ -97,6 +97,11 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
             if text and path.is_file():
                 return path
         message = f"unknown {kind} {text!r}; {suggestion(text, data_names(kind))}"
+        if kind == "robot" and "+" in text:
+            message = (
+                f"{text!r} is a combination of parts, which has no cameras, lidar and postures yet: write a robot file "
+                "(docs/add_your_robot.md), 'bestman-bt robot postures FILE' proposes postures for it"
+            )
     place = asked_by or Problem(text, None, "", "")
     raise ConfigurationError([Problem(place.source, place.line, place.field, message)])
 

@@ -9,10 +9,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene
+from bestman_bt.manipulation.collision import (
+    AttachedObject,
+    CoalCollisionModel,
+    CollisionWorld,
+    PlanningScene,
+    hand_links,
+)
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics, link_hulls
-from bestman_bt.messages import Pose
+from bestman_bt.messages import Cylinder, PlacedShape, Pose
 from bestman_bt.robot_model import CameraModel, RobotModel, joints_above
 
 Array = NDArray[np.float64]
@@ -26,7 +32,8 @@ class PostureSearchParameters:
     between the links. ``home_reach``, ``home_height``: of the tool from the shoulder, in shares of the arm's reach.
     ``carry_box``, ``beside_box``: (x, y, z) half extents around their middle, in shares of the reach, where the tool
     may be; ``hidden_weight``: metres of radius that a table hidden in full counts for; ``table``: its corners in the
-    base frame; ``overhang_weight``: metres of radius per metre beyond the base's outline; ``travel_weight``: metres of
+    base frame; ``held``: radius and length of the upright thing that the hand holds by its upper third in postures for
+    carrying; ``overhang_weight``: metres of radius per metre beyond the base's outline; ``travel_weight``: metres of
     radius per radian that the farthest joint is away from home.
     """
 
@@ -38,6 +45,7 @@ class PostureSearchParameters:
     carry_box: tuple[float, float, float] = (0.3, 0.3, 0.2)
     beside_box: tuple[float, float, float] = (0.15, 0.1, 0.15)
     hidden_weight: float = 1.0
+    held: tuple[float, float] = (0.04, 0.15)
     overhang_weight: float = 2.0
     travel_weight: float = 0.03
     table: tuple[tuple[float, float, float], ...] = (
@@ -70,7 +78,8 @@ class PostureSearch:
         moved = set(self.arm.joint_names)
         self._hulls = {link: hulls for link, hulls in link_hulls(robot).items() if moved & joints_above(robot, link)}
         scene = PlanningScene(positions=self._hands, self_padding=self.parameters.clearance)
-        self._world = CoalCollisionModel(robot).world(scene, arm)
+        collision = CoalCollisionModel(robot)
+        self._empty, self._holding = (collision.world(s, arm) for s in (scene, scene.holding(self._held(arm))))
         self._shoulder, self._reach = self._kinematics.reach
 
     def home(self, rng: np.random.Generator) -> Array:
@@ -85,24 +94,21 @@ class PostureSearch:
             turned = float(np.abs(q).sum()) / len(q)
             return 0.1 * turned - 3.0 * min(to_limit, 0.15) - 5.0 * self._kinematics.manipulability(q)
 
-        return self._best(iter([tool] * 8), cost, rng, "home")
+        return self._best(iter([tool] * 8), cost, rng, "home", self._empty)
 
     def carry(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
-        """The hand above the base, looking down, within the smallest radius and out of the first camera's view."""
+        """The hand above the base, looking down, something in it, within the smallest radius and out of the first
+        camera's view.
+        """
         middle = np.array([0.0, 0.0, self._shoulder[2] + 0.35 * self._reach])
-        return self._best(
-            self._around(middle, self.parameters.carry_box, rng), lambda q: self._cost(q, home, head), rng, "carry"
-        )
+        tools = self._around(middle, self.parameters.carry_box, rng)
+        return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry", self._holding)
 
     def carry_beside(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
         """The hand beside the base, looking down, lower than above it: for what is large."""
         middle = self._shoulder + np.array([0.0, -0.38, 0.05]) * self._reach
-        return self._best(
-            self._around(middle, self.parameters.beside_box, rng),
-            lambda q: self._cost(q, home, head),
-            rng,
-            "carry_beside",
-        )
+        tools = self._around(middle, self.parameters.beside_box, rng)
+        return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry_beside", self._holding)
 
     def radius(self, positions: Array) -> float:
         """How far arm and hand reach from the base's axis, metres."""
@@ -134,18 +140,32 @@ class PostureSearch:
         room = self.radius(positions) + p.overhang_weight * self.stands_out(positions)
         return room + p.hidden_weight * self.hidden(positions, head) + p.travel_weight * travel
 
+    def _held(self, arm: str) -> AttachedObject:
+        """A thing of usual size in the hand; what hangs below it is what a posture for an empty hand forgets."""
+        radius, length = self.parameters.held
+        along = Pose(np.array([0.0, 0.0, length / 6.0]))
+        touched = frozenset(hand_links(self.robot, arm))
+        return AttachedObject(
+            "held", (PlacedShape(Cylinder(radius, length), Pose()),), self.arm.tool_frame, along, touched
+        )
+
     def _best(
-        self, tools: Iterator[Pose], cost: Callable[[Array], float], rng: np.random.Generator, name: str
+        self,
+        tools: Iterator[Pose],
+        cost: Callable[[Array], float],
+        rng: np.random.Generator,
+        name: str,
+        world: CollisionWorld,
     ) -> Array:
         middle = np.clip(0.0, self.arm.lower + 0.1, self.arm.upper - 0.1)
         best, lowest = None, np.inf
         for tool in tools:
             found = self._kinematics.solve(
-                tool, middle, rng, count=self.parameters.branches, is_valid=self._world.is_free, attempts=20
+                tool, middle, rng, count=self.parameters.branches, is_valid=world.is_free, attempts=20
             )
             for solution in found.solutions:
                 positions = self._unwound(solution)
-                if (value := cost(positions)) < lowest and self._world.is_free(positions):
+                if (value := cost(positions)) < lowest and world.is_free(positions):
                     best, lowest = positions, value
         if best is None:
             raise ManipulationError(f"robot {self.robot.name!r}: no free configuration found for the posture {name!r}")

@@ -43,6 +43,7 @@ def test_a_path_means_that_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         ("tree", "nowhere/tree.xml", "no such tree file: nowhere/tree.xml"),
         ("scene", "", "unknown scene ''"),
         ("scene", "../robots/column", "no such scene file"),
+        ("robot", "omni_base+iiwa_arm+wsg50", "has no cameras, lidar and postures yet: write a robot file"),
     ],
 )
 def test_an_unknown_name_suggests_the_closest(kind: str, name: str, message: str) -> None:

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene
+from bestman_bt.manipulation.collision import AttachedObject, CoalCollisionModel, PlanningScene, hand_links
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.posture_search import PostureSearch, PostureSearchParameters
+from bestman_bt.messages import Cylinder, PlacedShape, Pose
 from bestman_bt.robot_model import load_robot_model
 
 HEAD = {"head_pan_joint": 0.0, "head_tilt_joint": np.radians(47.0)}
@@ -46,6 +47,19 @@ def test_carry_needs_less_room_than_home_and_hides_less_of_the_table(search: Pos
     assert_free_and_looking_down(search, carry)
     assert search.radius(carry) < search.radius(home) - 0.1
     assert search.hidden(carry, HEAD) < search.hidden(home, HEAD)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("posture", ["carry", "carry_beside"])
+def test_a_posture_for_carrying_has_room_for_what_is_carried(
+    search: PostureSearch, home: np.ndarray, posture: str
+) -> None:
+    carrying = getattr(search, posture)(np.random.default_rng(3), home, HEAD)
+    shapes = (PlacedShape(Cylinder(0.04, 0.15), Pose(np.array([0.0, 0.0, 0.025]))),)
+    touched = frozenset(hand_links(search.robot))
+    held = AttachedObject("held", shapes, search.robot.arms["arm"].tool_frame, Pose(), touched)
+    world = CoalCollisionModel(search.robot).world(PlanningScene(positions=HEAD).holding(held))
+    assert world.colliding_pairs(carrying) == ()
 
 
 @pytest.mark.slow

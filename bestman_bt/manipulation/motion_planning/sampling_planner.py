@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -24,6 +25,8 @@ from bestman_bt.manipulation.motion_planning.query import PlanningQuery, check_q
 from bestman_bt.manipulation.motion_planning.shortcut import shortcut
 from bestman_bt.manipulation.motion_planning.validity import CountedValidity
 
+WAY_SAMPLES = 50
+"""Configurations that are looked at to say what stands in the way where no path was found."""
 _MAY_BE_ZERO = ("shortcut_attempts", "shortcut_patience", "limit_tolerance")
 
 
@@ -95,7 +98,7 @@ class SamplingPlanner(MotionPlanner):
         raise PlanningError(
             PlanningErrorCode.NO_PATH,
             f"{type(self).__name__} found no path to any of {len(query.goals)} goals after {validity.checks} "
-            f"collision checks",
+            f"collision checks{_in_the_way(query, world)}",
         )
 
     def shorten(
@@ -103,3 +106,14 @@ class SamplingPlanner(MotionPlanner):
     ) -> NDArray[np.float64] | None:
         """A path that is never longer and finely checked, or None if ``found`` (N, n) does not stand the check."""
         return shortcut(found, edges, rng, self.parameters.shortcut_attempts, self.parameters.shortcut_patience)
+
+
+def _in_the_way(query: PlanningQuery, world: CollisionWorld) -> str:
+    """The pair that collides most often on the straight way to the nearest goal, in words; empty without one."""
+    nearest = min(query.goals, key=lambda goal: float(np.linalg.norm(goal - query.start)))
+    way = np.linspace(query.start, nearest, WAY_SAMPLES)
+    pairs = Counter(pair for positions in way for pair in world.colliding_pairs(positions))
+    if not pairs:
+        return ""
+    (first, second), _ = pairs.most_common(1)[0]
+    return f"; on the straight way {first} and {second} collide"
