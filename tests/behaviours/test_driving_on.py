@@ -177,6 +177,14 @@ def test_where_somebody_walks_about_it_is_tried_three_times_as_often(skills: Any
     assert commands(skills).count("follow") == 1 + PEOPLE
 
 
+def test_somebody_who_has_gone_does_not_excuse_what_blocks_the_way_after_that(skills: Any) -> None:
+    skills.base.layer.moving = ("somebody",)
+    skills.base.layer.clear = lambda: setattr(skills.base.layer, "moving", ())  # by the first recovery
+    skills.base.ends["follow"] = [BLOCKED] * 99
+    assert run(skills, to_goal(skills, 2), 3000) == FAILURE
+    assert commands(skills).count("follow") == 1 + 2
+
+
 @pytest.mark.parametrize("code", [ControlErrorCode.LOST, ControlErrorCode.STOPPED, ControlErrorCode.FAULT])
 def test_what_does_not_pass_ends_it_at_once(skills: Any, code: ControlErrorCode) -> None:
     skills.base.ends["follow"] = [code]

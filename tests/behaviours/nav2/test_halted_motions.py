@@ -11,7 +11,8 @@ import pytest
 
 from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.messages import LaserScan, Path2D, Pose2D
+from bestman_bt.navigation.localization import FrontEdge
 from bestman_bt.world_model import BasePose
 from tests.behaviours.scripted import UNDER_WAY, codes, load, run, scripted_skills
 
@@ -180,6 +181,21 @@ def test_a_base_that_stays_beside_its_goal_tries_as_often_as_it_may_and_tells_ho
     assert codes(skills)[-1] == "blocked"
 
 
+def test_each_approach_is_corrected_by_the_front_from_the_goal_that_was_asked(
+    skills: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    piece = skills.world.map.furniture["counter"]
+    monkeypatch.setattr("bestman_bt.navigation.localization.front_edge", lambda *_: FrontEdge(0.01, 0.004, 0.001))
+    skills.base.base_from_lidar = Pose2D()
+    scan = LaserScan(np.full(4, np.inf), 0.0, 0.1, 0.1, 8.0, 0.0)
+    skills.base.scan = lambda: SimpleNamespace(scan=scan)
+    skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)
+    skills.base.ends["follow"] = [ControlErrorCode.TOLERANCE] * 9
+    assert run(skills, load(skills, '<DockAt goal="{goal}" furniture="counter" attempts="3"/>', goal=GOAL)) == FAILURE
+    goals = [path.goal for name, path, *_ in skills.base.asked if name == "follow"]
+    assert goals == [FrontEdge(0.01, 0.004, 0.001).corrected(piece, GOAL)] * 3
+
+
 @pytest.mark.parametrize("speed", [(0.0, 0.0), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.25), (0.3, 0.4), (9.0, 0.0)])
 def test_the_rate_of_a_child_goes_with_the_speed_whichever_way_the_base_drives(
     skills: Any, speed: tuple[float, float]
@@ -250,3 +266,18 @@ def test_a_speed_controller_that_is_started_again_for_the_same_goal_ticks_its_ch
         assert run(skills, tree, 20) == RUNNING
         assert tree.blackboard.get("n") == started
         tree.halt()
+
+
+def test_after_a_halt_no_path_is_compared_with_one_from_before(skills: Any) -> None:
+    body = """<PipelineSequence>
+      <PathLongerOnApproach path="{path}"><Script code="n := n + 1"/></PathLongerOnApproach><Wait wait_duration="99"/>
+    </PipelineSequence>"""
+    tree = load(skills, body, n=0)
+    noticed = []
+    for metres, halts in ((1.0, False), (3.0, False), (1.0, False), (3.0, True)):
+        if halts:
+            tree.halt()
+        tree.blackboard.set("path", Path2D(np.array([[-metres, 0.0], [0.0, 0.0]]), Pose2D()))
+        assert run(skills, tree, 2) == RUNNING
+        noticed.append(tree.blackboard.get("n"))
+    assert noticed == [0, 1, 1, 1]

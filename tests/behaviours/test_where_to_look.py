@@ -1,0 +1,129 @@
+"""Where skills look before they have seen anything: at furniture that stands askew, from a base that does, too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bestman_bt.engine import FAILURE, SUCCESS
+from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.perception.occupancy import VoxelRegion
+from tests.behaviours.scripted import codes, load, run, scripted_skills
+
+TURNED = Pose2D(1.3, 0.4, 2.5)
+DRAWER = "drawer_chest/drawer_3"
+
+
+def beside(task: str, furniture: str) -> Any:
+    """Skills on whose map the piece stands at TURNED."""
+    skills = scripted_skills(task)
+    piece = skills.world.map.furniture[furniture]
+    skills.world.map = skills.world.map.with_furniture(replace(piece, pose=TURNED))
+    return skills
+
+
+@pytest.fixture
+def views() -> Callable[..., list[Pose]]:
+    """What a hand that reaches nothing was asked for: poses of its camera in the map frame."""
+
+    def asked(skills: Any, ports: str = "", **entries: Any) -> list[Pose]:
+        poses: list[Pose] = []
+
+        def solve(base_from_tool: Pose, *_: Any) -> SimpleNamespace:
+            poses.append(skills.map_from_base @ base_from_tool)
+            return SimpleNamespace(solutions=[])
+
+        skills.algorithms = SimpleNamespace(kinematics=SimpleNamespace(solve=solve))
+        skills.planning_scene, skills.arm_world = lambda: None, lambda _: SimpleNamespace(is_free=None)
+        skills.base_from_tool = Pose  # the camera is where the tool is
+        skills.wrist_camera = SimpleNamespace(base_from_camera=Pose)
+        assert run(skills, load(skills, f'<LookInto surface="{DRAWER}" {ports}/>', **entries)) == FAILURE
+        assert codes(skills) == ["no_view"]
+        return poses
+
+    return asked
+
+
+@pytest.mark.parametrize("opening", [0.15, 0.3])
+def test_of_a_drawer_the_part_that_is_out_is_looked_at_from_straight_above(
+    views: Callable[..., list[Pose]], opening: float
+) -> None:
+    skills = beside("fetch_from_drawer", "drawer_chest")
+    chest, closed = skills.world.map.surface(DRAWER)
+    skills.world.believe_articulation(DRAWER, opening)
+    first = views(skills)[0]
+    edge = closed.pose.position[0] - closed.size[0] / 2 - opening
+    middle = (edge - chest.footprint[0] / 2) / 2
+    at = TURNED.to_pose().apply(np.array([[middle, *closed.pose.position[1:]]]))[0]
+    np.testing.assert_allclose(first.position, (at[0], at[1], at[2] + 0.48), atol=1e-9)
+    np.testing.assert_allclose(first.rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
+
+
+def test_the_picture_lies_along_the_longer_side_and_may_lean_across_it(views: Callable[..., list[Pose]]) -> None:
+    poses = views(beside("fetch_from_drawer", "drawer_chest"))
+    wide, deep = TURNED.to_pose().rotation[:, 1], TURNED.to_pose().rotation[:, 0]
+    for pose in poses:
+        assert abs(float(pose.rotation[:, 0] @ wide)) == pytest.approx(1.0)
+    # The second ones lean so that they look away from who stands before the chest, whose front faces -x.
+    assert [float(pose.rotation[:, 2] @ deep) for pose in poses[2:4]] == pytest.approx([np.sin(np.radians(12.0))] * 2)
+
+
+def test_a_point_goes_before_a_thing_and_a_thing_before_the_drawer(views: Callable[..., list[Pose]]) -> None:
+    point = Pose(np.array([0.9, 0.2, 0.6]))
+    poses = views(beside("fetch_from_drawer", "drawer_chest"), 'point="{point}"', point=point)
+    np.testing.assert_allclose(poses[0].position, [0.9, 0.2, 0.6 + 0.48], atol=1e-9)
+
+
+@pytest.fixture
+def scanned(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[np.ndarray, VoxelRegion]]:
+    """Where the head looked in a scan, (N, 3) in the map frame, and the box that was mapped."""
+
+    def scan(skills: Any, ports: str) -> tuple[np.ndarray, VoxelRegion]:
+        regions: list[VoxelRegion] = []
+        scene = SimpleNamespace(detections=(), unknown=(), plane=None)
+        monkeypatch.setattr("behaviours.scan.surface_region", lambda *_: None)
+        monkeypatch.setattr("behaviours.scan.believe_surface", lambda *_: ())
+        skills.camera = SimpleNamespace(capture=lambda: SimpleNamespace(in_base=None, in_map=None))
+        skills.algorithms = SimpleNamespace(
+            detection=SimpleNamespace(detect=lambda *_: scene),
+            surfaces=SimpleNamespace(find=lambda *_: ()),
+            occupancy=SimpleNamespace(fuse=lambda views, region: regions.append(region)),
+        )
+        assert run(skills, load(skills, f"<ScanScene {ports}/>")) == SUCCESS
+        points = np.array([point for _, point in skills.head.asked])
+        return skills.map_from_base.apply(points), regions[0]
+
+    return scan
+
+
+def test_views_of_a_surface_are_spread_along_its_longer_side_the_middle_first(
+    scanned: Callable[..., tuple[np.ndarray, VoxelRegion]],
+) -> None:
+    skills = beside("fetch_cup", "table")
+    _, top = skills.world.map.surface("table")
+    points, region = scanned(skills, 'surface="table" views="3"')
+    across = 0.3 * top.size[1]  # to each side, of a table that is 0.8 m deep and 1.2 m wide
+    local = TURNED.to_pose().inverse().apply(points)
+    np.testing.assert_allclose(local[0, :2], [0.0, 0.0], atol=1e-9)
+    assert sorted(local[1:, 1]) == pytest.approx([-across, across])
+    assert local[:, 2] == pytest.approx([top.pose.position[2]] * 3)
+    assert region.size[:2] == pytest.approx((top.size[0] + 0.6, top.size[1] + 0.6))
+    assert region.frame_from_region.yaw == pytest.approx(TURNED.theta)
+    np.testing.assert_allclose(region.frame_from_region.position[:2], TURNED.xy, atol=1e-9)
+
+
+def test_a_scan_of_no_surface_turns_the_head_about_what_is_ahead(
+    scanned: Callable[..., tuple[np.ndarray, VoxelRegion]],
+) -> None:
+    skills = beside("fetch_cup", "table")
+    points, region = scanned(skills, 'views="3"')
+    base = skills.world.base.pose
+    bearings = [float(np.arctan2(*(point[:2] - base.xy)[::-1])) - base.theta for point in points]
+    assert bearings[0] == pytest.approx(0.0)
+    assert sorted(bearings) == pytest.approx([-0.6, 0.0, 0.6])
+    assert region.frame_from_region.yaw == pytest.approx(base.theta)
