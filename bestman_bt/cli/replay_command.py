@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -34,6 +35,8 @@ def command(
     if display is Display.WINDOW and not has_window_system():
         message = "no window can be opened: DISPLAY is not set; --browser serves a page instead"
         raise ConfigurationError([Problem("bestman-bt replay", None, "", message)])
+    for number in (signal.SIGTERM, signal.SIGHUP):  # the viewer is in a session of its own and would stay
+        signal.signal(number, signal.default_int_handler)
     with tempfile.TemporaryFile("w+") as output:
         try:
             viewer = Viewer(ViewerParameters(display, page_port=port), recordings, output)

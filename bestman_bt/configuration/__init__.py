@@ -7,11 +7,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.configuration.data import (
-    NO_PYBULLET_DATA,
     beside,
     data_names,
     data_root,
     find_data,
+    no_pybullet_data,
     own_objects,
     own_parts,
     own_pybullet_data,
@@ -62,7 +62,6 @@ _HOMES = {
 }
 
 __all__ = [
-    "NO_PYBULLET_DATA",
     "ConfigurationError",
     "DisturbanceConfig",
     "Document",
@@ -84,6 +83,7 @@ __all__ = [
     "find_data",
     "load_run",
     "load_task",
+    "no_pybullet_data",
     "override",
     "own_objects",
     "own_parts",

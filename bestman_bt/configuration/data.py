@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from bestman_bt.configuration.errors import ConfigurationError, Problem
+from bestman_bt.extras import install_command
 from bestman_bt.registry import suggestion
 
 _FOLDERS = {
@@ -23,12 +24,6 @@ _FOLDERS = {
 }
 
 _OF_USERS = ("object", "part", "robot")
-
-NO_PYBULLET_DATA = (
-    "is in pybullet_data, which is not here: `bestman-bt robot descriptions` brings it without the simulator, "
-    "pip install 'bestman-bt[sim]' with it"
-)
-"""What is said of a file of PyBullet's models where they are missing."""
 
 
 def data_root() -> Path:
@@ -64,6 +59,14 @@ def pybullet_data() -> Path | None:
         return Path(installed.submodule_search_locations[0])
     unpacked = own_pybullet_data()
     return unpacked if unpacked.is_dir() else None
+
+
+def no_pybullet_data() -> str:
+    """What is said of a file of PyBullet's models where they are missing."""
+    return (
+        "is in pybullet_data, which is not here: `bestman-bt robot descriptions` brings it without the simulator, "
+        f"{install_command('sim')} with it"
+    )
 
 
 def own_pybullet_data() -> Path:

@@ -12,7 +12,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from bestman_bt.configuration import NO_PYBULLET_DATA, pybullet_data
+from bestman_bt.configuration import no_pybullet_data, pybullet_data
+from bestman_bt.extras import install_command
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint
 from bestman_bt.robot_model.urdf_elements import child_of, parent_of
@@ -39,7 +40,7 @@ def locate_urdf(source: str, folder: Path) -> Path:
     elif package == "pybullet_data":
         models = pybullet_data()
         if models is None:
-            raise UrdfError(f"{inside} {NO_PYBULLET_DATA}")
+            raise UrdfError(f"{inside} {no_pybullet_data()}")
         path = models / inside
     else:
         try:
@@ -58,7 +59,7 @@ def _example_robots() -> Path:
     try:
         package = distribution("example-robot-data")
     except PackageNotFoundError as error:
-        raise UrdfError("example-robot-data is not installed: pip install 'bestman-bt[robots]'") from error
+        raise UrdfError(f"example-robot-data is not installed: {install_command('robots')}") from error
     marker = next((file for file in package.files or [] if "ur_description" in file.parts), None)
     if marker is None:
         raise UrdfError("the installed example-robot-data holds no robots")

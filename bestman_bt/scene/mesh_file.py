@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from bestman_bt.configuration import NO_PYBULLET_DATA, pybullet_data
+from bestman_bt.configuration import no_pybullet_data, pybullet_data
 from bestman_bt.configuration.quantity import PositiveLength
 from bestman_bt.messages import Mesh
 from bestman_bt.scene.generated_shapes import convex_hull
@@ -59,7 +59,7 @@ def _package_folder(package: str, file: str) -> Path:
     if package == "pybullet_data":
         models = pybullet_data()
         if models is None:
-            raise MeshError(f"{file} {NO_PYBULLET_DATA}")
+            raise MeshError(f"{file} {no_pybullet_data()}")
         return models
     spec = find_spec(package) if package.isidentifier() else None
     if spec is None or not spec.submodule_search_locations:

@@ -9,6 +9,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any, ClassVar
 
+from bestman_bt.extras import install_command
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from hal.api import Clock, MotionErrorCode, Part
@@ -196,7 +197,7 @@ class Connection(ABC):
             return import_module(module)
         except ImportError as error:
             raise ConnectionFailedError(
-                f"{self.name} needs the package {module.partition('.')[0]!r}: pip install 'bestman-bt[{self.extra}]'"
+                f"{self.name} needs the package {module.partition('.')[0]!r}: {install_command(self.extra)}"
             ) from error
 
     def _crashed(self, error: Exception) -> None:

@@ -6,6 +6,7 @@ import socket
 import threading
 from collections.abc import Callable, Iterator
 
+from bestman_bt.extras import install_command
 from hal.twins.errors import TwinError
 
 try:
@@ -15,7 +16,7 @@ try:
     from websockets.server import ServerProtocol
 except ImportError as error:
     raise TwinError(
-        "the twin of a rosbridge needs the package 'websockets': pip install 'bestman-bt[rosbridge]'"
+        f"the twin of a rosbridge needs the package 'websockets': {install_command('rosbridge')}"
     ) from error
 
 CHUNK = 65536

@@ -124,6 +124,7 @@ def test_a_plan_beyond_the_limits_gives_no_tree(
         )
     assert answer.code == 1
     assert "no plan: no valid answer in 4 tries" in answer.err
+    assert answer.err.count('it was: {"') == 5  # each of the four, and the last one once more
     assert not (folder / "tree.xml").exists()
 
 

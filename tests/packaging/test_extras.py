@@ -95,12 +95,12 @@ def test_a_command_whose_extra_is_missing_starts_nothing_and_names_it(
     assert code == 2
     assert output == ""
     assert "nothing was started" in errors
-    assert re.search(rf"needs the package '{package}': pip install 'bestman-bt\[{extra}\]'", errors)
+    assert re.search(rf"needs the package '{package}': pip install -e '{CHECKOUT}\[{extra}\]'", errors)
 
 
 def test_every_extra_that_a_message_names_exists() -> None:
     sources = [path for top in ("bestman_bt", "behaviours", "hal") for path in (CHECKOUT / top).rglob("*.py")]
-    named = {extra for path in sources for extra in re.findall(r"'bestman-bt\[(\w+)\]'", path.read_text())}
+    named = {extra for path in sources for extra in re.findall(r"install_command\([\"'](\w+)", path.read_text())}
     assert {"onnx", "policy", "robots"} <= named
     assert (named | set(PACKAGE_OF_EXTRA)) - set(EXTRAS) == set()
 

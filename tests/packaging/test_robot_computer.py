@@ -87,7 +87,8 @@ def test_commands_that_start_no_robot_work(robot_computer: Path, tmp_path: Path,
 def test_a_simulated_run_names_the_extra_that_it_needs(robot_computer: Path, tmp_path: Path) -> None:
     done = bestman_bt(robot_computer, tmp_path, "run", "fetch_cup")
     assert done.returncode == 2
-    assert "needs the package 'pybullet': pip install 'bestman-bt[sim]'" in done.stderr
+    assert "needs the package 'pybullet': pip install 'bestman-bt[sim] @ file:///" in done.stderr
+    assert ".whl'" in done.stderr
 
 
 def test_a_robot_is_loaded_and_its_controllers_are_asked(robot_computer: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
 from bestman_bt.evaluation.film.shot import RATE, Shot
+from bestman_bt.extras import install_command
 
 LARGEST_FILM = 1_500_000
 LARGEST_STILL = 200_000
@@ -44,7 +45,7 @@ def require_film_writer() -> None:
     try:
         import av  # noqa: F401 - only whether it is there
     except ImportError as error:
-        raise FilmError("films need PyAV: pip install 'bestman-bt[gallery]'") from error
+        raise FilmError(f"films need PyAV: {install_command('gallery')}") from error
 
 
 def write_film(pictures: Iterable[NDArray[np.uint8]], path: Path, largest: int = LARGEST_FILM) -> None:

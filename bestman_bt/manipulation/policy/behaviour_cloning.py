@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.demonstration import Demonstration
 from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyError
 from bestman_bt.manipulation.policy.features import feature_vector
@@ -61,7 +62,7 @@ class ClonedPolicy:
             import onnx
             from onnx import TensorProto, helper, numpy_helper
         except ImportError as error:
-            raise MissingPolicyExtraError("writing policies needs onnx: pip install 'bestman-bt[policy]'") from error
+            raise MissingPolicyExtraError(f"writing policies needs onnx: {install_command('policy')}") from error
         nodes, weights, value = [], [], "features"
         for i, (weight, bias) in enumerate(self.layers):
             last = i == len(self.layers) - 1

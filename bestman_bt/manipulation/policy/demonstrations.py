@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.dataset_statistics import FeatureStatistics
 from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyError, PolicyObservationError
@@ -267,5 +268,5 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise MissingPolicyExtraError("recording needs pyarrow: pip install 'bestman-bt[policy]'") from error
+        raise MissingPolicyExtraError(f"recording needs pyarrow: {install_command('policy')}") from error
     return pyarrow, pyarrow.parquet

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyServerError
 
 _BROKEN = (ValueError, TypeError, KeyError, OverflowError, SyntaxError)
@@ -34,7 +35,7 @@ def _msgpack() -> Any:
     try:
         import msgpack
     except ImportError as error:
-        raise MissingPolicyExtraError("policy/openpi needs msgpack: pip install 'bestman-bt[policy]'") from error
+        raise MissingPolicyExtraError(f"policy/openpi needs msgpack: {install_command('policy')}") from error
     return msgpack
 
 

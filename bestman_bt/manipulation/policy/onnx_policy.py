@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import (
     MissingPolicyExtraError,
@@ -173,7 +174,7 @@ class OnnxPolicy(Policy):
         try:
             import onnxruntime
         except ImportError as error:
-            raise MissingPolicyExtraError("policy/onnx needs onnxruntime: pip install 'bestman-bt[onnx]'") from error
+            raise MissingPolicyExtraError(f"policy/onnx needs onnxruntime: {install_command('onnx')}") from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = self.parameters.threads
         options.log_severity_level = 3

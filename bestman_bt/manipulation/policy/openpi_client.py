@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import (
     MissingPolicyExtraError,
@@ -229,7 +230,7 @@ def _websockets_connect() -> Any:
     try:
         from websockets.sync.client import connect
     except ImportError as error:
-        raise MissingPolicyExtraError("policy/openpi needs websockets: pip install 'bestman-bt[policy]'") from error
+        raise MissingPolicyExtraError(f"policy/openpi needs websockets: {install_command('policy')}") from error
     return connect
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine import Tree
 from bestman_bt.engine.xml.writer import XmlError, full_tree_xml
+from bestman_bt.extras import install_command
 from bestman_bt.monitor.groot2.blackboard_dump import dump_blackboards
 from bestman_bt.monitor.groot2.errors import Groot2Error, RequestError
 from bestman_bt.monitor.groot2.hooks import Hooks
@@ -204,5 +205,5 @@ def _import_zmq() -> Any:
         import msgpack  # noqa: F401
         import zmq
     except ImportError as error:
-        raise Groot2Error("Groot2 needs the extra groot2: pip install 'bestman-bt[groot2]'") from error
+        raise Groot2Error(f"Groot2 needs the extra groot2: {install_command('groot2')}") from error
     return zmq

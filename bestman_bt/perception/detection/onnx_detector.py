@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.extras import install_command
 from bestman_bt.messages import RGBDImage
 from bestman_bt.perception.detection.from_image import FromImage, FromImageParameters
 from bestman_bt.perception.detection.image_detector import ImageDetection, ImageDetector
@@ -128,7 +129,7 @@ class _Network:
         try:
             import onnxruntime
         except ImportError as error:
-            raise MissingExtraError("detection/onnx needs onnxruntime: pip install 'bestman-bt[onnx]'") from error
+            raise MissingExtraError(f"detection/onnx needs onnxruntime: {install_command('onnx')}") from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = p.threads
         options.log_severity_level = 3

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from bestman_bt.extras import install_command
 from bestman_bt.messages import Mesh
 from bestman_bt.perception.errors import MissingExtraError, PerceptionError
 from bestman_bt.perception.object_models.closed import bodies_of, closed
@@ -58,7 +59,7 @@ def _cut(body: Any, parameters: ConvexPartsParameters) -> list[Any]:
     try:
         import coacd
     except ModuleNotFoundError as error:
-        raise MissingExtraError("convex parts need coacd: pip install 'bestman-bt[objects]'") from error
+        raise MissingExtraError(f"convex parts need coacd: {install_command('objects')}") from error
 
     coacd.set_log_level("error")
     pieces = coacd.run_coacd(

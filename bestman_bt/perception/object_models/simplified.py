@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
+from bestman_bt.extras import install_command
 from bestman_bt.messages import Mesh
 from bestman_bt.perception.errors import MissingExtraError
 
@@ -20,6 +21,6 @@ def simplified(mesh: Mesh, most: int = MOST_TRIANGLES) -> Mesh:
     try:
         smaller = whole.simplify_quadric_decimation(face_count=most)
     except ModuleNotFoundError as error:
-        message = f"a mesh of more than {most} triangles needs {error.name}: pip install 'bestman-bt[objects]'"
+        message = f"a mesh of more than {most} triangles needs {error.name}: {install_command('objects')}"
         raise MissingExtraError(message) from error
     return Mesh(np.asarray(smaller.vertices), np.asarray(smaller.faces))

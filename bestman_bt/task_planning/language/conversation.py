@@ -41,6 +41,7 @@ def ask_until_valid(
     """
     used: Usage | None = None
     faults: tuple[str, ...] = ()
+    answer = ""
     for number in range(1, tries + 1):
         reply = endpoint.complete(request)
         used = reply.usage if used is None else used + reply.usage
@@ -48,12 +49,13 @@ def ask_until_valid(
             checked = check(_parsed(reply, model))
         except FaultyAnswerError as error:
             faults = error.faults
-            _LOG.warning("answer %d of at most %d was not accepted: %s", number, tries, error)
+            answer = quoted(_repeated(reply))
+            _LOG.warning("answer %d of at most %d was not accepted: %s; it was: %s", number, tries, error, answer)
             request = request.followed_by(Message("assistant", _repeated(reply)), fault_message(faults))
         else:
             _LOG.info("answer %d was accepted: %s in all", number, used)
             return checked, used
-    raise NoValidAnswerError(tries, faults)
+    raise NoValidAnswerError(tries, faults, answer)
 
 
 def _parsed(reply: ChatReply, model: type[Answer]) -> Answer:

@@ -32,10 +32,12 @@ class RefusedError(LanguageError):
 
 
 class NoValidAnswerError(LanguageError):
-    """Every answer within the allowed tries had faults: ``faults``, those of the last one."""
+    """Every answer within the allowed tries had faults: ``faults``, those of the last one; ``answer``: its words."""
 
-    def __init__(self, tries: int, faults: Sequence[str]) -> None:
+    def __init__(self, tries: int, faults: Sequence[str], answer: str) -> None:
         self.tries = tries
-        self.faults = tuple(faults)
+        self.faults, self.answer = tuple(faults), answer
         counted = f"{tries} tries" if tries > 1 else "one try"
-        super().__init__(f"no valid answer in {counted}; faults of the last one: {'; '.join(self.faults)}")
+        super().__init__(
+            f"no valid answer in {counted}; faults of the last one: {'; '.join(self.faults)}; it was: {answer}"
+        )

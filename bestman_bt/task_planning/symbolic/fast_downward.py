@@ -6,6 +6,7 @@ import importlib
 from dataclasses import dataclass
 from typing import Any
 
+from bestman_bt.extras import install_command
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.symbolic.binding import instantiate
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
@@ -79,7 +80,7 @@ def unified_planning(engine: str = "") -> Any:
         if engine:
             importlib.import_module(engine)
     except ModuleNotFoundError as error:
-        raise PlannerMissingError(f"{error.name} is missing: pip install 'bestman-bt[planning]'") from error
+        raise PlannerMissingError(f"{error.name} is missing: {install_command('planning')}") from error
     environment = unified_planning.shortcuts.get_environment()
     environment.credits_stream = None
     environment.error_used_name = False  # in PDDL an action may be called as a predicate is

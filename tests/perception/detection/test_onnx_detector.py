@@ -211,7 +211,7 @@ def test_no_file_and_no_network_in_the_file_are_told(tmp_path: Path) -> None:
 def test_without_onnxruntime_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     detector = told(tmp_path, [])
-    with pytest.raises(MissingExtraError, match=r"pip install 'bestman-bt\[onnx\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install .*\[onnx\]'"):
         detector.find(image(np.zeros((8, 8, 3), np.uint8)), ["a"])
 
 

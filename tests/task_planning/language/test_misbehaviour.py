@@ -130,8 +130,10 @@ def test_a_server_that_gives_no_answer_ends_in_an_error_and_one_that_recovers_in
 
 def test_a_whole_day_of_faults_ends_after_the_allowed_questions() -> None:
     with serving(*(behaviour for behaviour, _ in ANSWERS.values())) as server:
-        with pytest.raises(NoValidAnswerError, match="no valid answer in 4 tries"):
+        with pytest.raises(NoValidAnswerError, match="no valid answer in 4 tries") as error:
             planner(server, tries=4).propose(kitchen())
+        assert str(error.value).endswith(f"; it was: {error.value.answer}")
+        assert 0 < len(error.value.answer) <= 301
         assert len(server.questions) == 4
 
 
