@@ -151,6 +151,16 @@ def test_a_stand_pose_before_a_wall_is_left_backwards_and_entered_straight(plann
     assert costmap.footprint_clearance(swept(path)).min() > 0.0
 
 
+@pytest.mark.parametrize(("ends", "backwards"), [((-0.7, 0.3), False), ((-0.3, 0.7), True)])
+def test_a_lane_is_left_by_its_nearer_end(ends: tuple[float, float], backwards: bool) -> None:
+    left, right = (3.0 + end for end in ends)
+    lane = [(left, y, right, y) for y in (1.7, 2.3)]
+    costmap = Costmap.from_map(walls(*room(6.0, 4.0), *lane), LONG)
+    path = ThetaStar().plan(Pose2D(3.0, 2.0, 0.0), Pose2D(3.0, 3.3, 0.0), costmap)
+    assert isinstance(path, Path2D)
+    assert bool(path.reverse[0]) is backwards
+
+
 def test_a_base_inside_a_margin_may_drive_out_of_it(planner: GlobalPlanner) -> None:
     crate = Obstacle("crate", (PlacedShape(Box((0.6, 0.6, 0.6)), Pose.from_xyz_rpy((5.5, 3.0, 0.3))),), 0.0)
     costmap = Costmap.from_map(two_rooms(0.9), LONG, [crate])

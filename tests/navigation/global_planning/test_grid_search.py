@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from bestman_bt.navigation.global_planning import (
     grid_search,
     shortest_length,
 )
+from bestman_bt.navigation.global_planning.theta_star import theta_cells
 from bestman_bt.world_model import SemanticMap
 
 DIFFERENTIAL = Footprint(
@@ -99,3 +101,25 @@ def test_a_doorway_of_80_cm_is_passed_wherever_it_lies_on_the_grid(shift: float)
     path = GridAStar().plan(Pose2D(1.0, 4.0, 0.0), Pose2D(7.0, 1.0, 0.0), costmap)
     assert isinstance(path, Path2D)
     assert costmap.distance_at(path.points).min() > 0.3561
+
+
+@pytest.mark.parametrize("flips", [(False, False), (True, False), (False, True), (True, True)])
+def test_no_straight_piece_crosses_what_nothing_may_cross(flips: tuple[bool, bool]) -> None:
+    """Whichever way it goes up or down: rows and columns of random obstacles, mirrored."""
+    rng = np.random.default_rng(4)
+    cost = np.ones((40, 60))
+    cost[rng.random(cost.shape) < 0.12] = math.inf
+    cost[[0, -1]] = cost[:, [0, -1]] = math.inf
+    ends = [np.array([3, 3]), np.array([30, 56])]
+    for end in ends:
+        cost[end[0] - 1 : end[0] + 2, end[1] - 1 : end[1] + 2] = 1.0
+    for axis, flipped in enumerate(flips):
+        if flipped:
+            cost = np.flip(cost, axis)
+            ends = [np.where(np.arange(2) == axis, cost.shape[axis] - 1 - end, end) for end in ends]
+    cells = theta_cells(np.ascontiguousarray(cost), tuple(ends[0].tolist()), tuple(ends[1].tolist()))
+    assert cells is not None
+    for begin, end in pairwise(cells):
+        steps = int(np.abs(end - begin).max())
+        passed = np.floor(begin + (end - begin) * (np.arange(steps + 1) / steps)[:, None] + 0.5).astype(int)
+        assert np.isfinite(cost[tuple(passed.T)]).all()

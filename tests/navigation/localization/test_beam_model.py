@@ -38,3 +38,11 @@ def test_a_blind_scan_explains_nothing(kitchen):
     blind = replace(scan, ranges=np.full(len(scan.ranges), np.inf))
     assert agreement(kitchen.lidar_segments(), TRUTH, blind, MODEL).explained == 0.0
     assert agreement(np.empty((0, 4)), TRUTH, blind, MODEL).explained == 0.0
+
+
+def test_walls_beyond_the_range_of_the_lidar_are_not_expected_to_be_seen(kitchen):
+    near, pose = kitchen.lidar_segments()[:3], Pose2D(0.3, 0.2, 0.5)
+    far = np.array([(-20.0, -20.0, 20.0, -20.0), (20.0, -20.0, 20.0, 20.0), (-20.0, 20.0, 20.0, 20.0)])
+    scan = scan_at(pose, near, np.random.default_rng(4))
+    assert np.isinf(scan.ranges).any()
+    assert agreement(np.vstack([near, far]), pose, scan, MODEL) == agreement(near, pose, scan, MODEL)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages import LaserScan, Pose2D, wrap_angle
 from bestman_bt.navigation.slam import (
     CorrelativeMatcher,
     CorrelativeParameters,
@@ -15,6 +15,11 @@ from bestman_bt.navigation.slam import (
     SearchWindow,
     oriented_points,
 )
+from bestman_bt.navigation.slam.loop_closure import LoopCloser, LoopClosureParameters
+from bestman_bt.navigation.slam.oriented_points import OrientedPoints
+from bestman_bt.navigation.slam.point_to_line import PointToLineParameters
+from bestman_bt.navigation.slam.pose_graph import Constraint, PoseGraph
+from bestman_bt.navigation.slam.submap import Keyframe, Submap
 
 
 def simulated(drive, index):
@@ -49,8 +54,6 @@ def test_icp_finds_back_to_millimetres_from_a_guess_that_is_decimetres_off(still
 
 def test_icp_weighs_the_guess_where_a_corridor_tells_nothing_along_it():
     x = np.linspace(-3.0, 3.0, 300)
-    from bestman_bt.navigation.slam.oriented_points import OrientedPoints
-
     corridor = OrientedPoints(
         np.vstack([np.column_stack([x, np.full(300, side)]) for side in (-0.6, 0.6)]),
         np.vstack([np.tile([0.0, -np.sign(side)], (300, 1)) for side in (-0.6, 0.6)]),
@@ -63,8 +66,6 @@ def test_icp_weighs_the_guess_where_a_corridor_tells_nothing_along_it():
 
 
 def test_the_two_faces_of_a_thin_wall_are_not_mistaken_for_each_other():
-    from bestman_bt.navigation.slam.oriented_points import OrientedPoints
-
     y = np.linspace(-1.0, 1.0, 100)
     left = OrientedPoints(np.column_stack([np.zeros(100), y]), np.tile([-1.0, 0.0], (100, 1)))
     right = OrientedPoints(np.column_stack([np.full(100, 0.1), y]), np.tile([1.0, 0.0], (100, 1)))
@@ -86,11 +87,15 @@ def test_correlative_search_finds_jumps_that_icp_cannot(still, away):
     assert found.score > 0.8
 
 
-def test_branch_and_bound_finds_what_trying_every_pose_finds(still):
+@pytest.mark.parametrize("guess", [Pose2D(0.2, -0.15, 0.1), Pose2D(-0.6, 0.1, 0.0), Pose2D(0.1, -0.6, 0.0)])
+def test_branch_and_bound_finds_what_trying_every_pose_finds(still, guess):
+    """Also where the best place lies beyond the window."""
     reference, scan = still
-    hits, guess, window = scan.points[::7], Pose2D(0.2, -0.15, 0.1), SearchWindow(0.4, 0.15)
+    hits, window = scan.points[::7], SearchWindow(0.4, 0.15)
     levels = [
-        CorrelativeMatcher(reference.points, CorrelativeParameters(levels=levels)).search(hits, guess, window)
+        CorrelativeMatcher(reference.points, CorrelativeParameters(levels=levels, min_score=0.05)).search(
+            hits, guess, window
+        )
         for levels in (1, 4)
     ]
     assert levels[0] is not None
@@ -101,3 +106,51 @@ def test_nothing_is_found_where_nothing_fits(still):
     reference, scan = still
     far = SearchWindow(0.5, 0.1)
     assert CorrelativeMatcher(reference.points).search(scan.points, Pose2D(30.0, 0.0, 0.0), far) is None
+
+
+def wall(x: float, height: float = 4.0, count: int = 80) -> OrientedPoints:
+    """A wall across x, seen from the left."""
+    points = np.column_stack([np.full(count, x), np.linspace(0.0, height, count)])
+    return OrientedPoints(points, np.tile([-1.0, 0.0], (count, 1)))
+
+
+def keyframe(node: int, hits: OrientedPoints, heading: float = 0.0) -> Keyframe:
+    local = Pose2D(theta=heading)
+    return Keyframe(node, local, LaserScan(np.ones(4), 0.0, 0.1, 0.1, 9.0, 0.0), Pose2D(), hits)
+
+
+def test_a_submap_is_searched_with_what_was_inserted_last():
+    submap = Submap(PointToLineParameters(), CorrelativeParameters(), 0.03)
+    submap.insert(keyframe(0, wall(1.0)))
+    near, far = wall(1.0).points, wall(5.0, 2.0).points
+    window = SearchWindow(0.2, 0.05)
+    assert submap.matcher.search(near, Pose2D(), window) is not None
+    assert submap.matcher.search(far, Pose2D(), window) is None
+    submap.insert(keyframe(1, wall(5.0, 2.0)))
+    assert submap.matcher.search(far, Pose2D(), window) is not None
+    assert len(submap.cloud) > len(near)
+
+
+def test_how_sure_a_closure_is_is_told_in_the_frame_of_the_keyframe():
+    """A long wall and a short one say more across the long one, which the keyframe sees at half a right angle."""
+    short = np.column_stack([np.linspace(0.0, 1.0, 12), np.full(12, 4.0)])
+    room = OrientedPoints(
+        np.vstack([wall(1.0, 4.0, 300).points, short]),
+        np.vstack([wall(1.0, 4.0, 300).normals, np.tile([0.0, -1.0], (12, 1))]),
+    )
+    turned = Pose2D(0.0, 0.0, math.pi / 4)
+    graph = PoseGraph()
+    for node in range(20):
+        graph.add_pose(turned if node == 19 else Pose2D())
+        if node:
+            before = graph.pose(node - 1).inverse() @ graph.pose(node)
+            graph.add_constraint(Constraint(node - 1, node, before, np.diag([1e6, 1e6, 1e6])))
+    submap = Submap(PointToLineParameters(), CorrelativeParameters(), 0.01)
+    submap.insert(keyframe(0, room))
+    seen = room.placed(turned.inverse())
+    hits_alone = LoopClosureParameters(position_std=0.0, heading_std=0.0)
+    (closure,) = LoopCloser(hits_alone).find(keyframe(19, seen, turned.theta), [submap], graph)
+    across = np.array([math.cos(math.pi / 4), -math.sin(math.pi / 4)])  # x of the submap in the keyframe
+    along = np.array([across[1], -across[0]])
+    information = closure.information[:2, :2]
+    assert across @ information @ across > 1.5 * (along @ information @ along)
