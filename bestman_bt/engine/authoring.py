@@ -23,14 +23,16 @@ from bestman_bt.engine.blackboard import Blackboard
 from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.decorators.subtree import SubTree
 from bestman_bt.engine.errors import Problem, TreeLoadError
-from bestman_bt.engine.leaves.native import PyTreesBehaviour
-from bestman_bt.engine.loading import MAX_NODES, Builder
+from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, take_over
+from bestman_bt.engine.loading import MAX_NODES, Builder, check_documents, main_tree_of, raise_if_any
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.place import Place
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
+from bestman_bt.engine.shared_entries import SharedEntries
 from bestman_bt.engine.tree import Tree
 from bestman_bt.engine.xml.checking import check_values
+from bestman_bt.engine.xml.documents import read_documents
 from bestman_bt.engine.xml.elements import MAX_DEPTH
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ def build_tree(
     tree_id: str = "MainTree",
     file: str = "<python>",
 ) -> Tree:
-    """Make a tree of nodes that were made in Python; native py_trees behaviours among them are adapted.
+    """Make a tree of nodes that were made in Python; native py_trees behaviours among them get nodes of their own.
 
     Raises:
         TreeLoadError: with everything that is wrong in ``problems``.
@@ -61,15 +63,18 @@ def build_tree(
     board = blackboard or Blackboard(tree_id, converters=registry.converters)
     tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=tree_id, context=context, clock=clock)
     tree.file = file
+    has_native = any(not isinstance(node, Node) for node in root.iterate())
+    if has_native:
+        board.share()
     adopter = _Adopter(tree, [], None, substitutions)
     node = adopter.adopt(root, Place(tree, board, "", (tree_id,), file))
-    adopter.finish(node)
+    adopter.finish(node, SharedEntries(board) if has_native else None)
     node.parent = None
     return tree
 
 
-def load_python_tree(path: Path) -> Node:
-    """Return what the ``build()`` of a Python file returns.
+def load_python_tree(path: Path) -> Behaviour:
+    """Return what the ``build()`` of a Python file returns: a node, a native py_trees behaviour, or a loaded tree.
 
     Raises:
         TreeLoadError: the file does not exist, fails to run or ends the program, or defines no ``build()``.
@@ -97,7 +102,9 @@ def load_python_tree(path: Path) -> Node:
         raise fail(f"it fails with {type(error).__name__}: {error}", _line_in(error, path)) from error
     finally:
         del sys.modules[specification.name]
-    if not isinstance(root, Node):
+    if isinstance(root, Tree):
+        return root.as_subtree()
+    if not isinstance(root, Behaviour):
         raise fail(f"its build() returned {root!r}; a node is expected")
     return root
 
@@ -114,29 +121,60 @@ def _line_in(error: BaseException, path: Path) -> int:
 class _Adopter(Builder):
     """Takes nodes that exist already into the tree."""
 
-    def adopt(self, behaviour: Behaviour, place: Place, depth: int = 1) -> Node:
-        node = behaviour if isinstance(behaviour, Node) else PyTreesBehaviour(behaviour)
-        if node.place is not None:
-            self._report(node, f"'{node.name}' is part of a tree already; make a new node")
+    def adopt(self, behaviour: Behaviour, place: Place, depth: int = 1, parent: Node | None = None) -> Node:
+        made = behaviour if isinstance(behaviour, Node) else adapted(behaviour)
+        if made.place is not None or (made is not behaviour and is_taken(behaviour)):
+            self._report(made, f"'{made.name}' is part of a tree already; make a new node")
             raise TreeLoadError(self.problems)
-        info = self.tree.registry.info_of_class(type(node))
-        node.attributes = {_port_name(key): value for key, value in node.attributes.items()}
+        info = self.tree.registry.info_of_class(type(made))
+        made.attributes = {_port_name(key): value for key, value in made.attributes.items()}
         failed = len(self.problems)
         if info.kind != "SubTree":
-            self._check(node, info)
-        existing = list(node.children)
-        node = self.install(node, info, place)
+            self._check(made, info)
+        node = self.install(made, info, place)
+        node.parent = parent
         self.depth = max(self.depth, depth)
         if len(self.tree.nodes) > MAX_NODES or depth > MAX_DEPTH:
             self._refuse_size(node)
-        if not isinstance(node, PyTreesBehaviour):
-            inner = self._enter(node, place) if isinstance(node, SubTree) else place
-            node.children = [self.adopt(child, inner, depth + 1) for child in existing]
-            for child in node.children:
-                child.parent = node
+        if made is not behaviour or isinstance(parent, PyTreesBehaviour):
+            take_over(behaviour, node)
+        if made is not behaviour and not isinstance(parent, PyTreesBehaviour):
+            behaviour.parent = parent
+        if isinstance(node, SubTree) and node.loaded is not None:
+            node.children = [self._read(node, node.loaded, place, depth + 1)]
+        elif made is node or made is behaviour:  # what replaces a native behaviour, replaces those below it
+            inner = self._enter(node, place, self.tree.file) if isinstance(node, SubTree) else place
+            node.children = [self.adopt(child, inner, depth + 1, node) for child in behaviour.children]
         if len(self.problems) == failed:
             self._load(node)
         return node
+
+    def _read(self, node: SubTree, loaded: Tree | Path, place: Place, depth: int) -> Node:
+        """Make what a SubTree's XML says, with the values that its loaded tree's entries were given."""
+        registry, wanted = self.tree.registry, None
+        source, search_path = (loaded, ()) if isinstance(loaded, Path) else (loaded.origin or ("", ()))
+        if isinstance(loaded, Tree):
+            registry, wanted = loaded.registry, loaded.tree_id
+            if loaded.origin is None:
+                self._report(node, f"'{wanted}' was made in Python; give SubTree the function that makes its nodes")
+                raise TreeLoadError(self.problems)
+        documents = read_documents(source, search_path)
+        main = main_tree_of(documents, wanted)
+        check_documents(documents, registry, ScriptCompiler(registry.enums), main)
+        raise_if_any(documents.problems)
+        assert main is not None
+        node.tree_id = main
+        definition = documents.trees[main]
+        inner = self._enter(node, place, definition.file)
+        outer, self.documents = self.documents, documents
+        child = self.build(definition.element.children[0], inner, depth)
+        self.documents = outer
+        child.parent = node
+        if isinstance(loaded, Tree):
+            for key, value in loaded.blackboard.items():
+                if key not in node.attributes and value is not None:
+                    inner.board.local_slot(key).assign(value)
+        return child
 
     def _check(self, node: Node, info: NodeInfo) -> None:
         def report(field: str, message: str, suggestion: str) -> None:
@@ -150,13 +188,13 @@ class _Adopter(Builder):
             report("", f"it has {count} children but needs {wanted}", "")
         check_values(info, node.attributes, self.tree.registry, self.tree.compiler, report)
 
-    def _enter(self, node: SubTree, place: Place) -> Place:
+    def _enter(self, node: SubTree, place: Place, file: str) -> Place:
         if node.tree_id in place.ancestors:
             self._report(node, f"the tree '{node.tree_id}' contains itself")
             raise TreeLoadError(self.problems)
         ports = {k: v for k, v in node.attributes.items() if k[0] != "_" and k not in _SUBTREE_RESERVED}
         autoremap = node.attributes.get("_autoremap") in (True, "true", "1")
-        return self.enter(node, node.named, ports, autoremap, place, self.tree.file)
+        return self.enter(node, node.named, ports, autoremap, place, file)
 
 
 def _port_name(key: str) -> str:

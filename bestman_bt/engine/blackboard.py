@@ -3,7 +3,8 @@
 A ``Slot`` is one entry. Nodes and scripts hold slots, never keys, so that a read at tick time is one attribute.
 Entries are locked to the type of their first typed use. Values are mirrored into py_trees' blackboard under
 ``/<tree>/<subtree path>/<key>``, so that its display and activity stream show them; each tree has a name of
-its own there, and nothing is ever read back from it.
+its own there, and nothing is read back from it. Where native behaviours are in the tree, its top blackboard is
+shared with py_trees instead (``SharedEntries``).
 """
 
 from __future__ import annotations
@@ -36,10 +37,28 @@ class Entry:
     type: str
 
 
-class Store:
-    """What the blackboards of one tree share: the time of the current tick, converters, the py_trees mirror."""
+class TreeKey(KeyMetaData):
+    """What py_trees knows of the keys that mirror a tree's entries."""
 
-    __slots__ = ("__weakref__", "client", "converters", "mirror", "name", "now", "observed", "paths", "watchers")
+
+class Store:
+    """What the blackboards of one tree share: the time of the current tick, converters, the py_trees mirror.
+
+    ``found``: where the top blackboard is shared with py_trees, the keys that had a value before; else None.
+    """
+
+    __slots__ = (
+        "__weakref__",
+        "client",
+        "converters",
+        "found",
+        "mirror",
+        "name",
+        "now",
+        "observed",
+        "paths",
+        "watchers",
+    )
 
     def __init__(self, name: str, converters: ConverterRegistry | None = None) -> None:
         self.name = name
@@ -50,18 +69,37 @@ class Store:
         self.observed = False
         self.client = uuid.uuid4()
         self.paths: dict[str, KeyMetaData] = {}
+        self.found: frozenset[str] | None = None
         PyTreesBlackboard.clients[self.client] = name
         weakref.finalize(self, _forget, self.paths, self.client)
 
     def show(self, path: str) -> None:
         """Make a key known to py_trees' blackboard; all keys of a tree belong to one client, the tree."""
-        if not self.paths:
-            metadata = KeyMetaData()
-            metadata.read.add(self.client)
-            metadata.write.add(self.client)
-        else:
-            metadata = next(iter(self.paths.values()))
+        if self.found is not None and not path.startswith(f"/{self.name}/"):
+            metadata = PyTreesBlackboard.metadata.setdefault(path, KeyMetaData())
+            metadata.read.add(self.client)  # a writer would be in the way of clients that ask to be the only one
+            if path not in self.found:
+                self.paths[path] = metadata
+            return
+        metadata = next((key for key in self.paths.values() if isinstance(key, TreeKey)), None) or TreeKey()
+        metadata.read.add(self.client)
+        metadata.write.add(self.client)
         self.paths[path] = PyTreesBlackboard.metadata[path] = metadata
+
+    def hide(self, path: str) -> None:
+        """Remove a key from py_trees' blackboard."""
+        self.paths.pop(path, None)
+        PyTreesBlackboard.metadata.pop(path, None)
+        PyTreesBlackboard.storage.pop(path, None)
+
+    def refuse_if_exclusive(self, slot: Slot) -> None:
+        """Raise BlackboardError where a native behaviour has asked to be the only one that writes an entry."""
+        metadata = PyTreesBlackboard.metadata.get(slot.path)
+        if metadata is not None and metadata.exclusive:
+            owner = PyTreesBlackboard.clients.get(next(iter(metadata.exclusive)), "unknown")
+            raise BlackboardError(
+                f"entry '{slot.key}' cannot be set: the py_trees client '{owner}' has exclusive write access to it"
+            )
 
     def look_for_observers(self) -> None:
         """Notice whether anybody watches every write: a watcher of all keys, or py_trees' activity stream."""
@@ -81,7 +119,9 @@ def _forget(paths: dict[str, KeyMetaData], client: uuid.UUID) -> None:
     """Remove a discarded tree's values from py_trees' blackboard."""
     for path, metadata in paths.items():
         if PyTreesBlackboard.metadata.get(path) is metadata:
-            PyTreesBlackboard.metadata.pop(path)
+            metadata.read.discard(client)
+            if isinstance(metadata, TreeKey):
+                PyTreesBlackboard.metadata.pop(path)
             PyTreesBlackboard.storage.pop(path, None)
     PyTreesBlackboard.clients.pop(client, None)
 
@@ -161,6 +201,25 @@ class Slot:
         elif type(value) is not self.kind:
             value = self._fit(value)
         self.write(value, writer)
+
+    def take(self, value: Any, *, typed: bool) -> None:
+        """Store what a native py_trees behaviour has written under this entry's key, and tell whoever watches.
+
+        ``typed``: the value must fit the type that the entry is locked to; else it takes off the lock.
+
+        Raises:
+            BlackboardError: the value does not fit.
+        """
+        if not typed:
+            self.kind = None
+        elif value is not None and type(value) is not self.kind:
+            value = self.store.mirror[self.path] = self._fit(value)
+        previous, self.value = self.value, value
+        self.exists = True
+        self.sequence += 1
+        self.stamp = self.store.now
+        for watcher in (*self.watchers, *self.store.watchers):
+            watcher(self, previous)
 
     def _fit(self, value: Any) -> Any:
         if self.kind is str and not isinstance(value, str):
@@ -278,8 +337,21 @@ class Blackboard:
 
     def local_path(self, key: str) -> str:
         """Return the name of this blackboard's own entry ``key`` on py_trees' blackboard."""
+        if self.store.found is not None and not self.path:
+            return f"/{key}"
         middle = f"{self.path}/" if self.path else ""
         return f"/{self.store.name}/{middle}{key}"
+
+    def share(self) -> None:
+        """Make the entries of this blackboard, a tree's topmost, those of py_trees' blackboard."""
+        store = self.store
+        store.found = frozenset(PyTreesBlackboard.storage)
+        for key, slot in self._slots.items():
+            store.hide(slot.path)
+            slot.path = self.local_path(key)
+            store.show(slot.path)
+            if slot.value is not None:
+                store.mirror[slot.path] = slot.value
 
     def get(self, key: str, default: Any = None) -> Any:
         """Return the value of ``key``, or ``default`` while it is missing or empty."""
@@ -297,10 +369,14 @@ class Blackboard:
         """Store a value.
 
         Raises:
-            BlackboardError: the value does not fit the type that the entry is locked to.
+            BlackboardError: the value does not fit the type that the entry is locked to, or a native py_trees
+                behaviour is the only one that may write it.
         """
+        slot = self.slot(key)
+        if self.store.found is not None:
+            self.store.refuse_if_exclusive(slot)
         self.store.look_for_observers()
-        self.slot(key).assign(value)
+        slot.assign(value)
 
     __setitem__ = set
 

@@ -26,6 +26,7 @@ from bestman_bt.engine.xml.documents import Documents, read_documents
 from bestman_bt.engine.xml.elements import MAX_DEPTH, NO_CHILDREN, Element
 
 if TYPE_CHECKING:
+    from bestman_bt.engine.shared_entries import SharedEntries
     from bestman_bt.engine.substitution import SubstitutionRules
 
 MAX_NODES = 65_535
@@ -72,7 +73,7 @@ def load_tree(
             )  # fmt: skip
     registry = registry or NodeRegistry()
     with _without_garbage_collection():
-        return _load_xml(source, registry, context, clock, main_tree, blackboard, search_path, substitutions)
+        return _load_xml(source, registry, context, clock, main_tree, blackboard, tuple(search_path), substitutions)
 
 
 def _load_xml(
@@ -82,19 +83,20 @@ def _load_xml(
     clock: Clock | None,
     main_tree: str | None,
     blackboard: Blackboard | None,
-    search_path: Iterable[Path],
+    search_path: tuple[Path, ...],
     substitutions: SubstitutionRules | None,
 ) -> Tree:
     documents = read_documents(source, search_path)
     compiler = ScriptCompiler(registry.enums)
     main = main_tree_of(documents, main_tree)
     check_documents(documents, registry, compiler, main)
-    _raise_if_any(documents.problems)
+    raise_if_any(documents.problems)
     assert main is not None
     board = blackboard or Blackboard(main, converters=registry.converters)
     tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
     tree.file = documents.file
     tree.source = documents.source
+    tree.origin = (source, search_path)
     builder = Builder(tree, documents.problems, documents, substitutions)
     definition = documents.trees[main]
     root = builder.build(definition.element.children[0], Place(tree, board, "", (main,), definition.file))
@@ -139,7 +141,8 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
     return None
 
 
-def _raise_if_any(problems: list[Problem]) -> None:
+def raise_if_any(problems: list[Problem]) -> None:
+    """Raise TreeLoadError with the problems that are errors, if there are any."""
     errors = [problem for problem in problems if problem.severity == "error"]
     if errors:
         raise TreeLoadError(sorted(errors, key=lambda p: (p.file, p.line)))
@@ -185,16 +188,16 @@ class Builder:
         self.substitutions = substitutions
         self.depth = 0
 
-    def finish(self, root: Node | None) -> None:
+    def finish(self, root: Node | None, shared: SharedEntries | None = None) -> None:
         """Hand the root over to the tree.
 
         Raises:
             TreeLoadError: something went wrong on the way.
         """
-        _raise_if_any(self.problems)
+        raise_if_any(self.problems)
         assert root is not None
         self.tree.compiler.forget()
-        self.tree.complete(root, self.depth)
+        self.tree.complete(root, self.depth, shared)
 
     def build(self, element: Element, place: Place, depth: int = 1) -> Node:
         """Make the node of an element and all below it."""

@@ -18,14 +18,22 @@ def split_arguments(
     for argument in args:
         if isinstance(argument, str) and name is None:
             name = argument
-        elif isinstance(argument, Behaviour):
-            children.append(argument)
-        elif isinstance(argument, (list, tuple)) and all(isinstance(c, Behaviour) for c in argument):
+        elif isinstance(argument, (list, tuple)):
             children.extend(argument)
         else:
-            raise TypeError(f"{cls.__name__} takes a name and children but got {argument!r}")
+            children.append(argument)
     children.extend(attributes.pop("children", ()))
     child = attributes.pop("child", None)
     if child is not None:
         children.append(child)
-    return name, children
+    return name, [_child(cls, found) for found in children]
+
+
+def _child(cls: type[Node], found: Any) -> Behaviour:
+    """A node, or the SubTree that stands for a whole tree."""
+    if isinstance(found, Behaviour):
+        return found
+    if not hasattr(found, "as_subtree"):
+        raise TypeError(f"{cls.__name__} takes a name and children but got {found!r}")
+    subtree: Behaviour = found.as_subtree()
+    return subtree

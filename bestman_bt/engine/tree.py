@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from py_trees.behaviour import Behaviour
 from py_trees.blackboard import Blackboard as PyTreesBlackboard
 from py_trees.composites import Selector
+from py_trees.trees import setup as set_up_within
 from py_trees.visitors import VisitorBase
 
 from bestman_bt.engine.blackboard import Blackboard
@@ -20,10 +23,14 @@ from bestman_bt.engine.node_errors import wrapped
 from bestman_bt.engine.status import FAILURE, IDLE, RUNNING, SKIPPED, SUCCESS
 
 if TYPE_CHECKING:
+    from bestman_bt.engine.decorators.subtree import SubTree
     from bestman_bt.engine.registry import NodeInfo, NodeRegistry
     from bestman_bt.engine.scripting import ScriptCompiler
+    from bestman_bt.engine.shared_entries import SharedEntries
 
 
+SETUP_TIMEOUT: Final = 15.0
+"""Seconds of wall time that the setup of all native behaviours may take before a first tick."""
 FRAMES_PER_LEVEL: Final = 8
 """Most Python frames that one node takes while it is ticked or halted."""
 FRAMES_AROUND: Final = 500
@@ -59,7 +66,11 @@ def _refused() -> int:
 
 
 class Tree:
-    """A tree that can be ticked. ``nodes`` are in construction order: the node with uid N is ``nodes[N - 1]``."""
+    """A tree that can be ticked. ``nodes`` are in construction order: the node with uid N is ``nodes[N - 1]``.
+
+    ``shared``: what keeps its top blackboard and py_trees' one; None where no native behaviour is in the tree.
+    ``origin``: the file or text that it was loaded from, and where its includes may lie; None for one made in Python.
+    """
 
     def __init__(
         self,
@@ -82,6 +93,8 @@ class Tree:
         self.subtree_ids: dict[str, str] = {"": tree_id}
         self.file = ""
         self.source = ""
+        self.origin: tuple[str | Path, tuple[Path, ...]] | None = None
+        self.shared: SharedEntries | None = None
         self.status = IDLE
         self._root: Node | None = None
         self._wake = threading.Event()
@@ -92,7 +105,8 @@ class Tree:
         self._visitors: list[VisitorBase] = []
         self._binding = threading.RLock()  # monitors add hooks from threads of theirs
         self._bound = False
-        self._plain = False  # bound, and without visitors
+        self._plain = False  # bound, set up and without visitors
+        self._set_up = True
         self._refusing = False
 
     # ---- what the loader does
@@ -104,12 +118,14 @@ class Tree:
             raise EngineError("the tree is empty")
         return self._root
 
-    def complete(self, root: Node, depth: int) -> None:
-        """Take the root and choose what every node is called by.
+    def complete(self, root: Node, depth: int, shared: SharedEntries | None) -> None:
+        """Take the root, and what keeps the blackboards one where native behaviours are below it.
 
         The interpreter's recursion limit is raised where a tree of this depth, with hooks and conditions, needs it.
         """
         self._root = root
+        self.shared = shared
+        self._set_up = shared is None
         needed = FRAMES_PER_LEVEL * depth + FRAMES_AROUND
         if needed > sys.getrecursionlimit():
             sys.setrecursionlimit(needed)
@@ -132,7 +148,7 @@ class Tree:
             for node in reversed(self.nodes):
                 node.bind(self._log, self._visited)
             self._bound = True
-            self._plain = self._visited is None and not self._visitors
+            self._plain = self._visited is None and not self._visitors and self._set_up
         if self._refusing:
             self._refuse()
 
@@ -161,6 +177,61 @@ class Tree:
         from bestman_bt.engine.xml.writer import tree_to_xml
 
         return tree_to_xml(self)
+
+    def as_subtree(self) -> SubTree:
+        """Return what stands for this tree among the children of a node that is made in Python."""
+        from bestman_bt.engine.decorators.subtree import SubTree
+
+        return SubTree(self)
+
+    # ---- native behaviours
+
+    def setup(self, timeout: float = SETUP_TIMEOUT, **kwargs: Any) -> None:
+        """Call the ``setup`` of native py_trees behaviours that are not set up, children first.
+
+        The first tick does it where nobody has. Each gets ``kwargs``, and ``context`` and ``clock`` of the tree where
+        its signature takes them. ``timeout``: seconds of wall time for all of them; outside the main thread a setup
+        that takes longer ends before it is noticed.
+
+        Raises:
+            NodeError: one failed or took too long; those before it stay set up, for ``shutdown``.
+        """
+        if self.shared is None:
+            return
+        if threading.current_thread() is threading.main_thread():
+            set_up_within(self.root, timeout, **kwargs)
+        else:
+            end = time.monotonic() + timeout
+            for node in self.root.iterate():
+                node.setup(**kwargs)
+                if time.monotonic() > end:
+                    raise NodeError(f"setup() of the tree took longer than {timeout:g} s", node=node.name)
+        self._set_up = True
+        self.share_entries()
+
+    def shutdown(self) -> None:
+        """Call the ``shutdown`` of native py_trees behaviours that were set up; the next tick sets up anew.
+
+        Raises:
+            EngineError: some failed; all have been asked, and it says what went wrong with which.
+        """
+        if self.shared is None:
+            return
+        faults = []
+        for node in self.root.iterate():
+            try:
+                node.shutdown()
+            except NodeError as error:
+                faults.append(str(error))
+        self._set_up = self._plain = False
+        self.share_entries()
+        if faults:
+            raise EngineError("; ".join(faults))
+
+    def share_entries(self) -> None:
+        """Take over what native behaviours have written to py_trees' blackboard."""
+        if self.shared is not None:
+            self.shared.take_over()
 
     # ---- ticking
 
@@ -323,6 +394,8 @@ class Tree:
         return self._visited
 
     def _tick_visited(self) -> int:
+        if not self._set_up:
+            self.setup()
         if not self._visitors:
             self._visited = None
             self._bind()

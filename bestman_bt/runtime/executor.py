@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import threading
 import time
@@ -164,9 +165,17 @@ class Executor:
             finally:
                 if status == IDLE:
                     self.tree.halt()
+                self._shut_down()
                 self._refuse_tasks()
         elapsed = self.clock.now() - start
         return Execution(ending, status_name(status), self.ticks, elapsed, time.perf_counter() - wall_start, why)
+
+    def _shut_down(self) -> None:
+        """Shut native py_trees behaviours down; a failure of that is logged, the tree has its result already."""
+        try:
+            self.tree.shutdown()
+        except EngineError as error:
+            logging.getLogger(__name__).error("%s", error)
 
     def _loop(self, start: float) -> tuple[Ending, int, str]:
         while True:

@@ -7,7 +7,7 @@ from bestman_bt.visualization.tree_description import DescribedNode, NodeTransit
 
 
 def describe_tree(tree: Tree) -> list[DescribedNode]:
-    """The nodes of a loaded tree, parents before children; of native py_trees subtrees only the adapter."""
+    """The nodes of a loaded tree, parents before children."""
     nodes: list[DescribedNode] = []
     pending: list[tuple[Node, int | None]] = [(tree.root, None)]
     while pending:

@@ -201,7 +201,7 @@ def test_a_node_can_belong_to_one_tree_only() -> None:
 def test_odd_arguments_are_a_type_error() -> None:
     with pytest.raises(TypeError, match="takes a name and children but got 3"):
         Sequence(3)
-    with pytest.raises(TypeError, match="SubTree takes a node or a function"):
+    with pytest.raises(TypeError, match="SubTree takes a node, a function"):
         SubTree(3)  # type: ignore[arg-type]
 
 

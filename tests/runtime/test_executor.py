@@ -7,23 +7,32 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 import pytest
+from py_trees import composites
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
 
 from bestman_bt.engine import (
     FAILURE,
     IDLE,
     RUNNING,
     SUCCESS,
+    AlwaysSuccess,
     BlackboardError,
+    Fallback,
     ManualClock,
     NodeRegistry,
+    Sequence,
     StatefulAction,
     Tree,
+    build_tree,
     load_tree,
 )
 from bestman_bt.runtime import Ending, Executor
 from bestman_bt.runtime.executor import MAX_TASKS, Hold
+from bestman_bt.runtime.failure_lines import FailureLine, FailureLines, failure_codes
 from hal.api import CommandRefusedError
 
 HALTED: list[str] = []
@@ -331,3 +340,48 @@ def test_after_the_end_nothing_in_the_tree_runs() -> None:
     executor = executor_of('<Work name="work"/>', time_limit=0.5)
     executor.run()
     assert all(node.state == IDLE for node in executor.tree.nodes)
+
+
+class Device(Behaviour):
+    """A native behaviour that fails, and writes down its life."""
+
+    def setup(self, **kwargs: Any) -> None:
+        HALTED.append("setup")
+
+    def update(self) -> Status:
+        self.feedback_message = "no answer from the scale"
+        return Status.FAILURE
+
+    def shutdown(self) -> None:
+        HALTED.append("shutdown")
+        raise OSError("port busy")
+
+
+def test_native_behaviours_are_set_up_and_shut_down_whatever_the_end(caplog: pytest.LogCaptureFixture) -> None:
+    tree = build_tree(Fallback([Device("scale"), AlwaysSuccess()]), clock=ManualClock())
+    execution = Executor(tree, tree.clock).run()
+    assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
+    assert HALTED == ["setup", "shutdown"]
+    assert "node 'scale'" in caplog.text
+    assert "port busy" in caplog.text
+
+
+def test_a_setup_that_fails_ends_the_execution_and_says_why() -> None:
+    class Broken(Device):
+        def setup(self, **kwargs: Any) -> None:
+            raise OSError("no device at /dev/ttyUSB0")
+
+    tree = build_tree(Sequence([Broken("scale")]), clock=ManualClock())
+    execution = Executor(tree, tree.clock).run()
+    assert execution.ending is Ending.ERROR
+    assert "'scale'" in execution.why
+    assert "no device at /dev/ttyUSB0" in execution.why
+    assert execution.ticks == 0
+
+
+def test_the_feedback_of_a_native_leaf_is_the_reason_of_its_failure() -> None:
+    tree = build_tree(composites.Sequence("native", True, [Device("scale")]), clock=ManualClock())
+    failed: list[int] = []
+    tree.subscribe(lambda changes: failed.extend(code >> 3 for code in failure_codes(tree).intersection(changes.codes)))
+    Executor(tree, tree.clock).run()
+    assert FailureLines().of(tree, failed) == [FailureLine("scale", "", "no answer from the scale")]

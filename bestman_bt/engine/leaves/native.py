@@ -1,35 +1,219 @@
-"""Any native py_trees behaviour, or a whole native subtree, as a leaf of ours."""
+"""Native py_trees behaviours as nodes: each has its own node, whether it stands among ours or below a native parent.
+
+A native parent ticks and stops its children itself. So that these are ticks and stops of nodes, with states, hooks,
+visits and errors, ``take_over`` puts ``tick`` and ``stop`` of each behaviour in place of those of its class.
+"""
 
 from __future__ import annotations
 
+import inspect
+import time
+from collections.abc import Iterator
+from contextvars import ContextVar
+from functools import partial
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+from py_trees import behaviours, composites, decorators, timers
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status as PyTreesStatus
 
-from bestman_bt.engine.leaves.base import Leaf
-from bestman_bt.engine.status import RUNNING, from_py_trees
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.status import FAILURE, RUNNING, SKIPPED, SUCCESS, TO_PY_TREES, from_py_trees
+
+if TYPE_CHECKING:
+    from bestman_bt.engine.clock import Clock
 
 
-class PyTreesBehaviour(Leaf):
-    """Ticks a native py_trees behaviour; INVALID, which no tick should end with, is an error."""
+class PyTreesBehaviour(Node, Behaviour):
+    """A native py_trees behaviour as a node; INVALID, which no tick should end with, is an error."""
 
-    def __init__(self, behaviour: Behaviour | None = None, *, name: str | None = None) -> None:
+    def __init__(self, behaviour: Behaviour | None = None) -> None:
         if behaviour is None:
             raise TypeError("PyTreesBehaviour takes the behaviour that it adapts")
-        super().__init__(name=name or behaviour.name)
+        super().__init__(name=" ".join(behaviour.name.split()))
         self.behaviour = behaviour
-        self.children = [behaviour]
-        behaviour.parent = self
+        self.is_set_up = False
+
+    if not TYPE_CHECKING:
+        id = property(attrgetter("behaviour.id"))
+        blackboards = property(attrgetter("behaviour.blackboards"))
+        blackbox_level = property(attrgetter("behaviour.blackbox_level"))
+        feedback_message = property(attrgetter("behaviour.feedback_message"))
+
+    @property
+    def type_id(self) -> str:
+        """The name of the behaviour's class."""
+        return type(self.behaviour).__name__
+
+    def setup(self, **kwargs: Any) -> None:
+        """Call the behaviour's ``setup``, once; of ``context`` and ``clock`` it gets what its signature takes.
+
+        Raises:
+            NodeError: it failed.
+        """
+        if self.is_set_up:
+            return
+        offered = {"context": self.context, "clock": self.clock}
+        taken = inspect.signature(self.behaviour.setup).parameters
+        if not any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken.values()):
+            offered = {name: value for name, value in offered.items() if name in taken}
+        try:
+            self.behaviour.setup(**(offered | kwargs))
+        except Exception as error:
+            raise self.error(f"its setup() failed: {error or type(error).__name__}") from error
+        self.is_set_up = True
+
+    def shutdown(self) -> None:
+        """Call the behaviour's ``shutdown`` if it was set up.
+
+        Raises:
+            NodeError: it failed.
+        """
+        if self.is_set_up:
+            self.is_set_up = False
+            try:
+                self.behaviour.shutdown()
+            except Exception as error:
+                raise self.error(f"its shutdown() failed: {error or type(error).__name__}") from error
 
     def on_tick(self) -> int:
         """Tick the behaviour to its end and return its status."""
-        behaviour = self.behaviour
-        for _ in behaviour.tick():
-            pass
-        self.feedback_message = behaviour.feedback_message
-        return from_py_trees(behaviour.status)
+        behaviour, tree = self.behaviour, self.owner
+        outer = _clock.set(tree.clock)
+        try:
+            for _ in type(behaviour).tick(behaviour):
+                pass
+        finally:
+            _clock.reset(outer)
+            tree.share_entries()
+        status = from_py_trees(behaviour.status)
+        if status != RUNNING:
+            for child in self.nodes_below():
+                if child._s > RUNNING:
+                    child.reset_status()
+        return status
 
     def halt(self) -> None:
         """Stop the behaviour if it runs."""
-        if self._s == RUNNING or self.behaviour.status == PyTreesStatus.RUNNING:
-            self.behaviour.stop(PyTreesStatus.INVALID)
+        if self.behaviour.status is PyTreesStatus.RUNNING:
+            self.stop_behaviour(PyTreesStatus.INVALID)
         self.reset_status()
+
+    def stop_behaviour(self, new_status: PyTreesStatus) -> None:
+        """Stop the behaviour as its native parent does, and become idle where that interrupts it."""
+        type(self.behaviour).stop(self.behaviour, new_status)
+        if new_status is PyTreesStatus.INVALID:
+            self.reset_status()
+            self.owner.share_entries()
+
+
+class NativeCondition(PyTreesBehaviour):
+    """A native behaviour that looks at the blackboard and fails where the answer is no."""
+
+    KIND: ClassVar[str] = "Condition"
+
+
+class NativeComposite(PyTreesBehaviour, composites.Composite):
+    """A native composite; py_trees' display asks for the kind of composite, so each has its class."""
+
+    KIND: ClassVar[str] = "Control"
+    if not TYPE_CHECKING:
+        memory = property(attrgetter("behaviour.memory"))
+        policy = property(attrgetter("behaviour.policy"))
+
+
+class NativeSequence(NativeComposite, composites.Sequence):
+    """A native Sequence."""
+
+
+class NativeSelector(NativeComposite, composites.Selector):
+    """A native Selector."""
+
+
+class NativeParallel(NativeComposite, composites.Parallel):
+    """A native Parallel."""
+
+
+class NativeDecorator(PyTreesBehaviour, decorators.Decorator):
+    """A native decorator."""
+
+    KIND: ClassVar[str] = "Decorator"
+
+
+_ADAPTERS: Final[dict[Any, type[PyTreesBehaviour]]] = {
+    composites.Sequence: NativeSequence,
+    composites.Selector: NativeSelector,
+    composites.Parallel: NativeParallel,
+    composites.Composite: NativeComposite,
+    decorators.Decorator: NativeDecorator,
+    behaviours.CheckBlackboardVariableExists: NativeCondition,
+    behaviours.CheckBlackboardVariableValue: NativeCondition,
+    behaviours.CheckBlackboardVariableValues: NativeCondition,
+    behaviours.CompareBlackboardVariables: NativeCondition,
+}
+
+
+def adapted(behaviour: Behaviour) -> PyTreesBehaviour:
+    """Return the node of a native behaviour."""
+    kind = next((kind for native, kind in _ADAPTERS.items() if isinstance(behaviour, native)), PyTreesBehaviour)
+    return kind(behaviour)
+
+
+def is_taken(behaviour: Behaviour) -> bool:
+    """Whether a native behaviour belongs to a tree already."""
+    return "tick" in vars(behaviour)
+
+
+def take_over(behaviour: Behaviour, node: Node) -> None:
+    """Let the ticks of ``behaviour`` by a native parent be ticks of ``node``, and so with stops.
+
+    ``node`` is the behaviour's own, one that replaces it, or the behaviour itself where that is one of our nodes.
+    """
+    own: Any = behaviour
+    own.tick = partial(_ticked_by_native_parent, behaviour, node)
+    if isinstance(node, PyTreesBehaviour):
+        own.stop = node.stop_behaviour
+    _follow_clocks()
+
+
+def _ticked_by_native_parent(behaviour: Behaviour, node: Node) -> Iterator[Behaviour]:
+    tree = node.owner
+    if not isinstance(node, PyTreesBehaviour):
+        tree.share_entries()  # with what the parent wrote for it
+    status = node.execute_tick()
+    if status == SKIPPED:
+        status = FAILURE if isinstance(node.parent, composites.Selector) else SUCCESS
+        node._s = -status
+    elif status != RUNNING and not isinstance(node, PyTreesBehaviour):
+        node.reset_status()
+    shown = TO_PY_TREES[status]
+    if behaviour.status is not shown:  # a hook, or a node in its place, has decided
+        type(behaviour).stop(behaviour, shown)
+        behaviour.status = shown
+    yield behaviour
+
+
+_clock: ContextVar[Clock | None] = ContextVar("the clock of the tree whose native behaviour is ticked", default=None)
+
+
+class _TreeTime:
+    """What py_trees' Timer and Timeout know as the module ``time``: the tree's clock while a tree ticks them."""
+
+    def time(self) -> float:
+        clock = _clock.get()
+        return time.time() if clock is None else clock.now()
+
+    def monotonic(self) -> float:
+        clock = _clock.get()
+        return time.monotonic() if clock is None else clock.now()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(time, name)
+
+
+def _follow_clocks() -> None:
+    modules: list[Any] = [timers, decorators]
+    for module in modules:
+        if module.time is time:
+            module.time = _TreeTime()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from bestman_bt.engine.conversion import UNTYPED, text_of, type_name
@@ -158,7 +158,8 @@ def full_tree_xml(tree: Tree, *, builtin_models: bool = True) -> str:
         lines.element(1, "BehaviorTree", [("ID", tree_id), ("_fullpath", path)], closed=False)
         _write_numbered(tree, board_root, lines, 2)
         lines.close(1, "BehaviorTree")
-    _write_models(tree.registry, lines, 1, builtin_models)
+    native = {node.type_id: node.KIND for node in tree.nodes if isinstance(node, PyTreesBehaviour)}
+    _write_models(tree.registry, lines, 1, builtin_models, native)
     lines.close(0, "root")
     return lines.text()
 
@@ -185,29 +186,34 @@ def _write_numbered(tree: Tree, node: Node, lines: _Lines, depth: int) -> None:
                 attributes.append((key, text_of(value)))
             except EngineError:
                 attributes.append((key, f"<{type(value).__name__}>"))
-    children = [] if isinstance(node, (SubTree, PyTreesBehaviour)) else node.nodes_below()
-    lines.element(depth, info.name, attributes, closed=not children)
+    children = [] if isinstance(node, SubTree) else node.nodes_below()
+    tag = node.type_id if isinstance(node, PyTreesBehaviour) else info.name
+    lines.element(depth, tag, attributes, closed=not children)
     for child in children:
         _write_numbered(tree, child, lines, depth + 1)
     if children:
-        lines.close(depth, info.name)
+        lines.close(depth, tag)
 
 
 def palette_xml(registry: NodeRegistry, *, builtin_models: bool = False) -> str:
     """Return the registered nodes as the TreeNodesModel that Groot2 imports."""
     lines = _Lines()
     lines.element(0, "root", [("BTCPP_format", "4")], closed=False)
-    _write_models(registry, lines, 1, builtin_models)
+    _write_models(registry, lines, 1, builtin_models, {})
     lines.close(0, "root")
     return lines.text()
 
 
-def _write_models(registry: NodeRegistry, lines: _Lines, depth: int, builtin: bool) -> None:
+def _write_models(registry: NodeRegistry, lines: _Lines, depth: int, builtin: bool, native: Mapping[str, str]) -> None:
+    """``native``: class to kind, of native py_trees behaviours."""
     infos = [info for info in registry.manifest() if builtin or not info.builtin]
-    lines.element(depth, "TreeNodesModel", (), closed=not infos)
+    further = [(name, kind) for name, kind in native.items() if name not in registry]
+    lines.element(depth, "TreeNodesModel", (), closed=not infos and not further)
     for info in infos:
         _write_model(info, lines, depth + 1)
-    if infos:
+    for name, kind in further:
+        lines.element(depth + 1, kind, [("ID", name)], closed=True)
+    if infos or further:
         lines.close(depth, "TreeNodesModel")
 
 
