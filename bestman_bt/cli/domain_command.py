@@ -41,7 +41,7 @@ def command(
         _show_domain(Domain.of(node_registry([str(plugin) for plugin in plugins or ()])))
         print("\nObjects and beliefs are those of a scene: name a --scene, --task or --world")
         return
-    from bestman_bt.cli.planning_config import planning_state
+    from bestman_bt.runtime.planning import planning_state
 
     setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
     domain = Domain.of(setup.registry)

@@ -23,24 +23,23 @@ from bestman_bt.cli.options import (
     refuse_unwritable_folder,
     writable_file,
 )
-from bestman_bt.cli.plan_question import PlanQuestion, Transcript
-from bestman_bt.cli.planning_config import planning_state
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import render_svg
 from bestman_bt.registry import BUILDERS
-from bestman_bt.task_planning.builders import TreeBuilder
+from bestman_bt.runtime.planning import PlanQuestion, Transcript, assumed, planning_state, refusals
 from bestman_bt.task_planning.language.quoting import quoted
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.planners import planner_class
-from bestman_bt.task_planning.predicates import UNSEEN
 from bestman_bt.task_planning.simulation import folded
-from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, parse_goal
+from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, goal_as_facts
 
 
 def command(
     text: Annotated[str | None, typer.Argument(metavar="[TEXT]", help="What is wanted, in words.")] = None,
-    goal: Annotated[str | None, typer.Option(metavar="FACTS", help="What is wanted, as facts joined by and.")] = None,
+    goal: Annotated[
+        str | None, typer.Option(metavar="FACTS", help="What is wanted: facts joined by and, or FILE.pddl.")
+    ] = None,
     planner: Annotated[str, typer.Option(help="symbolic, fast_downward, language, or one of your own.")] = "symbolic",
     builder: Annotated[str, typer.Option(help="reactive, sequence or backchain.")] = "reactive",
     output: Annotated[
@@ -59,6 +58,10 @@ def command(
     robot: Robot = None,
     seed: Seed = 0,
     world: SavedWorld = None,
+    given: Annotated[
+        list[str] | None,
+        typer.Option("--given", metavar="FACTS", help="Where things are that were not seen: 'on(cup, table)'."),
+    ] = None,
     record: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write what was said to and by the language model.", callback=writable_file),
@@ -81,7 +84,7 @@ def command(
     if text is not None and not text.strip():
         raise _wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
     if goal is not None:
-        parse_goal(goal)  # a slip in it is told before a world is built
+        goal = goal_as_facts(goal)  # a slip in it is told before a world is built
     if run and world is not None:
         raise _wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
     if run and text is not None and not yes and not sys.stdin.isatty():
@@ -96,13 +99,14 @@ def command(
             planner_class(planner)
         except PlanningError as error:
             raise _wrong_input("--planner", str(error)) from error
-        made_by: TreeBuilder = BUILDERS.resolve(builder)()
+        BUILDERS.resolve(builder)
         setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
         if text is None and goal is None:
             if setup.config.task.plan is None:
                 raise _wrong_input("bestman-bt plan", "give a text, --goal, or a --task with a plan")
             goal = setup.config.task.plan.goal
-        asked = PlanQuestion(setup, beliefs, made_by, allowed)
+        asked = PlanQuestion(setup, beliefs, builder, allowed)
+        asked.give(given or ())
         try:
             problem, plan = asked.answer(text, goal, planner, Transcript(record, replay))
             made = asked.tree(problem, plan)
@@ -115,16 +119,17 @@ def command(
         if text is not None:
             print(f"understood as: {' and '.join(quoted(str(literal)) for literal in problem.goal)}", file=sys.stderr)
         faults = asked.faults(problem, made)
-        refused = [fault for fault in faults if fault.severity != "warning"]
         for fault in faults:
             print(fault, file=sys.stderr)
         document = _document(problem, plan, planner, builder, [str(fault) for fault in faults])
         _show(plan)
-        if refused:
+        if refusals(faults):
             tell(document)
             sys.exit(1)
         if output is not None:
-            output.write_text(made.xml(setup.registry), encoding="utf-8")
+            output.write_text(asked.xml(made, problem, plan, planner), encoding="utf-8")
+            if assumed(plan):
+                print(f"{output} plans anew (ReachGoal) where the plan fails", file=sys.stderr)
         if svg is not None:
             svg.write_text(render_svg(folded(made, problem)), encoding="utf-8")
         if not run:
@@ -158,9 +163,8 @@ def _show(plan: TaskPlan) -> None:
         print("the goal is believed already: nothing to do")
     for number, action in enumerate(plan.actions, 1):
         print(f"{number:3d}. {quoted(str(action))}")
-    for action in plan.actions:
-        if any(condition.fact.predicate == UNSEEN.name for condition in action.pre):
-            print(f"{quoted(str(action))} hopes that it is there; if it is not, a run plans anew", file=sys.stderr)
+    for action in assumed(plan):
+        print(f"{quoted(str(action))} hopes that it is there; if it is not, a run plans anew", file=sys.stderr)
 
 
 def _document(problem: Problem, plan: TaskPlan, planner: str, builder: str, faults: list[str]) -> dict[str, Any]:
@@ -170,5 +174,6 @@ def _document(problem: Problem, plan: TaskPlan, planner: str, builder: str, faul
         "builder": builder,
         "plan": [{"ability": action.name, **action.ports} for action in plan.actions],
         "cost": plan.cost,
+        "assumes": [str(action) for action in assumed(plan)],
         "problems": faults,
     }

@@ -15,6 +15,7 @@ from bestman_bt.configuration.task import PlanConfig
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.predicates.facts import can_be_judged
 from bestman_bt.evaluation.result import RunResult
+from bestman_bt.runtime.planning import planner_anew
 from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.limits import PlanLimits
@@ -39,7 +40,7 @@ def run_plan(
 
     A language model is asked no more: its goal is planned for by ``symbolic``.
     """
-    again = "symbolic" if planner == "language" else planner
+    again = planner_anew(planner)
     goal = " and ".join(map(str, problem.goal))
     asked = PlanConfig(goal, told, again, builder, limits.to_string())
     xml = with_replanning(made, problem.goal, again, builder, setup.registry, limits)

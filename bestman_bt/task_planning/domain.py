@@ -11,10 +11,10 @@ from functools import cached_property
 from bestman_bt.engine import NodeRegistry
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.abilities import Ability, DeclarationError, abilities_of
-from bestman_bt.task_planning.predicates import Beliefs, Predicate
+from bestman_bt.task_planning.predicates import ON, Beliefs, Predicate
 from bestman_bt.task_planning.state import SUPERTYPES, known_predicates, read_state, things
 from bestman_bt.task_planning.symbolic.binding import written_out
-from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_goal
+from bestman_bt.task_planning.symbolic.facts import parse_conditions, parse_goal, parse_literals
 from bestman_bt.task_planning.symbolic.problem import (
     Condition,
     Fact,
@@ -96,6 +96,18 @@ class Domain:
             literals += self._presumed(resolved)
         self.refuse_contradictions(literals)
         return replace(problem, goal=tuple(dict.fromkeys(literals)))
+
+    def places_told(self, problem: Problem, facts: Iterable[str]) -> dict[str, str]:
+        """Object → place, of facts that somebody states of what was not seen. GoalError for anything but ``on``."""
+        told: dict[str, str] = {}
+        for literal in parse_literals(" and ".join(facts)):
+            fact = self._resolved(problem, literal.fact)
+            if literal.negated or fact.predicate != ON.name:
+                raise GoalError(f"{literal} cannot be given; on(OBJECT, PLACE) can")
+            name, place = fact.arguments
+            if told.setdefault(name, place) != place:
+                raise GoalError(f"on({name}, {told[name]}) and on({name}, {place}) cannot both be given")
+        return told
 
     def _presumed(self, literal: Literal) -> list[Literal]:
         """What has to be known for a negation to say anything; GoalError for one that is nothing to aim at."""

@@ -48,7 +48,39 @@ def test_by_default_it_is_planned_in_the_furnished_kitchen_and_a_drawer_needs_no
     assert answer.document["plan"][0] == {"ability": "Search", "object": "mug", "place": "table/top"}
     assert "there are also drawer_chest/drawer_2, drawer_chest/drawer_3" in answer.err
     assert "hopes that it is there" in answer.err
-    assert load_tree(folder / "tree.xml", node_registry()).root.name == "attempts"
+    assert answer.document["assumes"] == ["Search(mug, table/top)"]
+    assert "tree.xml plans anew (ReachGoal)" in answer.err
+    assert load_tree(folder / "tree.xml", node_registry()).root.name == "as_planned_or_anew"
+
+
+def test_what_is_given_is_where_a_thing_is_searched_for(bestman_bt: Command) -> None:
+    answer = bestman_bt("plan", "--goal", GOAL, "--given", "on(cup, table)", "--json")
+    assert [step["ability"] for step in answer.document["plan"]] == ["Search", "PickUp", "PutAt"]
+    assert answer.document["plan"][0]["place"] == "table/top"
+
+
+def test_what_the_robot_has_seen_elsewhere_cannot_be_given(bestman_bt: Command, folder: Path) -> None:
+    (folder / "seen.yaml").write_text(SEEN)
+    answer = bestman_bt("plan", "--goal", GOAL, "--world", "seen.yaml", "--given", "on(cup, counter)")
+    assert answer.code == 2
+    assert "the robot has seen the cup, on table/top" in answer.err
+
+
+def test_a_goal_may_be_given_in_pddl_or_as_a_problem_file(bestman_bt: Command, folder: Path) -> None:
+    (folder / "goal.pddl").write_text("(define (problem p) (:domain d) (:goal (and (on cup counter__top))))")
+    (folder / "bad.pddl").write_text("(define (problem p)\n (:goal (or (on cup counter))))")
+    for goal in ("(on cup counter)", "(and (on cup counter) (hand_empty))", "goal.pddl"):
+        answer = bestman_bt("plan", "--goal", goal, "--json")
+        assert answer.code == 0, answer.err
+        assert answer.document["goal"][0] == "on(cup, counter/top)"
+    for goal, words in (
+        ("bad.pddl", "bad.pddl:2: or is not supported here"),
+        ("none.pddl", "none.pddl:1: it cannot be read"),
+        ("(on cupp counter)", "did you mean 'cup'?"),
+        ("on cup counter", "a goal is written as on(mug, table)"),
+    ):
+        answer = bestman_bt("plan", "--goal", goal)
+        assert (answer.code, words in answer.err) == (2, True), answer.err
 
 
 def test_a_task_with_a_plan_gives_the_goal_and_what_was_told(bestman_bt: Command) -> None:

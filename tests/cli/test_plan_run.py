@@ -6,19 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.cli.plan_question import PlanQuestion, Transcript
 from bestman_bt.cli.plan_run import judged_by_goal
-from bestman_bt.cli.planning_config import planning_state
 from bestman_bt.configuration import RunConfig
 from bestman_bt.configuration.task import PlanConfig
-from bestman_bt.registry import BUILDERS
+from bestman_bt.runtime.planning import PlanQuestion, Transcript, planning_state
 from bestman_bt.task_planning.limits import PlanLimits
 
 
 @pytest.fixture(scope="module")
 def question() -> PlanQuestion:
     setup, beliefs = planning_state("open_drawer", None, None, 0, None, None)
-    return PlanQuestion(setup, beliefs, BUILDERS.resolve("reactive")(), PlanLimits())
+    return PlanQuestion(setup, beliefs, "reactive", PlanLimits())
 
 
 def judged(question: PlanQuestion, goal: str) -> RunConfig:

@@ -3,6 +3,7 @@
 from bestman_bt.task_planning.symbolic.binding import instantiate
 from bestman_bt.task_planning.symbolic.facts import (
     FactSyntaxError,
+    goal_as_facts,
     parse_conditions,
     parse_fact,
     parse_goal,
@@ -41,6 +42,7 @@ __all__ = [
     "SymbolicPlannerParameters",
     "TaskPlan",
     "Unsolvable",
+    "goal_as_facts",
     "ground",
     "instantiate",
     "parse_conditions",

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
+from bestman_bt.task_planning.symbolic.pddl_reading import PddlError, read_goal
 from bestman_bt.task_planning.symbolic.problem import Condition, Fact, Forall, GoalError, Literal
 
 _TOKEN = re.compile(r"\s*(?:(?P<name>\{\w+\}|[A-Za-z0-9_][\w/.]*(?:-(?!>)[\w/.]+)*)|(?P<sign>->|[(),;:-]))")
+_PDDL = re.compile(r"\(\s*[A-Za-z][\w-]*[\s(]")
+GOAL_FORM = "on(mug, table) and not open(fridge/upper_door)"
 _DEPTH = 50
 """Brackets within brackets; nobody means more, and the descent has an end."""
 _WORDS = frozenset({"and", "not", "forall"})
@@ -18,6 +22,7 @@ class FactSyntaxError(GoalError):
     def __init__(self, text: str, at: int, what: str) -> None:
         super().__init__(f"column {at + 1} of {text!r}: {what}")
         self.column = at + 1
+        self.what = what
 
 
 def parse_conditions(text: str) -> tuple[Condition, ...]:
@@ -39,11 +44,32 @@ def parse_literals(text: str) -> tuple[Literal, ...]:
 
 
 def parse_goal(text: str) -> tuple[Literal, ...]:
-    """As ``parse_literals``, one at least: an empty goal would be a success at once. Raises GoalError."""
-    literals = parse_literals(text)
+    """As ``parse_literals``, one at least: an empty goal would be a success at once. Raises GoalError.
+
+    Goals in PDDL are understood, too: ``(and (on mug table) (not (open fridge)))``.
+    """
+    try:
+        literals = parse_literals(text)
+    except FactSyntaxError as error:
+        if _PDDL.match(text.strip()) is None:
+            raise FactSyntaxError(text, error.column - 1, f"{error.what}; a goal is written as {GOAL_FORM}") from error
+        literals = _goal_in_pddl(text)
     if not literals:
         raise GoalError("the goal is empty; name at least one fact")
     return literals
+
+
+def goal_as_facts(goal: str) -> str:
+    """A goal as somebody gives it (facts, PDDL, the name of a ``.pddl`` problem file) as facts. Raises GoalError."""
+    literals = _goal_in_pddl(Path(goal)) if goal.strip().endswith(".pddl") else parse_goal(goal)
+    return " and ".join(map(str, literals))
+
+
+def _goal_in_pddl(source: str | Path) -> tuple[Literal, ...]:
+    try:
+        return read_goal(source)
+    except PddlError as error:
+        raise GoalError(str(error)) from error
 
 
 def parse_fact(text: str) -> Fact:

@@ -65,15 +65,41 @@ def read_pddl(domain: str | Path, problem: str | Path) -> Problem:
     return Problem(named, state, goal, operators, {kind: (above,) for kind, above in types.items()}, predicates)
 
 
+def read_goal(source: str | Path) -> tuple[Literal, ...]:
+    """The goal of a problem file, or of PDDL text such as ``(and (on cup table) (not (open fridge)))``; PddlError.
+
+    Names are taken as they are, whatever the domain; ``__`` in them stands for ``/``, as ``bestman-bt domain --pddl``
+    writes it.
+    """
+    if isinstance(source, Path):
+        _, _, goal = _File(source).problem(None)
+    else:
+        goal = _File("the goal", source).conjunction()
+    slashes = {name: name.replace("__", "/") for literal in goal for name in literal.fact.arguments}
+    return tuple(literal.bound(slashes) for literal in goal)
+
+
 class _File:
-    def __init__(self, path: str | Path) -> None:
+    """A file of one expression, or ``text`` that is called ``path`` in errors."""
+
+    def __init__(self, path: str | Path, text: str | None = None) -> None:
         self._name = str(path)
         self._predicates: Mapping[str, tuple[str, ...]] | None = None
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise PddlError(self._name, 1, f"it cannot be read: {error}") from error
+        if text is None:
+            try:
+                text = Path(path).read_text(encoding="utf-8")
+            except (OSError, UnicodeDecodeError) as error:
+                raise PddlError(self._name, 1, f"it cannot be read: {error}") from error
         self._root = self._parse(text)
+
+    def conjunction(self) -> tuple[Literal, ...]:
+        """The literals that the expression joins by ``and``."""
+        literals = []
+        for condition in self._conditions(self._root, {}):
+            if isinstance(condition, Forall):
+                self._fail(self._root, "forall is not supported in a goal")
+            literals.append(condition)
+        return tuple(literals)
 
     def domain(self) -> tuple[tuple[Operator, ...], dict[str, str], dict[str, str], dict[str, tuple[str, ...]]]:
         """Operators, type → more general type, constants and predicates."""
@@ -103,9 +129,9 @@ class _File:
         return tuple(operators), types, constants, predicates
 
     def problem(
-        self, predicates: Mapping[str, tuple[str, ...]]
+        self, predicates: Mapping[str, tuple[str, ...]] | None
     ) -> tuple[dict[str, str], frozenset[Fact], tuple[Literal, ...]]:
-        """Objects, state and goal; ``predicates``: of the domain, all that state and goal may speak of."""
+        """Objects, state and goal; ``predicates``: of the domain, all that these may speak of; None: whatever."""
         self._predicates = predicates
         objects: dict[str, str] = {}
         state: set[Fact] = set()

@@ -1,0 +1,221 @@
+"""From a scene and a goal to a plan, and a tree of it that was checked and can be run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from bestman_bt.configuration import ConfigurationError, load_run
+from bestman_bt.configuration import Problem as WrongInput
+from bestman_bt.engine import Problem as Fault
+from bestman_bt.registry import BUILDERS
+from bestman_bt.runtime.executor import Execution
+from bestman_bt.runtime.setup import Setup, prepare
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.builders import PlanTree
+from bestman_bt.task_planning.builders.replanning import with_replanning
+from bestman_bt.task_planning.domain import Domain
+from bestman_bt.task_planning.limits import PlanLimits, plan_within
+from bestman_bt.task_planning.planners import made_planner
+from bestman_bt.task_planning.predicates import UNSEEN, Beliefs
+from bestman_bt.task_planning.symbolic import Action, GoalError, PlanningError, Problem, TaskPlan, goal_as_facts
+from bestman_bt.task_planning.verification import verify
+from bestman_bt.world_model import WorldModel
+
+TIME_LIMIT = "1200 s"
+"""For what is planned without a task: to search a kitchen takes its time."""
+
+
+def planning_state(
+    task: str | None,
+    scene: str | None,
+    robot: str | None,
+    seed: int,
+    settings: Iterable[str] | None,
+    plugins: Iterable[str | Path] | None,
+    world: Path | None = None,
+) -> tuple[Setup, WorldModel]:
+    """The setup, and what is believed in it: at the start, or as in the file ``world``. ConfigurationError.
+
+    The scene is that of ``task`` or of ``world``; without one the furnished kitchen, and diff_panda, where nothing else
+    is asked.
+    """
+    from bestman_bt.runtime.world_file import read_world
+
+    file = None if world is None else read_world(world)
+    added: list[str] = []
+    if file is not None:
+        if task is not None or scene is not None or seed != 0:
+            message = f"is of the scene {file.scene} with seed {file.seed}; leave --task, --scene and --seed out"
+            raise ConfigurationError([WrongInput(f"--world {world}", None, "", message)])
+        scene, robot, seed, added = file.scene, robot or file.robot, file.seed, list(file.plugins)
+    if task is None:
+        scene, robot = scene or "kitchen_furnished", robot or "diff_panda"
+        settings = (f"time_limit={TIME_LIMIT}", *(settings or ()))
+    config = load_run(
+        task,
+        tree="plan_and_execute",
+        scene=scene,
+        robot=robot,
+        seed=seed,
+        settings=settings or (),
+        plugins=[*added, *(str(plugin) for plugin in plugins or ())],
+    )
+    if file is not None:
+        config = replace(config, scene_settings={**file.scene_settings, **config.scene_settings})
+    setup = prepare(config)
+    return setup, setup.world_model.as_at_the_start() if file is None else file.world_model(setup)
+
+
+@dataclass(frozen=True)
+class Transcript:
+    """Where what is said to and by a language model is written, or taken from."""
+
+    record: Path | None = None
+    replay: Path | None = None
+
+
+class PlanQuestion:
+    """A goal in a state, and who is to reach it: what is asked of planners, builders and verification.
+
+    ``beliefs``: what is known when it is planned. ``builder``: its name.
+    """
+
+    def __init__(self, setup: Setup, beliefs: WorldModel, builder: str, limits: PlanLimits) -> None:
+        self.setup = setup
+        self.beliefs = beliefs
+        self.builder = builder
+        self.limits = limits
+        self.domain = Domain.of(setup.registry)
+
+    def give(self, facts: Iterable[str]) -> None:
+        """Take what somebody says of where things are, ``on(cup, table)``; GoalError for anything else."""
+        places = self.domain.places_told(self.domain.problem(Beliefs(self.beliefs)), facts)
+        for name in places.keys() & self.beliefs.objects.keys():
+            seen = self.beliefs.objects[name].surface
+            raise GoalError(f"on({name}, {places[name]}): the robot has seen the {name}, on {seen or 'no furniture'}")
+        self.beliefs.told.update(places)
+        self.setup.world_model.told.update(places)
+
+    def answer(
+        self, text: str | None, goal: str | None, planner: str | TaskPlanner, transcript: Transcript
+    ) -> tuple[Problem, TaskPlan]:
+        """The problem as it is understood, and a plan. Raises PlanningError."""
+        problem = self.domain.problem(Beliefs(self.beliefs), goal)
+        if text is None and planner != "language":
+            chosen = made_planner(planner) if isinstance(planner, str) else planner
+            return problem, plan_within(chosen, problem, self.limits)
+        from bestman_bt.task_planning import language
+
+        parameters = language.LanguagePlannerParameters(limits=self.limits)
+        record, replay = transcript.record, transcript.replay
+        try:
+            found = language.plan_from_text(
+                text or "", problem, str(planner), parameters, record=record, replay=replay, further=self._refusals
+            )
+        except (language.EndpointNotSetError, language.TranscriptError) as error:
+            raise ConfigurationError([WrongInput("bestman-bt plan", None, "", str(error))]) from error
+        return found.problem, found.plan
+
+    def told(self, problem: Problem) -> dict[str, str]:
+        """Object → the one place where it can be, of what was not seen."""
+        places: dict[str, list[str]] = {}
+        for fact in problem.state:
+            if fact.predicate == UNSEEN.name:
+                places.setdefault(fact.arguments[0], []).append(fact.arguments[1])
+        return {name: found[0] for name, found in sorted(places.items()) if len(found) == 1}
+
+    def tree(self, problem: Problem, plan: TaskPlan) -> PlanTree:
+        """The tree of a plan."""
+        leaves = [ability.name for ability in self.domain.abilities if not ability.is_subtree]
+        made: PlanTree = BUILDERS.resolve(self.builder)().build(plan, problem.goal, leaves)
+        return made
+
+    def xml(self, made: PlanTree, problem: Problem, plan: TaskPlan, planner: str) -> str:
+        """The tree as a file of its own; where the plan rests on an assumption, it plans anew if that is wrong."""
+        if not assumed(plan):
+            return made.xml(self.setup.registry)
+        return with_replanning(
+            made, problem.goal, planner_anew(planner), self.builder, self.setup.registry, self.limits
+        )
+
+    def faults(self, problem: Problem, made: PlanTree) -> list[Fault]:
+        """What verification says."""
+        return verify(made.document().to_xml(), problem, self.setup.registry, self.setup.robot_model, self.beliefs)
+
+    def _refusals(self, problem: Problem, plan: TaskPlan) -> list[str]:
+        return refusals(self.faults(problem, self.tree(problem, plan)))
+
+
+def assumed(plan: TaskPlan) -> tuple[Action, ...]:
+    """The actions of a plan that only hope that a thing is where they look for it."""
+    return tuple(
+        action for action in plan.actions if any(condition.fact.predicate == UNSEEN.name for condition in action.pre)
+    )
+
+
+def planner_anew(planner: str) -> str:
+    """Which planner plans anew while a tree runs: a language model is asked no more."""
+    return "symbolic" if planner == "language" else planner
+
+
+def refusals(faults: Iterable[Fault]) -> list[str]:
+    """Those for which a tree is not to be run."""
+    return [str(fault) for fault in faults if fault.severity != "warning"]
+
+
+@dataclass(frozen=True)
+class PlannedTree:
+    """``xml``: the verified tree of the plan; where the plan rests on an assumption, with replanning."""
+
+    setup: Setup
+    problem: Problem
+    plan: TaskPlan
+    xml: str
+
+    def run(self) -> Execution:
+        """Run the tree in the scene that was planned for."""
+        from bestman_bt.runtime.robot_session import open_session
+
+        with open_session(self.setup) as opened:
+            return opened.run(self.xml)
+
+
+def plan(
+    goal: str,
+    *,
+    scene: str | None = None,
+    robot: str | None = None,
+    seed: int = 0,
+    task: str | None = None,
+    world: str | Path | None = None,
+    given: Iterable[str] = (),
+    planner: str | TaskPlanner = "symbolic",
+    builder: str = "reactive",
+    limits: str = "",
+    settings: Iterable[str] = (),
+    plugins: Iterable[str] = (),
+) -> PlannedTree:
+    """Plan for a goal, make a tree of the plan and verify it; the arguments are those of ``bestman-bt plan``.
+
+    ``goal``: facts, ``on(cup, counter) and closed(drawer_3)``, the same in PDDL, or the name of a ``.pddl`` problem
+    file. ``planner``: a name, or an object; a tree that plans anew needs a name, so after an object it is ``symbolic``.
+
+    Raises:
+        PlanningError: there is no plan, or its tree was refused; GoalError, where the goal makes no sense.
+        ConfigurationError: scene, robot or task cannot be used.
+        ValueError: limits that are none.
+    """
+    facts = goal_as_facts(goal)
+    setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, None if world is None else Path(world))
+    question = PlanQuestion(setup, beliefs, builder, PlanLimits.from_string(limits))
+    question.give(given)
+    problem, found = question.answer(None, facts, planner, Transcript())
+    made = question.tree(problem, found)
+    refused = refusals(question.faults(problem, made))
+    if refused:
+        who = planner if isinstance(planner, str) else type(planner).__name__
+        raise PlanningError(f"the plan of {who} is refused: {'; '.join(refused)}")
+    name = planner if isinstance(planner, str) else "symbolic"
+    return PlannedTree(setup, problem, found, question.xml(made, problem, found, name))
