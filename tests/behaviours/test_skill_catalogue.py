@@ -1,0 +1,30 @@
+"""docs/skills.md is what scripts/skill_catalogue.py makes of the skills, and its examples load."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import load_tree
+from bestman_bt.runtime.plugins import node_registry
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+PAGE = (CHECKOUT / "docs" / "skills.md").read_text()
+
+
+def test_the_page_is_that_of_the_present_skills() -> None:
+    specification = importlib.util.spec_from_file_location("skill_catalogue", CHECKOUT / "scripts/skill_catalogue.py")
+    assert specification is not None
+    assert specification.loader is not None
+    script = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(script)
+    assert script.page() == PAGE, "run scripts/skill_catalogue.py"
+
+
+@pytest.mark.parametrize("example", re.findall(r"```xml\n(.*?)\n```", PAGE, re.DOTALL), ids=lambda text: text[1:25])
+def test_each_example_loads(example: str) -> None:
+    text = f'<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">{example}</BehaviorTree></root>'
+    assert load_tree(text, registry=node_registry([])).nodes
