@@ -21,20 +21,23 @@ class WrittenEntry(NamedTuple):
 
 
 class BlackboardChanges:
-    """Compares the entries' sequence numbers: who writes is not slowed down by it."""
+    """Compares the entries' sequence numbers and stamps: who writes is not slowed down by it.
+
+    Both, because an entry that was removed counts from 1 again.
+    """
 
     def __init__(self, tree: Tree) -> None:
         self._tree = tree
-        self._seen: dict[Slot, int] = {}
+        self._seen: dict[Slot, tuple[int, float] | None] = {}
 
     def collect(self) -> list[WrittenEntry]:
         """What has changed since the last call; at first all entries."""
         seen, written = self._seen, []
         for scope, board in self._tree.blackboards.items():
             for slot in board.slots():
-                sequence = slot.sequence if slot.exists else -1
-                if seen.get(slot, -1) != sequence:
-                    seen[slot] = sequence
+                version = (slot.sequence, slot.stamp) if slot.exists else None
+                if seen.get(slot) != version:
+                    seen[slot] = version
                     written.append(WrittenEntry(scope, slot.key, slot.exists, slot.value, slot.kind))
         return written
 

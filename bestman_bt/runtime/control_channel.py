@@ -159,10 +159,15 @@ class ControlChannel:
         self._between_ticks(write)
 
     def _between_ticks(self, task: Callable[[], None]) -> None:
-        """Have something done in the executor's thread, and wait for it; raises what it raises."""
+        """Have something done in the executor's thread, and wait for it; raises what it raises.
+
+        What has not begun in time is refused, and not done later either.
+        """
+        asked = self._executor.between_ticks(task)
         try:
-            self._executor.between_ticks(task).result(TASK_WAIT)
+            asked.result(TASK_WAIT)
         except (CancelledError, TimeoutError) as error:
+            asked.cancel()
             raise RefusedError("the tree does not tick any more") from error
 
     def _tell_breakpoints(self) -> None:

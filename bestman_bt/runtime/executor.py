@@ -115,7 +115,8 @@ class Executor:
         self._go.clear()
 
     def resume(self) -> None:
-        """Tick on."""
+        """Tick on, also after a tick that was asked for by ``step`` and is held up within."""
+        self._step = False
         self._go.set()
 
     def step(self) -> None:
@@ -144,7 +145,7 @@ class Executor:
     def between_ticks(self, task: Callable[[], None]) -> Future[None]:
         """Run ``task`` in the executor's thread before the next tick, or while it waits; what it raises is told to you.
 
-        The future is cancelled where the execution ends before.
+        The future is cancelled where the execution ends before; you may cancel it as long as it is not begun.
         """
         future: Future[None] = Future()
         self._tasks.append((task, future))
@@ -229,6 +230,8 @@ class Executor:
     def _do_tasks(self) -> None:
         for _ in range(min(len(self._tasks), MAX_TASKS)):
             task, future = self._tasks.popleft()
+            if not future.set_running_or_notify_cancel():
+                continue
             try:
                 task()
             except Exception as error:  # noqa: BLE001 - it belongs to the one who asked

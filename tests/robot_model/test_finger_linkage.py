@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from bestman_bt.robot_model import GripperModel, MimicJoint, RobotModel, combine
-from bestman_bt.robot_model.finger_linkage import all_positions
+from bestman_bt.robot_model.finger_linkage import all_positions, opening_table
+from tests.robot_model.small_robot import arm_urdf
 
 HANDS = ("panda_hand", "wsg50", "xarm_gripper", "pr2_gripper", "robotiq_2f85")
 
@@ -60,6 +63,16 @@ def test_joints_turn_as_far_per_metre_as_the_transmission_says(gripper: GripperM
         gripper.transmission(0.5 * gripper.max_width), rel=0.02
     )
     assert gripper.transmission(0.5 * gripper.max_width) <= gripper.fastest_transmission * (1 + 1e-9)
+
+
+def test_a_hand_that_never_closes_wholly_has_its_least_width_when_it_is_closed() -> None:
+    elements = list(ET.fromstring(arm_urdf()))
+    mimics = (MimicJoint("right_joint", "left_joint"),)
+    table = opening_table(
+        elements, ("left_joint",), mimics, ("left_finger", "right_finger"), "palm", (0.03, 0.0), min_width=0.004
+    )
+    assert table[0] == pytest.approx((0.03, 0.064))
+    assert table[-1] == pytest.approx((0.0, 0.004))
 
 
 def test_followers_of_followers_follow() -> None:

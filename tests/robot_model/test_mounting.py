@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -45,6 +47,16 @@ def test_to_mount_on_a_part_is_to_mount_on_the_link_that_carries(tmp_path: Path)
     assert composed(tmp_path, named).urdf == composed(tmp_path, TEN_LINES).urdf
 
 
+def test_what_is_mounted_on_a_turned_deck_is_placed_along_the_axes_of_the_deck(tmp_path: Path) -> None:
+    deck = "set: {deck: {link: base_link, xyz: [15 cm, 0, 30 cm], rpy: [0, 0, 90 deg]}}"
+    text = TEN_LINES.replace("part: differential_base", f"part: differential_base, {deck}")
+    robot = composed(tmp_path, text.replace("mount: base}", "mount: base, xyz: [10 cm, 0, 5 cm]}"))
+    joint = ET.fromstring(robot.urdf).find("joint[@name='column_mount_joint']/origin")
+    assert joint is not None
+    numbers = [float(number) for key in ("xyz", "rpy") for number in joint.get(key, "").split()]
+    assert numbers == pytest.approx([0.15, 0.10, 0.35, 0.0, 0.0, math.pi / 2])
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -81,6 +93,16 @@ def test_what_hangs_on_the_tip_counts_but_not_the_arm_itself(tmp_path: Path) -> 
     hand = payload(robot, "xarm_gripper_base_link").mass
     assert 0.5 < hand < 1.0
     assert payload(robot, "link6").mass == pytest.approx(hand + 0.1096)
+
+
+def test_the_centre_of_what_hangs_on_a_link_turns_with_what_lies_between() -> None:
+    urdf = """<robot name="r"><link name="tip"/>
+      <link name="hand"><inertial><origin xyz="0.5 0 0"/><mass value="2"/></inertial></link>
+      <joint name="wrist" type="revolute"><parent link="tip"/><child link="hand"/><origin xyz="1 0 0" rpy="0 0 %s"/>
+      <axis xyz="0 0 1"/></joint></robot>"""
+    for mounted, turned in ((math.pi / 2, 0.0), (0.0, math.pi / 2)):
+        hung = payload(SimpleNamespace(urdf=urdf % mounted), "tip", {"wrist": turned})  # type: ignore[arg-type]
+        assert (hung.mass, *hung.centre) == pytest.approx((2.0, 1.0, 0.5, 0.0))
 
 
 def test_a_base_refuses_more_than_its_payload(tmp_path: Path) -> None:

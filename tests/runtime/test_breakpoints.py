@@ -371,6 +371,30 @@ def test_a_forced_result_is_given_once_and_each_node_gets_its_own() -> None:
     assert scripted.tree.node("count").hooks is None
 
 
+def test_a_forced_result_outlives_the_breakpoints_of_its_node() -> None:
+    scripted = counting(ticks=6)
+    scripted.breakpoints.add("work", "before")
+    scripted.breakpoints.force("work", "FAILURE")
+    scripted.breakpoints.clear("work")
+    assert scripted.run() == []
+    assert (scripted.done, scripted.executor.ticks) == ([], 1)
+
+
+def test_who_goes_on_from_a_breakpoint_within_a_step_is_not_stopped_after_it() -> None:
+    scripted = counting(ticks=6)
+    scripted.breakpoints.add("work", "before", once=True)
+    scripted.executor.pause()
+
+    def held(hold: Hold | None) -> None:
+        if hold is not None:
+            scripted.holds.append((hold.node, hold.when))
+            scripted.executor.step() if hold.node is None else scripted.executor.resume()
+
+    scripted.held = held  # type: ignore[method-assign]
+    assert scripted.run() == [(None, None), ("work", "before")]
+    assert scripted.executor.ticks == 6
+
+
 def test_a_forced_failure_is_one_though_the_node_would_succeed() -> None:
     scripted = counting(ticks=12)
     scripted.breakpoints.force("work", "SUCCESS")

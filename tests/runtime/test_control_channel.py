@@ -400,3 +400,15 @@ def test_who_floods_the_channel_with_requests_leaves_the_executor_its_time(serve
         time.sleep(0.5)
         assert served.executor.ticks - first > 20
         assert served.ask("status")["ok"]
+
+
+def test_what_was_refused_because_the_tree_did_not_tick_is_not_done_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bestman_bt.runtime.control_channel.TASK_WAIT", 0.01)
+    clock = ManualClock()
+    executor = Executor(load_tree(SHORT, NodeRegistry(), clock=clock), clock)
+    run = RunEvent("late", "Main", "", "", 0, "", os.getpid(), time.time(), 20.0, "simulated")
+    channel = ControlChannel(executor, lambda: None, Telemetry(executor, run))
+    for asked in ({"do": "set", "key": "n", "value": 1}, {"do": "force", "node": "yes", "result": "FAILURE"}):
+        assert channel.answer(asked) == {"ok": False, "error": "the tree does not tick any more"}
+    assert executor.run().tree_status == "SUCCESS"
+    assert "n" not in executor.tree.blackboard

@@ -124,6 +124,21 @@ def test_a_tree_that_retries_at_once_and_for_ever_still_ends_in_time_and_can_be_
     assert at_tick(50, lambda e: e.cancel(), body).run().ticks == 50
 
 
+def test_only_wake_ups_in_a_row_at_one_moment_make_time_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bestman_bt.runtime.executor.MAX_WAKE_UPS", 3)
+    executor = executor_of('<Work name="work"/>', period=0.1)
+
+    def wake() -> None:
+        if executor.ticks % 3:
+            executor.tree.wake_up()
+        if executor.ticks == 30:
+            executor.cancel()
+
+    executor.after_tick = wake
+    executor.run()
+    assert executor.clock.now() == pytest.approx(0.9), "after every third tick but the last"
+
+
 def test_a_node_that_raises_ends_the_execution_with_an_error_and_halts_the_others() -> None:
     body = '<Parallel failure_count="2" success_count="2"><Work name="work"/><Break name="gear"/></Parallel>'
     execution = executor_of(body).run()

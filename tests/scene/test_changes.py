@@ -89,6 +89,13 @@ def test_a_chair_that_stood_in_a_narrow_place_is_moved_and_cuts_off_no_more_than
         assert lost.sum() * after.resolution**2 < 0.02  # it stood within 3 cm of where the map has it
 
 
+def test_a_piece_that_was_moved_is_no_farther_from_where_the_map_has_it_than_it_may_be() -> None:
+    scene = load_scene("chest_room", {f"furniture.drawer_chest.{field}": 0.3 for field in ("offset", "moved")})
+    for seed in range(12):
+        chest = next(piece for piece in draw_world(scene, seed).furniture if piece.name == "drawer_chest")
+        assert np.abs(chest.actual.xy - chest.nominal.xy).max() <= 0.3
+
+
 def test_one_outline_more_is_measured_as_if_all_were_measured_anew() -> None:
     rng = np.random.default_rng(1)
     walls = [wall_rectangle(wall) for wall in draw_world(load_scene("kitchen"), 0).walls]
@@ -98,6 +105,16 @@ def test_one_outline_more_is_measured_as_if_all_were_measured_anew() -> None:
         anew, beside = FloorGrid.of([*walls, piece]).room, floor.beside(piece, 0.4).room
         assert np.array_equal(anew > 0.4, beside > 0.4)
         assert np.array_equal(anew[anew <= 0.4], beside[anew <= 0.4])
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_a_coarse_cell_has_the_room_of_the_fine_cell_that_holds_its_middle(count: int) -> None:
+    fine = FloorGrid(np.arange(240.0).reshape(12, 20), np.array([-1.0, 2.0]), 0.1)
+    coarse = fine.every(count)
+    rows, columns = np.indices(coarse.room.shape)
+    middles = coarse.points(rows, columns)
+    np.testing.assert_allclose(middles, fine.points(rows * count + count // 2, columns * count + count // 2))
+    np.testing.assert_array_equal(coarse.room, fine.room_at(middles))
 
 
 def test_presence_decides_whether_a_piece_came() -> None:

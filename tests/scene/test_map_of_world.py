@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from bestman_bt.messages import Pose2D
+from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.scene import World, draw_world, load_scene, semantic_map
+from bestman_bt.scene.boards_of_furniture import leaves
 from bestman_bt.scene.plane_geometry import cut_away, rectangle, wall_rectangle
 
 
@@ -80,3 +83,24 @@ def test_cutting_a_segment_leaves_what_lies_outside() -> None:
     untouched = np.array([[-1.0, 0.6], [1.0, 0.6]])
     np.testing.assert_allclose(cut_away(untouched, square), [untouched])
     assert cut_away(np.array([[-0.2, 0.0], [0.2, 0.0]]), square) == []
+
+
+def test_a_board_that_is_laid_on_its_side_is_as_large_on_the_map_as_it_is() -> None:
+    model = next(
+        piece.model for piece in draw_world(load_scene("chest_room"), 0).furniture if piece.model.articulations
+    )
+    quarter = Pose.from_xyz_rpy((0.0, 0.0, 0.0), (np.pi / 2, 0.0, 0.0))
+
+    def on_its_side(part: PlacedShape) -> PlacedShape:
+        if not isinstance(part.shape, Box):
+            return part
+        x, y, z = part.shape.size
+        return PlacedShape(Box((x, z, y)), part.pose @ quarter)
+
+    turned = tuple(replace(leaf, parts=tuple(map(on_its_side, leaf.parts))) for leaf in model.articulations)
+    for plain, other in zip(leaves(model, 0.0, {}), leaves(replace(model, articulations=turned), 0.0, {}), strict=True):
+        slab, same = plain.shapes[0], other.shapes[0]
+        assert isinstance(slab.shape, Box)
+        assert isinstance(same.shape, Box)
+        assert same.shape.size == pytest.approx(slab.shape.size)
+        assert len(other.shapes) == len(plain.shapes)

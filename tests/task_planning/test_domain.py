@@ -55,6 +55,13 @@ def test_of_what_was_never_seen_nothing_is_believed_but_that_it_is_not_known(wor
     assert facts == {f"unseen(mug, {name})" for name, kind in things(world).items() if kind in ("place", "drawer")}
 
 
+def test_a_door_that_one_walks_through_contains_nothing(world):
+    fridge = MAP.furniture["fridge"]
+    assert "fridge/upper_door" in things(world)
+    passage = replace(MAP, furniture={**MAP.furniture, "fridge": replace(fridge, is_passage=True, surfaces=())})
+    assert not [name for name in things(replace(world, map=passage)) if name.startswith("fridge")]
+
+
 def test_a_name_without_its_number_is_the_first_and_the_others_are_told(domain, world, caplog):
     (closed,) = domain.problem(Beliefs(world), "closed(drawer)").goal
     assert closed.fact.arguments == ("drawer_chest/drawer_1",)

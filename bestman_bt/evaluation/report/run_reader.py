@@ -284,7 +284,8 @@ def _failures(folder: Path, parts: _Parts) -> Iterator[StoryFailure]:
         seen = [i for i in parts.images if i.node == event.node and abs(i.time - event.time) <= SAME_MOMENT]
         if seen and taken < MAX_PICTURES:
             taken += 1
-            picture = _picture(folder, seen[-1].file, f"{seen[-1].camera} at {seen[-1].time:.2f} s", parts)
+            nearest = min(reversed(seen), key=lambda image: abs(image.time - event.time))
+            picture = _picture(folder, nearest.file, f"{nearest.camera} at {nearest.time:.2f} s", parts)
         yield StoryFailure(event.time, event.node, event.code, event.message, counts[event], picture)
 
 

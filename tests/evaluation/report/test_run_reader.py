@@ -12,7 +12,7 @@ from bestman_bt.engine.logs.btlog import BtLogWriter
 from bestman_bt.engine.status import FAILURE, RUNNING, SUCCESS
 from bestman_bt.evaluation.report.run_reader import MAX_BYTES, ReportError, read_story, run_folders
 from bestman_bt.evaluation.result import Outcome
-from bestman_bt.monitor.events import DescribedNode, StatesEvent, TreeEvent
+from bestman_bt.monitor.events import DescribedNode, ImageEvent, LogEvent, StatesEvent, TreeEvent
 from tests.evaluation.report.run_folders import HOSTILE, SteppedClock, failure_with_picture, picture, write_run
 
 
@@ -91,6 +91,19 @@ def test_a_failure_comes_with_the_picture_of_that_moment(tmp_path: Path) -> None
     assert (failure.time, failure.node, failure.code) == (1.4, "work/Grasp::7", "no_grasp")
     assert failure.picture is not None
     assert failure.picture.jpeg.startswith(b"\xff\xd8")
+
+
+def test_of_several_pictures_of_a_node_a_failure_comes_with_the_nearest_one(tmp_path: Path) -> None:
+    told = ((1.4, "pictures/1.jpg"), (1.6, "pictures/2.jpg"), (1.6, "pictures/3.jpg"))
+    lines = tuple(LogEvent(time, "warning", "out of reach", "work/Grasp::7", "no_grasp") for time in (1.4, 1.6, 2.2))
+    images = tuple(ImageEvent(time, file[9], 32, 24, file=file, node="work/Grasp::7") for time, file in told)
+    folder = write_run(tmp_path / "run", success=False, events=(*lines, *images))
+    for _, file in told:
+        picture(folder / file)
+
+    shown = [failure.picture for failure in read_story(folder).failures]
+
+    assert [one.caption if one else "" for one in shown] == ["1 at 1.40 s", "3 at 1.60 s", ""]
 
 
 def test_trees_that_a_leaf_has_ticked_stand_below_that_leaf(tmp_path: Path) -> None:

@@ -22,6 +22,12 @@ def test_a_level_bar_with_a_hidden_end_is_supplemented_about_the_middle_of_its_p
     assert whole.position_std == 0.015
 
 
+@pytest.mark.parametrize("x", [-0.05, 0.05])
+def test_a_bar_that_leans_is_supplemented_along_its_own_axis(x: float) -> None:
+    whole = bar(x, 0.2, angle=0.2).completed(PANEL, 0.015)
+    assert whole.centre.tolist() == pytest.approx([0.0, -x * math.tan(0.2), 0.04])
+
+
 @pytest.mark.parametrize(
     "seen",
     [bar(-0.05, 0.2, end_hidden=False), bar(-0.05, 0.2, angle=math.pi / 2), bar(0.35, 0.1)],

@@ -13,12 +13,14 @@ from benchmarks.rendering import render_view
 from bestman_bt.messages import Box, CameraIntrinsics, PlacedShape, Pose, RGBDImage
 from bestman_bt.perception import NoSurfaceError, View
 from bestman_bt.perception.segmentation import (
+    Cluster,
     RegionGrowing,
     SupportPlane,
     SupportSurfaces,
     SupportSurfacesParameters,
     surface_regions,
 )
+from bestman_bt.perception.segmentation.surface_sides import surface_sides
 
 Tables = Callable[..., RenderedTable]
 shelf = cache(random_shelf)
@@ -161,3 +163,31 @@ def test_a_tiny_image_is_reported_in_words(size: int) -> None:
     image = RGBDImage(np.zeros((size, size, 3), np.uint8), np.ones((size, size), np.float32), k, 0.0)
     with pytest.raises(NoSurfaceError, match="nothing horizontal"):
         SupportSurfaces().find(View(image, camera_pose(0.0, 0.0, 0.5)), np.random.default_rng(0))
+
+
+def test_each_side_is_looked_at_along_its_own_length(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked = []
+
+    def edge_kind(view: View, plane: Pose, edge: np.ndarray, outward: np.ndarray) -> str:
+        looked.append((tuple(outward), edge.min(axis=0).tolist(), edge.max(axis=0).tolist()))
+        return "rim"
+
+    monkeypatch.setattr("bestman_bt.perception.segmentation.surface_sides.edge_kind", edge_kind)
+    assert surface_sides(shelf(*SHELVES[0]).view, Pose(), (0.4, 2.0)) == ("rim",) * 4
+    assert [side for side, _, _ in looked] == [(-1, 0), (1, 0), (0, -1), (0, 1)]
+    lowest, highest = (
+        [[-0.2, -0.9], [0.2, -0.9], [-0.18, -1.0], [-0.18, 1.0]],
+        [[-0.2, 0.9], [0.2, 0.9], [0.18, -1.0], [0.18, 1.0]],
+    )
+    np.testing.assert_allclose([low for _, low, _ in looked], lowest)
+    np.testing.assert_allclose([high for _, _, high in looked], highest)
+
+
+def test_the_obstacle_around_a_thing_grows_to_the_sides_and_above_and_still_stands_on_its_surface() -> None:
+    plane = SupportPlane(Pose.from_xyz_rpy((1.0, 2.0, 0.7), (0.0, 0.0, 0.8)), (1.0, 1.0), np.zeros((0, 3)), 0.001)
+    corners = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.02, 0.02) for z in (0.0, 0.3)])
+    thing = Cluster(plane.frame_from_plane.apply(corners), np.zeros((8, 3), dtype=np.uint8), plane)
+    obstacle = thing.obstacle(0.01)
+    assert isinstance(obstacle.shape, Box)
+    assert sorted(obstacle.shape.size) == pytest.approx([0.06, 0.22, 0.31], abs=1e-4)
+    np.testing.assert_allclose(obstacle.pose.position, (1.0, 2.0, 0.7 + 0.31 / 2), atol=1e-4)

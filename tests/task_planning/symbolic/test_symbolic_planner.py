@@ -23,6 +23,9 @@ from bestman_bt.task_planning.symbolic import (
     parse_fact,
     parse_literals,
 )
+from bestman_bt.task_planning.symbolic.grounding import ground
+from bestman_bt.task_planning.symbolic.heuristics import RelaxedPlan
+from bestman_bt.task_planning.symbolic.search import Found, best_first
 
 
 def operator(name, parameters, pre="", effects="", cost=1.0, hold=""):
@@ -107,6 +110,27 @@ def test_a_cheaper_plan_is_looked_for():
     leap = operator("Leap", {}, "at0", "at3; not at0", cost=5)
     problem = Problem({}, frozenset({Fact("at0")}), (Literal(Fact("at3")),), (leap, *long_way))
     assert planned(problem) == ["Step0()", "Step1()", "Step2()"]
+
+
+def test_a_search_for_a_cheaper_plan_takes_none_that_costs_as_much():
+    grounded = ground(kitchen("on(mug, table)"))
+    assert best_first(grounded, 1.0, 10_000, bound=10.0) == Found(None, exhausted=True)
+    found = best_first(grounded, 1.0, 10_000, bound=10.1).actions
+    assert found is not None
+    assert sum(grounded.actions[number].cost for number in found) == 10.0
+
+
+@pytest.mark.parametrize(
+    ("goal", "cost"),
+    [
+        ("holding(cup)", 3.0),
+        ("holding(mug)", 7.0),
+        ("holding(mug); not on(cup, table)", 10.0),
+    ],
+)
+def test_the_estimate_is_the_cost_of_the_actions_of_a_relaxed_plan_each_counted_once(goal, cost):
+    grounded = ground(kitchen(goal))
+    assert RelaxedPlan(grounded).estimate(grounded.initial).cost == cost
 
 
 def test_what_must_hold_all_the_way_must_hold_at_the_start():
