@@ -12,7 +12,7 @@ from bestman_bt.cli.main import VERBS
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime import session
+from bestman_bt.runtime import prepare, session
 from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner
 from bestman_bt.runtime.plugins import node_registry
 
@@ -64,6 +64,30 @@ def test_the_choices_of_algorithms_are_accepted(text: str, tmp_path: Path) -> No
         assert name == choice.get("algorithm", name)
         assert parameters.keys() >= choice.keys() - {"algorithm"}
     assert all(made)
+
+
+def test_the_task_of_the_page_on_tasks_can_start(tmp_path: Path) -> None:
+    (text,) = fences("docs/writing_a_task.md", "yaml")
+    file = tmp_path / "can_to_counter.yaml"
+    file.write_text(text)
+    setup = prepare(load_run(file, seed=1))
+    assert (setup.goals[0].object, setup.goals[0].surface) == ("can", "counter")
+
+
+@pytest.mark.parametrize(
+    ("field", "asked"),
+    re.findall(r"^\| `(\w+)` \| `(\{.*?\})`[;| ]", (DOCS / "writing_a_task.md").read_text(), re.MULTILINE),
+)
+def test_what_a_task_can_ask_is_accepted(field: str, asked: str, tmp_path: Path) -> None:
+    file = tmp_path / "task.yaml"
+    file.write_text(f"tree: navigate\nscene: kitchen\nrobot: diff_panda\n{field}: {asked}\n")
+    assert getattr(load_run(file).task, field) is not None
+
+
+def test_the_programs_of_a_session_run(capsys: pytest.CaptureFixture[str]) -> None:
+    _, ticked = fences("docs/running.md", "python")
+    exec(compile(ticked, "running.md", "exec"), {})
+    assert capsys.readouterr().out == "2 []\n"
 
 
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])
