@@ -29,7 +29,7 @@ from bestman_bt.engine.node import Node
 from bestman_bt.engine.place import Place
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
-from bestman_bt.engine.shared_entries import SharedEntries
+from bestman_bt.engine.shared_entries import SharedEntries, forget_dropped_trees
 from bestman_bt.engine.tree import Tree
 from bestman_bt.engine.xml.checking import check_values
 from bestman_bt.engine.xml.documents import read_documents
@@ -68,7 +68,8 @@ def build_tree(
         board.share()
     adopter = _Adopter(tree, [], None, substitutions)
     node = adopter.adopt(root, Place(tree, board, "", (tree_id,), file))
-    adopter.finish(node, SharedEntries(board) if has_native else None)
+    native = [found.behaviour for found in tree.nodes if isinstance(found, PyTreesBehaviour)]
+    adopter.finish(node, SharedEntries(board, native) if has_native else None)
     node.parent = None
     return tree
 
@@ -90,6 +91,7 @@ def load_python_tree(path: Path) -> Behaviour:
         raise fail("the file cannot be imported")
     module = importlib.util.module_from_spec(specification)
     sys.modules[specification.name] = module
+    forget_dropped_trees()
     try:
         specification.loader.exec_module(module)
         build = getattr(module, "build", None)

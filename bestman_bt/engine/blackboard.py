@@ -120,7 +120,7 @@ def _forget(paths: dict[str, KeyMetaData], client: uuid.UUID) -> None:
     for path, metadata in paths.items():
         if PyTreesBlackboard.metadata.get(path) is metadata:
             metadata.read.discard(client)
-            if isinstance(metadata, TreeKey):
+            if isinstance(metadata, TreeKey) or not (metadata.read or metadata.write or metadata.exclusive):
                 PyTreesBlackboard.metadata.pop(path)
             PyTreesBlackboard.storage.pop(path, None)
     PyTreesBlackboard.clients.pop(client, None)

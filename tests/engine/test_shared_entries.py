@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import py_trees
@@ -26,6 +27,7 @@ from bestman_bt.engine import (
     SubTree,
     SyncAction,
     build_tree,
+    load_tree,
 )
 from bestman_bt.engine.validation import tree_warnings
 
@@ -168,3 +170,18 @@ def test_entries_that_a_tree_made_end_with_it_and_those_it_found_stay() -> None:
 
 def test_an_entry_that_a_native_leaf_may_write_is_not_warned_of() -> None:
     assert tree_warnings(build_tree(Sequence([Counts(), ScriptCondition(code="steps > 1")]))) == []
+
+
+def test_a_file_may_be_loaded_again_once_its_tree_is_gone(tmp_path: Path) -> None:
+    file = tmp_path / "tree.py"
+    file.write_text(
+        "from py_trees.common import Access\n"
+        "from tests.engine.test_shared_entries import Counts\n"
+        "def build():\n    return Counts('odometer', Access.EXCLUSIVE_WRITE)\n"
+    )
+    for _ in range(2):
+        tree = load_tree(file)
+        assert "steps" not in tree.blackboard
+        tree.tick_exactly_once()
+        assert tree.blackboard["steps"] == 1
+        del tree

@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from py_trees.behaviour import Behaviour
+from py_trees.common import Access, Status
 
-from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, load_tree
+from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
 from bestman_bt.monitor.events import EndEvent, Event, RunEvent, StatesEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
+from bestman_bt.runtime.blackboard_changes import BlackboardChanges
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -221,6 +224,42 @@ def test_an_entry_is_set_in_the_scope_that_is_named(tmp_path: Path) -> None:
     running.join(5.0)
     assert [answer["ok"] for answer in answers] == [True, True, False, False, True]
     assert [answer["error"] for answer in answers[2:4]] == ["there is no SubTree 'out'", "there is no SubTree 7"]
+
+
+class Counts(Behaviour):
+    """A native behaviour: adds one to ``steps`` at each tick, and alone may write ``odometer``."""
+
+    def __init__(self) -> None:
+        super().__init__("counts")
+        self.blackboard = self.attach_blackboard_client("counts")
+        self.blackboard.register_key("steps", access=Access.WRITE)
+        self.blackboard.register_key("odometer", access=Access.EXCLUSIVE_WRITE)
+        self.blackboard.steps = 0
+
+    def update(self) -> Status:
+        self.blackboard.steps += 1
+        return Status.RUNNING
+
+
+def test_what_is_set_reaches_native_behaviours_or_is_refused_with_the_reason() -> None:
+    clock = ManualClock()
+    executor = Executor(build_tree(Counts(), clock=clock), clock)
+    channel = ControlChannel(executor, lambda: None, Telemetry(executor, described("native")))
+    executor.pause()
+    running = threading.Thread(target=executor.run)
+    running.start()
+    ok = channel.answer({"do": "set", "key": "steps", "value": 1_000_000})
+    refused = channel.answer({"do": "set", "key": "odometer", "value": 3})
+    executor.resume()
+    while executor.ticks < 2:
+        time.sleep(0.001)
+    executor.cancel()
+    running.join(5.0)
+    assert ok["ok"]
+    assert executor.tree.blackboard["steps"] > 1_000_000
+    assert not refused["ok"]
+    assert "the py_trees client 'counts' has exclusive write access" in refused["error"]
+    assert [entry.key for entry in BlackboardChanges(executor.tree).collect()] == ["steps"]
 
 
 def test_serving_leaves_the_rights_of_new_files_as_they_were(served: Served, tmp_path: Path) -> None:
