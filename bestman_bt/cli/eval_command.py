@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from bestman_bt.cli.eval_view import EvaluationView
 from bestman_bt.cli.json_output import json_output
@@ -16,12 +15,12 @@ from bestman_bt.cli.options import MONITOR_PORT, Json, Monitor, MonitorPort, Plu
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, load_run
-from bestman_bt.evaluation.batch import run_batch
+from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.evaluation import Evaluation
 from bestman_bt.evaluation.markdown import markdown
-from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import Entry, Suite, is_suite, load_suite
+from bestman_bt.evaluation.summary import spread_words
 
 
 def command(
@@ -37,11 +36,13 @@ def command(
     robot: Robot = None,
     settings: Settings = None,
     plugins: Plugins = None,
-    runs: Annotated[Path | None, typer.Option(help="Keep a run folder per episode of one task here.")] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Keep everything here and go on where it stopped; of a suite: runs/evaluations/NAME."),
+        typer.Option(help="Keep everything here and go on where it stopped.", show_default="runs/evaluations/NAME"),
     ] = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Compare each entry, seed by seed, with the first one of its task.")
+    ] = False,
     keep_old: Annotated[
         bool, typer.Option("--keep-old", help="Count finished episodes that were run with other code.")
     ] = False,
@@ -51,23 +52,15 @@ def command(
 ) -> None:
     """Run seeds SEED … SEED + EPISODES - 1 of each task and summarise."""
     with json_output(as_json) as tell:
-        if len(tasks) == 1 and out is None and not is_suite(tasks[0]):
-            config = _config(tasks[0], seed or 0, scene, robot, settings, plugins)
-            prepare_episode(config)  # what is wrong is told before the progress bar begins
-            _show(monitor, monitor_port)
-            document = _evaluate(config, episodes or 10, jobs, runs)
-            ended, met = document["episodes"] == (episodes or 10), not document["failures"]
-        else:
-            suite = _suite(tasks, episodes, seed, scene, robot, settings, plugins)
-            _show(monitor, monitor_port)
-            is_kept = any(entry.asked is not None for entry in suite.entries)
-            folder = out or (Path("runs/evaluations") / suite.name if is_kept else runs)
-            document = _evaluate_suite(suite, folder, jobs, keep_old, as_json)
-            ended, met = not document["interrupted"], document["met"]
+        suite = _suite(tasks, episodes, seed, scene, robot, settings, plugins)
+        if compare and sum(not entry.control for entry in suite.entries) < 2:
+            raise ConfigurationError([Problem("--compare", None, "", f"needs two entries, {suite.name} has one")])
+        _show(monitor, monitor_port)
+        document = _evaluate(suite, out or Path("runs/evaluations") / suite.name, jobs, keep_old, compare)
         tell(document)
     if not as_json:
-        (_tell_evaluation if "evaluation" in document else _tell)(document)
-    sys.exit((0 if met else 1) if ended else 130)
+        _tell(document)
+    sys.exit(130 if document["interrupted"] else 0 if document["met"] else 1)
 
 
 def _show(monitor: bool, port: int) -> None:
@@ -111,24 +104,31 @@ def _suite(
             prepare_episode(config)
             entries.append(Entry(name, config, episodes or 10))
     faults.raise_if_any()
-    return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries))
+    file = str(Path(tasks[0]).resolve()) if len(entries) == 1 and Path(tasks[0]).is_file() else ""
+    return Suite("+".join(Path(name).stem for name in dict.fromkeys(tasks)), tuple(entries), file=file)
 
 
-def _evaluate_suite(suite: Suite, folder: Path | None, jobs: int, keep_old: bool, as_json: bool) -> dict[str, Any]:
-    """Run what is not finished with a table on standard error; write ``summary.json`` and ``summary.md``."""
-    if folder is not None:
-        _refuse_other_suite(folder / "summary.json", suite)
+def _evaluate(suite: Suite, folder: Path, jobs: int, keep_old: bool, compare: bool) -> dict[str, Any]:
+    """Run what is not finished with a table on standard error; write ``summary.json``, ``summary.md``, comparisons."""
+    _refuse_other_suite(folder / "summary.json", suite)
     with Evaluation(suite, folder, keep_old) as evaluation:
+        CONSOLE.print(f"kept in {folder}", highlight=False, soft_wrap=True)
         told = len(evaluation.notes)
         with EvaluationView(evaluation, CONSOLE) as view:
             document = evaluation.run(jobs, view.told)
         for note in evaluation.notes[told:]:
             CONSOLE.print(f"note: {note}", highlight=False)
-        if folder is not None:
-            text = json.dumps(document, indent=2, allow_nan=False) + "\n"
-            (folder / "summary.json").write_text(text, encoding="utf-8")
-            (folder / "summary.md").write_text(markdown(document), encoding="utf-8")
-            CONSOLE.print(f"written: {folder / 'summary.md'}", highlight=False, soft_wrap=True)
+        compared = within(evaluation.finished_entries()) if compare and not document["interrupted"] else []
+        document["comparisons"] = [one.document() for one in compared]
+        text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+        (folder / "summary.json").write_text(text, encoding="utf-8")
+        lines = ["", "## Comparisons", "", *(line for one in compared for line in (*one.lines(), ""))]
+        (folder / "summary.md").write_text(
+            markdown(document) + ("\n".join(lines) if compared else ""), encoding="utf-8"
+        )
+        for one in compared:
+            one.draw(folder / f"{one.names[1]}_against_{one.names[0]}.svg".replace("/", "_"))
+        CONSOLE.print(f"written: {folder / 'summary.md'}", highlight=False, soft_wrap=True)
     return document
 
 
@@ -143,36 +143,23 @@ def _refuse_other_suite(summary: Path, suite: Suite) -> None:
         raise ConfigurationError([Problem(str(summary.parent), None, "", message)])
 
 
-def _evaluate(config: RunConfig, episodes: int, jobs: int, runs: Path | None) -> dict[str, Any]:
-    """Run all episodes with a progress bar on standard error."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=CONSOLE, transient=True) as progress:
-        bar = progress.add_task(config.name, total=episodes)
-
-        def on_result(result: RunResult) -> None:
-            progress.advance(bar)
-            if not result.success:
-                why = f"{result.failure.node}: {result.failure.why}" if result.failure else str(result.outcome)
-                progress.console.print(f"seed {result.seed}: {why}", highlight=False, markup=False)
-
-        return run_batch(config, episodes, jobs, runs, on_result)
-
-
 def _tell(document: dict[str, Any]) -> None:
-    low, high = document["interval"]
-    print(
-        f"{document['task']}: {document['succeeded']} of {document['episodes']} succeeded "
-        f"({document['success_rate']:.0%}, 95 % interval {low:.0%} to {high:.0%}), "
-        f"{document['false_successes']} false successes, audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
-    )
-    for name, spread in document["metrics"].items():
-        print(f"  {name:16} median {spread['median']:8.2f}   p95 {spread['p95']:8.2f}")
-    print(f"  {document['sim_time_s']:.0f} s simulated, {document['real_time_factor']:.1f} × real time per process")
-
-
-def _tell_evaluation(document: dict[str, Any]) -> None:
     verdict = "interrupted" if document["interrupted"] else "all met" if document["met"] else "NOT all met"
     print(
         f"{document['evaluation']}: {verdict}; {document['episodes']} episodes, {document['false_successes']} false "
         f"successes, audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
     )
+    for entry in document["entries"]:
+        low, high = entry["interval"]
+        print(
+            f"{entry['name']}: {entry['succeeded']} of {entry['episodes']} succeeded "
+            f"({entry['success_rate']:.0%}, 95 % interval {low:.0%} to {high:.0%})"
+        )
+        if len(document["entries"]) == 1:
+            for name, spread in {**entry["accuracy"], **entry["durations"]}.items():
+                print(f"  {name:16} median / p95 {spread_words(spread)}")
+            print(f"  {entry['sim_time_s']:.0f} s simulated, {entry['real_time_factor']:.1f} × real time per process")
+    for compared in document["comparisons"]:
+        print(f"{compared['second']['name']} against {compared['first']['name']}:")
+        for sentence in compared["sentences"]:
+            print(f"  {sentence}")

@@ -29,6 +29,10 @@ class EvaluationView:
     def __enter__(self) -> EvaluationView:
         for note in self._evaluation.notes:
             self._console.print(f"note: {note}", highlight=False)
+        for entry in self._evaluation.suite.entries:
+            if entry.settings:
+                told = ", ".join(f"{key}={value}" for key, value in entry.settings.items())
+                self._print(f"{entry.name}: {entry.config.name} with {told}")
         if self._finished_before:
             self._console.print(f"{self._finished_before} episodes are finished already", highlight=False)
         if self._console.is_terminal:

@@ -14,6 +14,7 @@ VERBS = {
     "run": "run a tree or a task once and judge it",
     "plan": "plan for a goal in words or facts, make a tree of the plan and check it",
     "eval": "run a task over many seeds and summarise",
+    "compare": "compare two evaluations seed by seed",
     "look": "show what the robot perceives of the furniture in a scene",
     "domain": "show what task planners may order, and write it as PDDL",
     "show": "print a tree",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 from behaviours.failure import Failure
@@ -13,6 +14,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.driven_path import DrivenPath
+from bestman_bt.evaluation.durations import Durations
 from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.predicates import Verdict, find_judge
@@ -125,7 +127,8 @@ def run_episode(
     with ExitStack() as stack:
         session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
         tree = session.load()
-        after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording)
+        durations = Durations(tree)
+        after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
         executor = session.executor(tree, after_tick)
         telemetry = stack.enter_context(session.telemetry(executor, folder))
         stack.enter_context(ControlChannel(executor, session.skills.stop.hold, telemetry).serving(folder))
@@ -142,6 +145,7 @@ def run_episode(
         record = observers.honesty_record()
         audited = audit(record, setup.config.task.allowed_contacts, observers.script) if record is not None else None
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
+        result = replace(result, durations=durations.seconds)
         telemetry.end(str(result.outcome), result.tree_status, result.failure.why if result.failure is not None else "")
         if folder is not None:
             write_world(folder / WORLD_NAME, setup, session.skills.world)
@@ -171,8 +175,9 @@ def _after_tick(
     folder: Path | None,
     watch: Watcher | None,
     recording: Path | None,
+    durations: Durations,
 ) -> Callable[[], None]:
-    calls: list[Callable[[], None]] = []
+    calls: list[Callable[[], None]] = [durations.after_tick]
     if folder is not None and observers.scene is not None:
         motion = MotionLog(folder, observers.scene)
         motion.open()

@@ -10,6 +10,7 @@ from typing import Any
 
 from bestman_bt.configuration import RunConfig
 from bestman_bt.evaluation.code_version import code_fingerprint, commit, config_fingerprint
+from bestman_bt.evaluation.finished_evaluation import FinishedEntry
 from bestman_bt.evaluation.journal import EpisodeKey, Journal
 from bestman_bt.evaluation.parallel import run_episodes
 from bestman_bt.evaluation.result import Outcome, RunResult
@@ -90,9 +91,20 @@ class Evaluation:
             "versions": versions(),
         }
 
+    def finished_entries(self) -> list[FinishedEntry]:
+        """The results of all entries but the controls."""
+        return [
+            FinishedEntry(entry.name, entry.config.name, tuple(self._results_of(entry)), entry.settings)
+            for entry in self.suite.entries
+            if not entry.control
+        ]
+
+    def _results_of(self, entry: Entry) -> list[RunResult]:
+        return [result for _, result in sorted(self.results[entry.name].items())]
+
     def entry_document(self, entry: Entry) -> dict[str, Any]:
         """The summary of one entry; ``met``: all its episodes are done, and its targets met or else all successful."""
-        results = [result for _, result in sorted(self.results[entry.name].items())]
+        results = self._results_of(entry)
         busy = sum(result.wall_time_s for result in results)
         summary = summarize(entry.config.name, entry.config.seed, results, busy)
         targets = check_targets(entry.asked, summary) if entry.asked is not None else []
@@ -100,6 +112,8 @@ class Evaluation:
         return {
             "name": entry.name,
             "control": entry.control,
+            "config": self._configs[entry.name],
+            "settings": entry.settings,
             "asked_episodes": entry.episodes,
             "met": met and len(results) == entry.episodes,
             "targets": [asdict(target) for target in targets],

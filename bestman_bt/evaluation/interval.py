@@ -1,8 +1,9 @@
-"""Confidence intervals of success rates."""
+"""Confidence intervals of success rates and medians, and how many digits they allow."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 
 def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -> tuple[float, float]:
@@ -21,3 +22,31 @@ def wilson_interval(successes: int, trials: int, z: float = 1.959963984540054) -
     low = (centre - spread) / scale if successes > 0 else 0.0
     high = (centre + spread) / scale if successes < trials else 1.0
     return low, high
+
+
+def median_interval(values: Sequence[float]) -> list[float] | None:
+    """The 95 % interval of the median by order statistics; None of fewer than six values."""
+    count = len(values)
+    ordered = sorted(values)
+    rank = 0
+    if count > 1000:
+        rank = int(count / 2 - 0.98 * math.sqrt(count))
+    else:
+        below = 0.5**count  # the probability that at most ``rank`` values lie below the median
+        while below <= 0.025:
+            rank += 1
+            below += math.comb(count, rank) * 0.5**count
+    if rank == 0:
+        return None
+    return [round(ordered[rank - 1], 3), round(ordered[count - rank], 3)]
+
+
+def decimals_of(value: float, width: float | None) -> int:
+    """Decimals with which to write a value so that the width of its interval has two significant digits.
+
+    Without an interval (None, or one of no width) the value has two.
+    """
+    size = width or abs(value)
+    if not math.isfinite(size) or size == 0:
+        return 0
+    return min(max(0, 1 - math.floor(math.log10(size))), 4)

@@ -45,8 +45,7 @@ class Journal:
         whole, newline, torn = self._file.read().rpartition("\n")
         if torn:
             self._file.truncate(len((whole + newline).encode()))
-        for number, line in enumerate(whole.splitlines(), 1):
-            self._read(line, number)
+        self._results = _parsed(self._path, whole)
         return self
 
     def __exit__(
@@ -69,13 +68,26 @@ class Journal:
         self._file.flush()
         self._results[key] = result
 
-    def _read(self, line: str, number: int) -> None:
+    def _problem(self, why: str) -> ConfigurationError:
+        return _problem(self._path, why)
+
+
+def read_episodes(path: Path) -> Mapping[EpisodeKey, RunResult]:
+    """The finished episodes of a journal that others may be writing; raises OSError, ConfigurationError."""
+    return _parsed(path, path.read_text(encoding="utf-8").rpartition("\n")[0])
+
+
+def _parsed(path: Path, lines: str) -> dict[EpisodeKey, RunResult]:
+    results: dict[EpisodeKey, RunResult] = {}
+    for number, line in enumerate(lines.splitlines(), 1):
         try:
             entry: dict[str, Any] = json.loads(line)
             key = EpisodeKey(entry["config"], entry["seed"], entry["code"])
-            self._results[key] = RunResult.from_document(entry["result"])
+            results[key] = RunResult.from_document(entry["result"])
         except (ValueError, KeyError, TypeError) as error:
-            raise self._problem(f"line {number} is no finished episode: {error!r}") from error
+            raise _problem(path, f"line {number} is no finished episode: {error!r}") from error
+    return results
 
-    def _problem(self, why: str) -> ConfigurationError:
-        return ConfigurationError([Problem(str(self._path), None, "", why)])
+
+def _problem(path: Path, why: str) -> ConfigurationError:
+    return ConfigurationError([Problem(str(path), None, "", why)])

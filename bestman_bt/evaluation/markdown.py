@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from bestman_bt.evaluation.summary import spread_words
+
 
 def markdown(document: dict[str, Any]) -> str:
     """Markdown text: the verdict, a table of all tasks, one of the controls, then what was missed and what failed."""
@@ -31,6 +33,13 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
             yield f"## {title}"
             yield ""
             yield from _table(entries)
+    settings = {entry["name"]: entry["settings"] for entry in document["entries"] if entry["settings"]}
+    if settings:
+        yield ""
+        yield "## Settings"
+        yield ""
+        for name, given in settings.items():
+            yield f"- {name}: " + ", ".join(f"`{key}={value}`" for key, value in given.items())
     yield from _details(document["entries"])
 
 
@@ -59,10 +68,10 @@ def _table(entries: list[dict[str, Any]]) -> Iterator[str]:
         yield "| " + " | ".join(cells) + " |"
 
 
-def accuracy_words(accuracy: dict[str, dict[str, float]]) -> str:
+def accuracy_words(accuracy: dict[str, dict[str, Any]]) -> str:
     """``place_error_mm 3.1 / 7.9``: metrics of single objects are left out where there is one over all."""
     shown = [name for name in accuracy if not any(name.startswith(f"{other}_") for other in accuracy if other != name)]
-    return ", ".join(f"{name} {accuracy[name]['median']:.1f} / {accuracy[name]['p95']:.1f}" for name in shown)
+    return ", ".join(f"{name} {spread_words(accuracy[name])}" for name in shown)
 
 
 def target_words(entry: dict[str, Any]) -> str:

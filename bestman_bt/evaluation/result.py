@@ -35,6 +35,7 @@ class RunResult:
 
     ``success``: the tree succeeded and the predicate holds. ``predicate``: None where the run was not judged.
     ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
+    ``durations``: simulated seconds by kind of work (``evaluation.durations``); of kinds that overlap, in both.
     """
 
     task: str
@@ -49,6 +50,7 @@ class RunResult:
     sim_time_s: float
     wall_time_s: float
     versions: dict[str, str] = field(default_factory=dict)
+    durations: dict[str, float] = field(default_factory=dict)
 
     @property
     def real_time_factor(self) -> float:

@@ -54,6 +54,7 @@ class Spread:
 class EntryConfig:
     """One task of a suite.
 
+    ``successes``: without them an entry may fail as often as it does; a control has to say them.
     ``task``: its name or file; without it the entry's own name. ``tree``: in the place of the task's own.
     ``settings``: ``key=value``, as ``--set``. Paths are counted from the suite's file.
     ``causes``: of a control, the error codes that its failures may have; none: any.
@@ -61,7 +62,7 @@ class EntryConfig:
     ``real_time_factor``: at least, per process.
     """
 
-    successes: Successes
+    successes: Successes | None = None
     task: str | None = None
     tree: str | None = None
     settings: tuple[str, ...] = ()
@@ -92,6 +93,17 @@ class Entry:
     episodes: int
     asked: EntryConfig | None = None
     control: bool = False
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """What it lays over its task, as ``--set`` names it: settings, and another tree and plug-ins."""
+        asked = self.asked or EntryConfig()
+        given = dict(setting.partition("=")[::2] for setting in asked.settings)
+        if asked.tree is not None:
+            given["tree"] = asked.tree
+        if asked.plugins:
+            given["plugins"] = ", ".join(asked.plugins)
+        return {key.strip(): value.strip() for key, value in given.items()}
 
     def configs(self) -> list[RunConfig]:
         """One per episode."""
@@ -218,7 +230,12 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
     for kind, entries in (("tasks", asked.tasks), ("controls", asked.controls)):
         for key, entry in entries.items():
             path = (kind, key, "successes")
-            if (entry.successes.at_least is None) == (entry.successes.at_most is None):
+            if entry.successes is None:
+                if kind == "controls":
+                    yield document.problem(
+                        path, "is missing: a control says how often it may succeed, {at_most: 0, of: 10}"
+                    )
+            elif (entry.successes.at_least is None) == (entry.successes.at_most is None):
                 yield document.problem(path, "one of 'at_least' and 'at_most' should be given")
             elif max(entry.successes.at_least or 0, entry.successes.at_most or 0) > entry.successes.of:
                 yield document.problem(path, f"more than all {entry.successes.of} are asked")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from bestman_bt.evaluation.audit import CHEATS
-from bestman_bt.evaluation.interval import wilson_interval
+from bestman_bt.evaluation.interval import decimals_of, median_interval, wilson_interval
 from bestman_bt.evaluation.result import Outcome, RunResult
 
 
@@ -20,15 +20,16 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
     ``errors``: runs in which something raised. ``false_successes``: runs whose tree reported success while the
     predicate does not hold.
     ``audit_clean``: no cheat in any run; a run that could not be audited is not clean. ``interval``: Wilson, 95 %.
-    ``metrics``: median and 95th percentile over the runs that have the metric; ``accuracy``: over those of them whose
-    tree reported success. ``causes``: error code → how many failed so, the most frequent
-    first. ``slowest``: in simulated time.
+    ``metrics``: median, its 95 % interval and 95th percentile over the runs that have the metric; ``accuracy`` and
+    ``durations``: over those of them whose tree reported success. ``causes``: error code → how many failed so, the
+    most frequent first. ``slowest``: in simulated time.
     """
     succeeded = sum(result.success for result in results)
     sim_time = sum(result.sim_time_s for result in results)
     busy = sum(result.wall_time_s for result in results)
     failures = [_failure(result) for result in results if not result.success]
     unclean = [r.seed for r in results if any(r.audit.get(cheat) != 0 for cheat in CHEATS)]
+    succeeded_trees = [result for result in results if result.tree_status == "SUCCESS"]
     slowest = max(results, key=lambda result: result.sim_time_s, default=None)
     return {
         "task": task,
@@ -47,22 +48,34 @@ def summarize(task: str, first_seed: int, results: Sequence[RunResult], wall_tim
         "sim_time_s": round(sim_time, 3),
         "wall_time_s": round(wall_time_s, 3),
         "real_time_factor": round(sim_time / busy, 3) if busy > 0 else 0.0,
-        "metrics": spreads(results),
-        "accuracy": spreads([result for result in results if result.tree_status == "SUCCESS"]),
+        "metrics": spreads([result.metrics for result in results]),
+        "accuracy": spreads([result.metrics for result in succeeded_trees]),
+        "durations": spreads([{**result.durations, "time_s": result.sim_time_s} for result in succeeded_trees]),
     }
 
 
-def spreads(results: Sequence[RunResult]) -> dict[str, dict[str, float]]:
-    """Metric → median and 95th percentile over the runs that measured it."""
+def spreads(measurements: Sequence[Mapping[str, float]]) -> dict[str, dict[str, Any]]:
+    """Metric → median, its 95 % interval and 95th percentile over the runs that measured it."""
     measured: dict[str, list[float]] = {}
-    for result in results:
-        for name, value in result.metrics.items():
+    for metrics in measurements:
+        for name, value in metrics.items():
             if math.isfinite(value):
                 measured.setdefault(name, []).append(value)
     return {
-        name: {"median": round(float(np.median(values)), 3), "p95": round(float(np.percentile(values, 95)), 3)}
+        name: {
+            "median": round(float(np.median(values)), 3),
+            "interval": median_interval(values),
+            "p95": round(float(np.percentile(values, 95)), 3),
+        }
         for name, values in sorted(measured.items())
     }
+
+
+def spread_words(spread: Mapping[str, Any]) -> str:
+    """``3.1 / 7.9``: median and 95th percentile, with the digits that the interval of the median allows."""
+    median, p95, interval = spread["median"], spread["p95"], spread.get("interval")
+    decimals = decimals_of(median, None if interval is None else interval[1] - interval[0])
+    return f"{median:.{decimals}f} / {p95:.{decimals}f}"
 
 
 def _failure(result: RunResult) -> dict[str, Any]:

@@ -30,10 +30,10 @@ def check_targets(asked: EntryConfig, summary: dict[str, Any]) -> list[Target]:
 def _targets(asked: EntryConfig, summary: dict[str, Any]) -> Iterator[Target]:
     wanted, succeeded, episodes = asked.successes, summary["succeeded"], summary["episodes"]
     found = f"{succeeded} of {episodes}"
-    if wanted.at_least is not None:
+    if wanted is not None and wanted.at_least is not None:
         met = episodes > 0 and succeeded * wanted.of >= wanted.at_least * episodes
         yield Target("successes", f"≥ {wanted.at_least} of {wanted.of}", found, met)
-    if wanted.at_most is not None:
+    if wanted is not None and wanted.at_most is not None:
         met = episodes > 0 and succeeded * wanted.of <= wanted.at_most * episodes
         yield Target("successes", f"≤ {wanted.at_most} of {wanted.of}", found, met)
     for metric, limits in asked.accuracy.items():

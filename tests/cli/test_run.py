@@ -168,16 +168,15 @@ def test_ctrl_c_ends_an_evaluation_on_two_processes_and_what_was_done_is_summari
             "200",
             "--jobs",
             "2",
-            "--runs",
-            "runs",
             "--json",
         ),
         folder=folder,
     )
-    wait_for(folder, "runs/*-fetch_cup-4/transitions.btlog")
+    wait_for(folder, "runs/evaluations/fetch_cup/runs/*-fetch_cup-4/transitions.btlog")
     program.interrupt()
     answer = program.answer(timeout=60.0)
     assert answer.code == 130
+    assert "kept in runs/evaluations/fetch_cup" in answer.err
     assert 2 <= answer.document["episodes"] < 100
     assert answer.document["false_successes"] == answer.document["episodes"]
     assert "Traceback" not in answer.err

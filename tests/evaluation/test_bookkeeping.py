@@ -1,4 +1,4 @@
-"""What an evaluation and a batch make of episodes that a test has written: seeds, order, what counts, what is met."""
+"""What an evaluation makes of episodes that a test has written: seeds, order, what counts, what is met."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from typing import Any
 import pytest
 
 from bestman_bt.configuration import RunConfig, load_run
-from bestman_bt.evaluation import batch as batch_module
 from bestman_bt.evaluation import evaluation as evaluation_module
-from bestman_bt.evaluation.batch import run_batch
 from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.evaluation import Evaluation
+from bestman_bt.evaluation.markdown import markdown
 from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.suite import Entry, EntryConfig, Successes, Suite
@@ -34,6 +33,10 @@ def succeed(config: RunConfig) -> RunResult:
 def pretend(claims: RunConfig) -> RunResult:
     """The tree claims success, the judge denies it."""
     return result(claims.seed, predicate=False)
+
+
+def fail(config: RunConfig) -> RunResult:
+    return result(config.seed, tree="FAILURE", predicate=False)
 
 
 def cancel(config: RunConfig) -> RunResult:
@@ -61,8 +64,6 @@ def episodes(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Episodes]:
     def scripted(*of: Episode) -> Episodes:
         made = Episodes(*of)
         monkeypatch.setattr(evaluation_module, "run_episodes", made)
-        monkeypatch.setattr(batch_module, "run_episodes", made)
-        monkeypatch.setattr(batch_module, "prepare_episode", lambda config: None)
         return made
 
     monkeypatch.setattr(evaluation_module, "code_fingerprint", lambda: "code")
@@ -176,24 +177,16 @@ def test_code_that_changes_while_it_runs_is_told(
     assert "the code was changed while the evaluation ran" in note
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_a_batch_runs_the_seeds_from_the_first_one_on_and_tells_them_in_their_order(
-    episodes: Callable[..., Episodes], jobs: int
-) -> None:
-    made = episodes(succeed)
-    told: list[int] = []
-    document = run_batch(load_run("fetch_cup", seed=5), 4, jobs, on_result=lambda result: told.append(result.seed))
-    assert sorted(seed for _, seed in made.ran) == sorted(told) == [5, 6, 7, 8]
-    assert (document["first_seed"], document["episodes"], document["succeeded"]) == (5, 4, 4)
-    assert document["metrics"]["place_error_mm"]["median"] == 6.5
-
-
-def test_a_batch_ends_with_an_episode_that_somebody_stops(episodes: Callable[..., Episodes]) -> None:
-    made = episodes(pretend, succeed, cancel, succeed)
-    document = run_batch(load_run("fetch_cup", seed=5), 9)
-    assert [seed for _, seed in made.ran] == [5, 6, 7]
-    assert (document["episodes"], document["succeeded"]) == (2, 1)
-    assert [failure["seed"] for failure in document["failures"]] == [5]
+def test_an_entry_without_successes_may_fail_but_not_claim_what_is_not_so(episodes: Callable[..., Episodes]) -> None:
+    of = suite(ALL)
+    (entry,) = of.entries
+    of = replace(of, entries=(replace(entry, asked=EntryConfig(settings=("time_limit=10 s",))),))
+    episodes(succeed, fail)
+    (document,) = evaluated(of)["entries"]
+    assert (document["succeeded"], document["met"], document["settings"]) == (1, True, {"time_limit": "10 s"})
+    assert "- entry0: `time_limit=10 s`" in markdown(evaluated(of))
+    episodes(succeed, pretend)
+    assert not evaluated(of)["met"]
 
 
 def test_the_way_that_a_base_has_driven_is_added_up_from_tick_to_tick_and_a_turn_is_none() -> None:

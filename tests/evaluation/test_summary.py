@@ -98,7 +98,9 @@ def test_one_teleport_in_one_episode_makes_the_audit_unclean_and_a_collision_doe
 
 def test_metrics_are_medians_and_95th_percentiles():
     document = summarize("t", 0, [result(seed) for seed in range(101)], 1.0)
-    assert document["metrics"] == {"place_error_mm": {"median": 50.0, "p95": 95.0}}, "a tilt of NaN was not measured"
+    assert document["metrics"] == {"place_error_mm": {"median": 50.0, "interval": [40.0, 60.0], "p95": 95.0}}, (
+        "a tilt of NaN was not measured"
+    )
     assert document["real_time_factor"] == 10.0
 
 
@@ -116,7 +118,7 @@ def test_accuracy_is_that_of_the_runs_whose_tree_claims_success_true_or_not():
     results = [result(3), result(5, predicate=False), result(2000, tree="FAILURE")]
     document = summarize("t", 0, results, 1.0)
     assert document["metrics"]["place_error_mm"]["median"] == 5.0
-    assert document["accuracy"]["place_error_mm"] == {"median": 4.0, "p95": 4.9}
+    assert document["accuracy"]["place_error_mm"] == {"median": 4.0, "interval": None, "p95": 4.9}
 
 
 def test_causes_are_counted_the_most_frequent_first_and_the_slowest_run_is_named():

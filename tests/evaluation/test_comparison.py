@@ -1,0 +1,59 @@
+"""Comparisons of entries and of evaluations in folders, and their pictures."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import ConfigurationError
+from bestman_bt.evaluation.comparison import matched, within
+from bestman_bt.evaluation.finished_evaluation import FinishedEntry, read_entries
+from tests.evaluation.evaluated import finished_evaluation
+from tests.evaluation.test_paired_comparison import run
+
+RRT, BIT = "algorithms.motion_planning.algorithm=rrt_connect", "algorithms.motion_planning.algorithm=bit_star"
+
+
+def entry(name: str, task: str = "fetch_cup", shift: float = 0.0) -> FinishedEntry:
+    return FinishedEntry(name, task, tuple(run(seed, error=seed + shift) for seed in range(8)))
+
+
+def test_entries_are_compared_with_the_first_of_their_task() -> None:
+    entries = [entry("a"), entry("drawer_a", "open_drawer"), entry("b"), entry("drawer_b", "open_drawer")]
+    assert [one.names for one in within(entries)] == [("a", "b"), ("drawer_a", "drawer_b")]
+    assert [one.names for one in within([entry("a"), entry("b", "other")])] == [("a", "b")]
+
+
+def test_evaluations_are_compared_entry_by_entry_and_named_by_what_differs(tmp_path: Path) -> None:
+    both = [entry("a"), entry("b")]
+    sides = (str(tmp_path / "first"), str(tmp_path / "second"))
+    assert [one.names for one in matched(both, both, sides)] == 2 * [("first", "second")]
+    assert [one.names for one in matched([entry("a")], [entry("b")], sides)] == [("a", "b")]
+    with pytest.raises(ConfigurationError, match="name one as FOLDER:ENTRY"):
+        matched(both, [entry("c"), entry("d")], sides)
+
+
+def test_an_evaluation_is_read_from_its_folder_entry_by_entry(tmp_path: Path) -> None:
+    finished_evaluation(tmp_path / "mine", {"rrt": RRT, "bit": BIT})
+
+    rrt, bit = read_entries(str(tmp_path / "mine"))
+
+    assert (rrt.name, rrt.task, rrt.settings) == ("rrt", "fetch_cup", dict([RRT.split("=")]))
+    assert [result.seed for result in bit.results] == [5, 6, 7, 8, 9, 10]
+    assert read_entries(f"{tmp_path / 'mine'}:bit") == [bit]
+    with pytest.raises(ConfigurationError, match="no entry 'bot'; did you mean 'bit'"):
+        read_entries(f"{tmp_path / 'mine'}:bot")
+    with pytest.raises(ConfigurationError, match="it has no summary.json"):
+        read_entries(str(tmp_path))
+
+
+def test_a_picture_has_a_panel_for_success_and_each_metric_with_a_line_per_pair(tmp_path: Path) -> None:
+    (compared,) = within([entry("a"), entry("b", shift=1.0)])
+    compared.draw(tmp_path / "picture.svg")
+    compared.draw(tmp_path / "picture.png")
+
+    groups = [e.get("id", "") for e in ET.parse(tmp_path / "picture.svg").iter() if e.get("id", "").startswith("axes_")]
+    assert len(groups) == 4  # success, error, drive_s, time_s
+    assert (tmp_path / "picture.png").read_bytes().startswith(b"\x89PNG")
