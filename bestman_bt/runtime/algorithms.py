@@ -168,6 +168,11 @@ def _choose(config: RunConfig, slot: str, name: str = "") -> tuple[type[Any], An
         raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
 
 
+def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:
+    """Slot → the registered algorithms that it may hold, by name."""
+    return {slot: _in_slot(slot) for slot in _SLOTS}
+
+
 def _in_slot(slot: str) -> dict[str, type[Any]]:
     """The registered algorithms that a slot may hold, by name."""
     base, kind = _SLOTS[slot]

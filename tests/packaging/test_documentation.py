@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 from pathlib import Path
 
 import pytest
@@ -149,3 +150,19 @@ def test_the_make_targets_of_the_pages_exist() -> None:
         named = re.findall(r"(?:^    |`)make ([\w-]+)", (CHECKOUT / page).read_text(), re.MULTILINE)
         assert named, page
         assert set(named) <= targets, page
+
+
+def test_the_page_of_parameters_is_up_to_date() -> None:
+    written = runpy.run_path(str(CHECKOUT / "scripts" / "parameter_page.py"))["page"]()
+    assert (DOCS / "parameters.md").read_text() == written, "run scripts/parameter_page.py"
+
+
+@pytest.mark.parametrize(
+    "path", ["algorithms.costmap.clearance=0.02", "algorithms.local_planning.turning.max_speed=0.8"]
+)
+def test_the_set_paths_of_the_page_of_parameters_are_accepted(path: str) -> None:
+    setting = path.partition("=")[0]
+    assert f"`{setting}=`" in (DOCS / "parameters.md").read_text()
+    config = load_run("fetch_cup", settings=[path])
+    make_algorithms(config, load_robot_model(config.task.robot))
+    make_local_planner(config)
