@@ -76,6 +76,12 @@ def test_the_commanded_velocity_changes_within_the_acceleration_limits(standing_
         standing_robot.clock.sleep(0.5)
         assert np.max(np.diff([0.0, *speeds])) / 0.05 < 1.3 * limit
         assert speeds[-1] == pytest.approx(0.5 * min(1.0, 12 * 0.05 * limit / 0.5), rel=0.15)
+    motion, speeds = base.move_forward(0.3), []
+    while not motion.done:
+        standing_robot.clock.sleep(0.05)
+        speeds.append(base.velocity().vx)
+    assert motion.error is None
+    assert np.max(np.diff([0.0, *speeds])) / 0.05 < 1.3 * limit
 
 
 def test_a_velocity_lapses_after_the_dead_mans_time(standing_robot) -> None:

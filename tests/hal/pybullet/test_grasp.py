@@ -36,6 +36,7 @@ def test_an_object_stays_in_a_moving_hand_and_where_it_is_released(name, robot_m
         hand.move_vertically(0.002 - height)
         put_down = hand.truth.object_pose(name)
         hand.finish(hand.gripper.move(0.08, speed=0.02))
+        assert hand.gripper.width() == pytest.approx(0.08, abs=0.0015)
         hand.move_vertically(0.12)
         robot.clock.sleep(0.5)
         left = hand.truth.object_pose(name)

@@ -10,11 +10,14 @@ import pytest
 
 import hal.xarm.wire
 from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from hal.api import MotionErrorCode
-from hal.hardware import ConnectionFailedError
+from hal.hardware import ConnectionFailedError, StopLatch
 from hal.parts.simulated_clock import SimulatedClock
 from hal.xarm import XArmOptions
 from hal.xarm.arm_identity import ArmIdentity
+from hal.xarm.connection import XArmConnection
+from hal.xarm.lite6_gripper import Lite6GripperWire
 from hal.xarm.wire import XArmWire
 
 TITLES = {number: {"en": {"title": f"title {number}"}} for number in (*range(40), "other")}
@@ -55,7 +58,7 @@ class Arm:
             self.error, self.has_err_warn = 0, False
 
     def __getattr__(self, name: str) -> Callable[..., int]:
-        def call(*arguments: Any) -> int:
+        def call(*arguments: Any, **options: Any) -> int:
             self.calls.append((name, *arguments) if arguments else name)
             return self.code
 
@@ -210,3 +213,41 @@ def test_an_arm_whose_limits_go_beyond_the_controller_s_at_either_end_is_another
     mismatch = identity.mismatch("xarm", arm)
     assert (mismatch is not None) is refused
     assert mismatch is None or arm.joint_names[3] in mismatch
+
+
+def test_the_controller_is_told_its_limits_in_its_own_units(
+    robot_model: RobotModel, wire: XArmWire, arm: Arm, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Millimetres, but radians; ``wait``: not for the arm to stand still."""
+    options = XArmOptions(
+        collision_sensitivity=2, reduced_mode=True, payload=1.2, payload_center=(0.01, -0.02, 0.03), arm="xarm"
+    )
+    settings = ConnectionConfig("xarm", ("arm",), "192.168.7.7", options=options)
+    limits = SafetyConfig(tool_speed=0.25)
+    connection = XArmConnection("arm_controller", settings, robot_model, limits, clock, StopLatch())
+    connection._wire = wire
+    monkeypatch.setattr(ArmIdentity, "mismatch", lambda *_: None)
+    monkeypatch.setattr(ArmIdentity, "of", lambda *_: ArmIdentity(7, 7, ()))
+    connection.open()
+    assert ("set_collision_sensitivity", 2) in arm.calls
+    assert ("set_tcp_load", 1.2, [10.0, -20.0, 30.0]) in arm.calls
+    assert ("set_reduced_max_joint_speed", max(robot_model.arms["arm"].velocity)) in arm.calls
+    assert ("set_reduced_max_tcp_speed", 250.0) in arm.calls
+    assert ("set_reduced_mode", True) in arm.calls
+
+
+def test_a_lite6s_gripper_that_is_turned_round_half_way_goes_back_from_there(
+    robot_model: RobotModel, wire: XArmWire, clock: Clock
+) -> None:
+    model = robot_model.grippers["gripper"]
+    gripper = Lite6GripperWire(wire, model, clock)
+    travel = (model.max_width - model.min_width) / model.max_speed
+    clock.time = 50.0
+    gripper.send(model.max_width, 0.0, 0.0)
+    clock.time += travel / 2
+    middle = (model.max_width + model.min_width) / 2
+    assert gripper.read().width == pytest.approx(middle)
+    gripper.send(model.min_width, 0.0, 0.0)
+    assert gripper.read().width == pytest.approx(middle)
+    clock.time += travel
+    assert gripper.read().width == pytest.approx(model.min_width)
