@@ -93,6 +93,7 @@ class RunHistory:
         self._messages: dict[int, Samples[str]] = {}
         self._entries: dict[tuple[str, str], Samples[ShownEntry | None]] = {}
         self._time = 0.0
+        self.tick = 0  # the newest that any event tells of: while leaves run, no state changes
         self._picture_number = 0
 
     # ---- what is asked
@@ -153,6 +154,7 @@ class RunHistory:
             if not abs(time) < LONGEST_RUN:
                 raise EventError(f"{event.event}: the time {time} is none")
             self._time = max(self._time, time)
+        self.tick = max(self.tick, getattr(event, "tick", 0))
         match event:
             case RunEvent():
                 self.about = asdict(event)

@@ -47,7 +47,7 @@ class MonitoredRun(ABC):
             "state": self.state,
             "outcome": history.end["outcome"] if history.end else None,
             "time": round(history.last, 3),
-            "ticks": history.states.tick,
+            "ticks": history.tick,
         }
 
     def wake_watchers(self) -> None:

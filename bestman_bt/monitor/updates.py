@@ -77,7 +77,7 @@ class Updates:
         history = self.run.history
         time = history.last if self._at is None else min(max(self._at, history.states.first), history.last)
         is_now = self._at is None
-        nodes, tick = history.states.now, history.states.tick
+        nodes, tick = history.states.now, history.tick
         if not is_now:
             moment = history.states.at(time)
             nodes, tick = moment.nodes, moment.tick
@@ -116,7 +116,7 @@ class Updates:
             "type": "delta",
             "id": self.run.id,
             "time": time,
-            "tick": history.states.tick,
+            "tick": history.tick,
             "changes": [[uid, nodes.states[uid], MAIN_TREE, nodes.results[uid]] for uid in reversed(changed)],
         }
         said = history.changed_messages.since(since)

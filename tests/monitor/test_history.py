@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from types import SimpleNamespace
 from typing import Any
@@ -106,6 +107,14 @@ def test_an_event_that_does_not_fit_is_refused_and_nothing_is_lost(damaged: dict
 
 def robot_event(time: float, **joints: float) -> RobotEvent:
     return RobotEvent(time, 0, (time, 0.0, 0.0), (0.0, 0.0), joints)
+
+
+def test_ticks_count_on_while_leaves_run_and_nothing_changes() -> None:
+    history = history_of((1.0, LOOK, RUNNING))
+    history.take(dataclasses.replace(robot_event(1.5), tick=30))
+    assert (history.tick, history.states.tick) == (30, 20)
+    history.take(StatesEvent(1.4, 28, []))
+    assert history.tick == 30
 
 
 def test_joints_are_told_by_the_names_that_they_had_then() -> None:
