@@ -1,0 +1,142 @@
+"""What arm, hand and base keep clear of at doors and drawers that stand askew; nothing moves."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from behaviours.closing import ROOM, pushes
+from behaviours.leaf import Leaf, world_at_leaf
+from behaviours.leaf_stand import BASE_GAP, SAME_STAND, LeafWay, room_beside
+from behaviours.withdraw import UNSURE, withdraw
+from bestman_bt.engine import SUCCESS
+from bestman_bt.manipulation.kinematics import body_between
+from bestman_bt.messages import Handle, Pose, Pose2D
+from bestman_bt.world_model import BasePose, HandleBelief, handle_shape
+from tests.behaviours.scripted import load, run, scripted_skills
+from tests.behaviours.test_leaf_seen import leaf_and_handle
+
+DRAWER, DOOR = ("drawer_chest", "drawer_2"), ("fridge", "upper_door")
+
+
+def standing_at(name: str, part: str, position: float = 0.0) -> tuple[Any, Leaf, Handle]:
+    """Skills on whose map the leaf is, as open as is said, with its handle."""
+    leaf, handle = leaf_and_handle(name, part, position)
+    skills = scripted_skills("fetch_from_drawer")
+    skills.world.map = skills.world.map.with_furniture(leaf.furniture)
+    skills.world.believe_articulation(leaf.articulation, position)
+    skills.world.handles["handle"] = HandleBelief("handle", handle, 0.0, name)
+    return skills, leaf, handle
+
+
+@pytest.mark.parametrize(("name", "part", "position"), [(*DRAWER, 0.2), (*DOOR, 0.9)])
+def test_a_leaf_may_be_open_more_or_less_by_the_margin(name: str, part: str, position: float) -> None:
+    skills, leaf, _ = standing_at(name, part, position)
+    skills.world.base = BasePose(Pose2D(0.9, -0.9, 0.4), 0.01, 0.01, 0.0)
+    skills.arm_world = lambda scene: scene
+    base_from_map = skills.map_from_base.inverse()
+    for margin in (0.0, 0.06):
+        scene: Any = world_at_leaf(skills, leaf, position, "free", margin=margin)
+        (body,) = (obstacle for obstacle in scene.obstacles if obstacle.name == leaf.articulation)
+        places = np.array([placed.pose.position for placed in body.shapes])
+        for off in (-0.06, 0.0, 0.06):
+            front = (base_from_map @ leaf.front(position + off)).position
+            there = bool(np.linalg.norm(places - front, axis=1).min() < 1e-6)
+            assert there is (abs(off) <= margin)
+
+
+@pytest.mark.parametrize("theta", [0.0, 2.1, -1.2])
+def test_a_base_stands_where_its_body_is_clear_of_where_the_leaf_passes(
+    theta: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skills, leaf, _ = standing_at(*DRAWER)
+    passed = np.array([[0.4, -0.3]])
+    monkeypatch.setattr("behaviours.leaf_stand.swept_by", lambda *_: passed)
+    skills.costmap = lambda _: SimpleNamespace(clearance_at=lambda stand: 1.0)
+    front = leaf.leaf.shapes[0]
+    low = float(front.pose.position[2]) - front.shape.size[2] / 2
+    body = body_between(
+        skills.robot, skills.joints.positions(), skills.arm.name, low - BASE_GAP, low + front.shape.size[2]
+    )
+    assert body is not None
+    is_free, gap = room_beside(skills, leaf, [0.0]), BASE_GAP + front.shape.size[0] / 2
+    lower, upper = body
+    for local, free in (
+        ((upper[0] + gap - 0.01, upper[1] + gap - 0.01), False),
+        ((upper[0] + gap + 0.01, upper[1]), True),
+        ((lower[0] - gap + 0.01, lower[1]), False),
+        ((lower[0], lower[1] - gap - 0.01), True),
+    ):
+        away = Pose2D(theta=theta).apply(np.array([local]))[0]
+        assert is_free(Pose2D(*(passed[0] - away), theta)) is free
+
+
+@pytest.mark.parametrize("leaf_name", ["FindOpenStand", "FindCloseStand"])
+def test_asked_again_it_gives_another_stand(leaf_name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    skills, leaf, handle = standing_at(*DRAWER, 0.2)
+
+    def first(skills_of_leaf: Any, leaf_of_way: Leaf, ways: Any) -> list[SimpleNamespace]:
+        way: LeafWay = next(iter(ways))
+        return [SimpleNamespace(pose=way.stands[0])]
+
+    for module in ("open_stand", "close_stand"):
+        monkeypatch.setattr(f"behaviours.{module}.find_stands", first)
+        monkeypatch.setattr(f"behaviours.{module}.room_beside", lambda *_: lambda stand: True)
+    grasp = SimpleNamespace(grasp=handle.pose, pre_grasp=handle.pose)
+    monkeypatch.setattr("behaviours.open_stand.pull_grasps", lambda *_: [grasp])
+    opening = 'handle="handle" opening="0.25"' if leaf_name == "FindOpenStand" else ""
+    tree = load(skills, f'<{leaf_name} articulation="{leaf.articulation}" {opening} stand="{{stand}}"/>')
+    stands: list[Pose2D] = []
+    for _ in range(4):
+        assert run(skills, tree) == SUCCESS
+        stands.append(tree.blackboard.get("stand"))
+    assert all(one.distance_to(other) > SAME_STAND for one, other in pairwise(stands))
+    assert len(set(stands)) == 4
+
+
+@pytest.mark.parametrize("places", [(0.0, -0.12), (-0.12, 0.0), (0.0, 0.12)])
+def test_no_push_is_near_any_of_two_handles(places: tuple[float, float]) -> None:
+    skills, leaf, handle = standing_at(*DRAWER, 0.2)
+    front = leaf.front(0.2)
+    width = leaf.leaf.shapes[0].shape.size[1]
+    skills.world.handles.clear()
+    for number, place in enumerate(places):
+        moved = handle.seen_from(Pose(place * width * front.rotation[:, 1]))
+        skills.world.handles[f"handle_{number}"] = HandleBelief(f"handle_{number}", moved, 0.0, leaf.furniture.name)
+    assert len(skills.world.handles_of(leaf.furniture, leaf.leaf)) == 2
+    points = [push.at(0.2) for push in pushes(skills, leaf)]
+    assert points
+    for belief in skills.world.handles.values():
+        bar = handle_shape(belief.handle)
+        outside = np.abs(bar.pose.inverse().apply(np.array(points))) - np.array(bar.shape.size) / 2
+        assert np.linalg.norm(np.maximum(outside, 0.0), axis=1).min() > ROOM
+
+
+@pytest.mark.parametrize(("name", "part"), [DRAWER, DOOR])
+def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_can(
+    name: str, part: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skills, leaf, _ = standing_at(name, part, 0.2)
+    unsure, told = UNSURE[leaf.leaf.kind], []
+    touches: set[tuple[float, tuple[str, ...]]] = set()
+
+    def around(*arguments: Any, ignore: Any = (), margin: float = 0.0, felt: Any = None) -> SimpleNamespace:
+        which = margin, tuple(ignore)
+        return SimpleNamespace(which=which, is_free=lambda _: which not in touches)
+
+    monkeypatch.setattr("behaviours.withdraw.world_at_leaf", around)
+    monkeypatch.setattr(
+        "behaviours.withdraw.move_free", lambda skill, goals, world: told.append(world.which) or iter(())
+    )
+    monkeypatch.setattr(
+        "bestman_bt.manipulation.kinematics.cartesian_path", lambda *_: SimpleNamespace(path=np.zeros((1, 7)))
+    )
+    skill: Any = SimpleNamespace(skills=skills)
+    for which in ((unsure, ()), (0.0, ()), (0.0, (leaf.articulation,))):
+        list(withdraw(skill, leaf, "carry"))
+        assert told[-1] == which
+        touches.add(which)
