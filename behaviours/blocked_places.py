@@ -6,14 +6,16 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
+from behaviours.names import SurfaceName
 from behaviours.skill import InstantSkill
 from behaviours.surfaces import find_surface
+from bestman_bt.engine.bounds import BoundedPort
 
 
 class BelieveBlocked(InstantSkill):
     """Remember that there was nowhere to stand from where a surface could be reached."""
 
-    INPUT_PORTS: ClassVar = {"surface": PortInformation(str, description="the surface, such as table")}
+    INPUT_PORTS: ClassVar = {"surface": BoundedPort(SurfaceName, description="the surface, such as table")}
 
     def act(self) -> None:
         """Writes a belief; moves nothing. What moves a door or drawer clears it."""

@@ -7,7 +7,9 @@ from typing import ClassVar
 from py_trees.ports import PortInformation
 
 from behaviours.grasp import grip_problem
+from behaviours.names import ObjectName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.perception import View
 
 EMPTY = 0.6
@@ -21,7 +23,7 @@ class CheckHeld(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object that the hand should hold"),
+        "object": BoundedPort(ObjectName, description="the object that the hand should hold"),
         "look": PortInformation(bool, required=False, default_value=True, description="also use the wrist camera"),
     }
     OUTPUT_PORTS: ClassVar = {

@@ -13,9 +13,11 @@ from behaviours.arm_motion import move_free
 from behaviours.closing import BEFORE, Push, pushes
 from behaviours.following import error_code, followed
 from behaviours.leaf import Leaf, find_leaf, free_along, world_at_leaf
+from behaviours.names import ArticulationName, PostureName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
 if TYPE_CHECKING:
@@ -50,12 +52,12 @@ class Close(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "articulation": PortInformation(str, description="furniture/leaf of the map"),
+        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "opening": PortInformation(
             float, required=False, default_value=0.02, description="how far it may stay open: metres or radians"
         ),
         "max_push": PortInformation(float, required=False, default_value=40.0, description="newtons"),
-        "posture": PortInformation(str, required=False, default_value="carry", description="of the arm at the end"),
+        "posture": BoundedPort(PostureName, required=False, default_value="carry", description="of the arm at the end"),
     }
     OUTPUT_PORTS: ClassVar = {
         "left": PortInformation(float, required=False, description="how far it may still be open, metres or radians")

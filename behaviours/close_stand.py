@@ -12,7 +12,9 @@ from py_trees.ports import PortInformation
 from behaviours.closing import BEFORE, Push, pushes
 from behaviours.leaf import Leaf, find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
+from behaviours.names import ArticulationName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose2D
 
 if TYPE_CHECKING:
@@ -30,7 +32,7 @@ class FindCloseStand(Skill):
     Each time it is asked again it gives another stand, until none is left.
     """
 
-    INPUT_PORTS: ClassVar = {"articulation": PortInformation(str, description="furniture/leaf of the map")}
+    INPUT_PORTS: ClassVar = {"articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map")}
     OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 

@@ -7,10 +7,12 @@ from typing import ClassVar
 from py_trees.ports import PortInformation
 
 from behaviours.leaf import find_leaf
+from behaviours.names import ArticulationName
 from behaviours.skill import InstantSkill
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.world_model import openness_of
 
-_CONTAINER = PortInformation(str, description="a door or drawer of the map, such as drawer_chest/drawer_3")
+_CONTAINER = BoundedPort(ArticulationName, description="a door or drawer of the map, such as drawer_chest/drawer_3")
 
 
 class TakeContainer(InstantSkill):

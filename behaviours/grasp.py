@@ -10,7 +10,9 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, hand_contacts, move_free, timed_path
 from behaviours.grasp_candidates import grasp_candidates
+from behaviours.names import ObjectName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
 
@@ -46,7 +48,7 @@ class PlanGrasp(Skill):
     """Choose grasps of a located object that the arm reaches without touching anything else, best first."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="a located object"),
+        "object": BoundedPort(ObjectName, description="a located object"),
         "count": PortInformation(int, required=False, default_value=4, description="how many to keep"),
     }
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, description="planned grasps, best first")}
@@ -117,7 +119,7 @@ class Grasp(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object"),
+        "object": BoundedPort(ObjectName, description="the object"),
         "grasps": PortInformation(list, description="planned grasps, best first; used up one by one"),
         "force": PortInformation(float, required=False, description="closing force, newtons; by default by the weight"),
     }
@@ -227,7 +229,7 @@ class Grasp(Skill):
 class Holding(SkillCondition):
     """Whether the hand holds an object, by its encoders; forgets an object that has been lost."""
 
-    INPUT_PORTS: ClassVar = {"object": PortInformation(str, description="the object")}
+    INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="the object")}
 
     def check(self) -> tuple[str, str] | None:
         """Compares the fingers with the grasp."""
@@ -246,7 +248,7 @@ class Holding(SkillCondition):
 class Reachable(SkillCondition):
     """Whether the arm can reach a grasp of a seen object from where the base stands; collisions are not checked."""
 
-    INPUT_PORTS: ClassVar = {"object": PortInformation(str, description="a seen object")}
+    INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="a seen object")}
 
     def check(self) -> tuple[str, str] | None:
         """Inverse kinematics for some of the candidates."""

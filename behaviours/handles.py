@@ -10,7 +10,9 @@ from py_trees.ports import PortInformation
 from behaviours.furniture_place import believe_place, believe_shut_fronts
 from behaviours.leaf import Leaf, find_leaf
 from behaviours.leaf_seen import opening_seen, opening_since
+from behaviours.names import ArticulationName, FurnitureName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Handle, Pose
 from bestman_bt.world_model import HandleBelief, MapFurniture
 
@@ -31,9 +33,11 @@ class DetectHandle(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "furniture": PortInformation(str, required=False, description="furniture of the map, such as fridge"),
-        "articulation": PortInformation(
-            str, required=False, description="only on this door or drawer, furniture/leaf, however far it is open"
+        "furniture": BoundedPort(FurnitureName, required=False, description="furniture of the map, such as fridge"),
+        "articulation": BoundedPort(
+            ArticulationName,
+            required=False,
+            description="only on this door or drawer, furniture/leaf",
         ),
         "near": PortInformation(Pose, required=False, description="choose the handle nearest to this, map frame"),
         "joint": PortInformation(str, required=False, description="only handles of a revolute or a prismatic joint"),

@@ -8,14 +8,16 @@ from typing import ClassVar
 from py_trees.ports import PortInformation
 
 from behaviours.leaf import find_leaf
+from behaviours.names import ArticulationName
 from behaviours.skill import SkillCondition
+from bestman_bt.engine.bounds import BoundedPort
 
 
 class IsOpen(SkillCondition):
     """Whether a door or drawer is believed to be open by at least, or by at most, so much."""
 
     INPUT_PORTS: ClassVar = {
-        "articulation": PortInformation(str, description="furniture/leaf of the map"),
+        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "at_least": PortInformation(float, required=False, default_value=0.0, description="metres or radians"),
         "at_most": PortInformation(float, required=False, default_value=math.inf, description="metres or radians"),
     }

@@ -6,7 +6,9 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
 
@@ -15,8 +17,8 @@ class LookAt(Skill):
 
     INPUT_PORTS: ClassVar = {
         "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
-        "object": PortInformation(str, required=False, description="an object; used where it has been seen"),
-        "surface": PortInformation(str, required=False, description="a surface of the map, such as table"),
+        "object": BoundedPort(ObjectName, required=False, description="an object; used where it has been seen"),
+        "surface": BoundedPort(SurfaceName, required=False, description="a surface of the map, such as table"),
     }
     DECLARATION = Declaration(effects=("looking_at({object})",))
 

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import move_free
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import find_surface
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
 DISTANCES = (0.48, 0.42, 0.55, 0.36)
@@ -31,8 +33,8 @@ class LookInto(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "surface": PortInformation(str, description="the surface, such as drawer_chest/drawer_3"),
-        "object": PortInformation(str, required=False, description="an object on it; looked at where it has been seen"),
+        "surface": BoundedPort(SurfaceName, description="the surface, such as drawer_chest/drawer_3"),
+        "object": BoundedPort(ObjectName, required=False, description="looked at where it has been seen"),
         "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
     }
     DECLARATION = Declaration(

@@ -12,7 +12,9 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.carrying import out_of_sight, postures_beside
+from behaviours.names import PostureName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
 
@@ -35,7 +37,7 @@ class MoveArm(Skill):
     """Move the arm to a posture of the robot, around everything that is believed to be there."""
 
     INPUT_PORTS: ClassVar = {
-        "posture": PortInformation(str, description="a posture of the robot, such as carry"),
+        "posture": BoundedPort(PostureName, description="a posture of the robot, such as carry"),
         "sight": PortInformation(
             Pose,
             required=False,
@@ -55,7 +57,7 @@ class Retreat(Skill):
     """Take the hand straight back from where it has worked, then move the arm to a posture."""
 
     INPUT_PORTS: ClassVar = {
-        "posture": PortInformation(str, required=False, default_value="carry", description="where to end"),
+        "posture": BoundedPort(PostureName, required=False, default_value="carry", description="where to end"),
         "distance": PortInformation(float, required=False, default_value=0.1, description="straight back, metres"),
     }
     DECLARATION = Declaration(effects=("posture({posture})",))

@@ -7,8 +7,10 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Explained, SkillCondition
 from bestman_bt.engine import SyncAction
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose, wrap_angle
 
 
@@ -16,8 +18,8 @@ class BelievedSurface(Explained, SyncAction):
     """Tell on which surface an object is believed to stand; another one where it has not been seen."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object"),
-        "otherwise": PortInformation(str, description="the surface to search first"),
+        "object": BoundedPort(ObjectName, description="the object"),
+        "otherwise": BoundedPort(SurfaceName, description="the surface to search first"),
     }
     OUTPUT_PORTS: ClassVar = {"surface": PortInformation(str, description="the surface")}
 
@@ -33,7 +35,7 @@ class ObjectVisible(SkillCondition):
     """Whether an object was seen lately."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object"),
+        "object": BoundedPort(ObjectName, description="the object"),
         "max_age": PortInformation(float, required=False, default_value=5.0, description="seconds"),
     }
 
@@ -53,7 +55,7 @@ class ObjectAt(SkillCondition):
     """Whether an object, as last seen, stands upright at a goal."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object"),
+        "object": BoundedPort(ObjectName, description="the object"),
         "goal": PortInformation(Pose, description="where it should be, in the map frame"),
         "tolerance": PortInformation(float, required=False, default_value=0.02, description="metres, horizontally"),
         "yaw_tolerance": PortInformation(float, required=False, description="radians; any yaw without it"),

@@ -15,10 +15,12 @@ from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
 from behaviours.leaf import world_at_leaf
 from behaviours.leaf_felt import felt_leaf
+from behaviours.names import ArticulationName, PostureName
 from behaviours.opening import Opening, plan_opening
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import Obstacle
 
@@ -34,14 +36,14 @@ class Open(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "articulation": PortInformation(str, description="furniture/leaf of the map"),
+        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "handle": PortInformation(str, description="a believed handle"),
         "opening": PortInformation(
             float, description="how far it shall be open: metres of a drawer, radians of a door"
         ),
         "force": PortInformation(float, required=False, default_value=40.0, description="closing force, newtons"),
         "max_pull": PortInformation(float, required=False, default_value=45.0, description="newtons"),
-        "posture": PortInformation(str, required=False, default_value="carry", description="of the arm at the end"),
+        "posture": BoundedPort(PostureName, required=False, default_value="carry", description="of the arm at the end"),
     }
     OUTPUT_PORTS: ClassVar = {
         "opened": PortInformation(float, required=False, description="how far it is open, metres or radians")

@@ -13,8 +13,10 @@ from behaviours.context import DRIVEN
 from behaviours.handle_pull import pull_grasps
 from behaviours.leaf import find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
+from behaviours.names import ArticulationName
 from behaviours.opening import Opening, before, plan_opening, stations
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import HandleBelief
 
@@ -34,7 +36,7 @@ TURNS = (0.0, -0.5, 0.5)
 class FindLookStand(Skill):
     """Choose where to stand to see the front of a door or drawer of the map, and where to look from there."""
 
-    INPUT_PORTS: ClassVar = {"articulation": PortInformation(str, description="furniture/leaf of the map")}
+    INPUT_PORTS: ClassVar = {"articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map")}
     OUTPUT_PORTS: ClassVar = {
         "stand": PortInformation(Pose2D, description="where to stand, in the map frame"),
         "front": PortInformation(Pose, description="the middle of its front as it is believed, in the map frame"),
@@ -73,7 +75,7 @@ class FindOpenStand(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "articulation": PortInformation(str, description="furniture/leaf of the map"),
+        "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "handle": PortInformation(str, description="a believed handle"),
         "opening": PortInformation(float, description="how far to open: metres of a drawer, radians of a door"),
     }

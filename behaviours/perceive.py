@@ -9,8 +9,10 @@ from py_trees.ports import PortInformation
 
 from behaviours.beliefs import believe_objects, believe_surface, only_nearest, seen_words
 from behaviours.context import SkillContext
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import surface_region
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import ObjectBelief
 
@@ -24,7 +26,7 @@ class DetectObjects(Skill):
     """Look at a surface through a camera; believe in all that is seen there, and in how high the surface is."""
 
     INPUT_PORTS: ClassVar = {
-        "surface": PortInformation(str, description="the surface to look at, such as table"),
+        "surface": BoundedPort(SurfaceName, description="the surface to look at, such as table"),
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
     OUTPUT_PORTS: ClassVar = {"objects": PortInformation(list, required=False, description="names of what was seen")}
@@ -42,8 +44,8 @@ class DetectObject(Skill):
     """Look at a surface through a camera; believe in what is seen there; fail if the object is not."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object to find"),
-        "surface": PortInformation(str, description="the surface to search, such as table"),
+        "object": BoundedPort(ObjectName, description="the object to find"),
+        "surface": BoundedPort(SurfaceName, description="the surface to search, such as table"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
@@ -87,7 +89,7 @@ class EstimatePose(Skill):
     """Look closer at an object that was seen: one more image, one model, a better pose."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="an object that was detected"),
+        "object": BoundedPort(ObjectName, description="an object that was detected"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }

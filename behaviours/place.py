@@ -11,9 +11,11 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, hand_contacts, move_free
 from behaviours.beliefs import believe_surface
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import surface_region
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
 
@@ -54,8 +56,8 @@ class FindPlacePose(Skill):
     """Look at a surface and check that there is room at the goal; the height comes from the measured surface."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object to place"),
-        "surface": PortInformation(str, description="the surface, such as counter"),
+        "object": BoundedPort(ObjectName, description="the object to place"),
+        "surface": BoundedPort(SurfaceName, description="the surface, such as counter"),
         "goal": PortInformation(Pose, description="x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured"),
         "radius": PortInformation(float, required=False, default_value=0.06, description="of the free disc, metres"),
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
@@ -113,7 +115,7 @@ class PlaceOn(Skill):
     """Bring the held object above its place and lower it straight until it is felt to stand there."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the held object"),
+        "object": BoundedPort(ObjectName, description="the held object"),
         "pose": PortInformation(Pose, description="where it shall stand, in the map frame"),
     }
     DECLARATION = Declaration(
@@ -197,8 +199,8 @@ class Release(Skill):
     """Open the hand slowly, and believe that the object stands where the hand has left it."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the held object"),
-        "surface": PortInformation(str, required=False, description="the surface below it, to look for it there later"),
+        "object": BoundedPort(ObjectName, description="the held object"),
+        "surface": BoundedPort(SurfaceName, required=False, description="below it, to look for it there later"),
     }
     DECLARATION = Declaration(
         pre=("lowered({object}, {pose})",), effects=("not holding({object})", "at({object}, {pose})")

@@ -7,10 +7,12 @@ from typing import ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.place import PlaceOn
 from behaviours.skill import Declaration, Explained, SkillFailure
 from behaviours.surfaces import find_surface
 from bestman_bt.engine import SyncAction
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Box, PlacedShape, Pose
 from bestman_bt.world_model import HeldObject, MapFurniture, MapSurface, leaf_shapes
 
@@ -23,7 +25,7 @@ class GoalOnSurface(Explained, SyncAction):
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose, description="in the map frame, for the closed drawer"),
-        "surface": PortInformation(str, description="the surface, such as drawer_chest/drawer_3"),
+        "surface": BoundedPort(SurfaceName, description="the surface, such as drawer_chest/drawer_3"),
     }
     OUTPUT_PORTS: ClassVar = {"now": PortInformation(Pose, description="in the map frame, as far as it is open")}
 
@@ -46,7 +48,7 @@ class PlaceIn(PlaceOn):
     """Bring the held object over the rim of an open drawer and lower it straight until it all but stands there."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the held object"),
+        "object": BoundedPort(ObjectName, description="the held object"),
         "pose": PortInformation(Pose, description="where it shall stand in the drawer, in the map frame"),
     }
     DECLARATION = Declaration(

@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
+from behaviours.names import ObjectName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import find_surface
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.world_model import ObjectBelief
 
@@ -69,7 +71,7 @@ class Push(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="a located object"),
+        "object": BoundedPort(ObjectName, description="a located object"),
         "goal": PortInformation(
             Pose, description="where its middle shall be, in the map frame; height and turn are free"
         ),

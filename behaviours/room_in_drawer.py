@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import InstantSkill, SkillFailure
 from behaviours.surfaces import find_surface
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 
 STEP = 0.02
@@ -28,8 +30,8 @@ class FindRoomIn(InstantSkill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the held object"),
-        "surface": PortInformation(str, description="the surface of the drawer, such as drawer_chest/drawer_3"),
+        "object": BoundedPort(ObjectName, description="the held object"),
+        "surface": BoundedPort(SurfaceName, description="the surface of the drawer, such as drawer_chest/drawer_3"),
         "margin": PortInformation(
             float, required=False, default_value=0.03, description="metres to the drawer's walls and to other things"
         ),

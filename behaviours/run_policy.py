@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import hand_contacts
+from behaviours.names import ObjectName
 from behaviours.policy_motion import CLOSED, PolicyMotion
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
@@ -41,7 +43,7 @@ class RunPolicy(Skill):
         "goal": PortInformation(
             Pose, required=False, description="where the tool shall be, or what it shall pick, in the map frame"
         ),
-        "object": PortInformation(str, required=False, description="a seen object that the policy picks"),
+        "object": BoundedPort(ObjectName, required=False, description="a seen object that the policy picks"),
         "success": PortInformation(str, required=False, default_value="goal", description="goal, holding or lifted"),
         "lift": PortInformation(float, required=False, default_value=0.1, description="metres, for lifted"),
         "timeout": PortInformation(float, required=False, default_value=20.0, description="seconds"),

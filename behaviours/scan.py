@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.beliefs import believe_objects, believe_surface
+from behaviours.names import SurfaceName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import find_surface, surface_region
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ class ScanScene(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "surface": PortInformation(str, required=False, description="a surface, such as table; else all in view"),
+        "surface": BoundedPort(SurfaceName, required=False, description="a surface, such as table; else all in view"),
         "views": PortInformation(int, required=False, default_value=3, description="how many pictures to take"),
     }
     OUTPUT_PORTS: ClassVar = {

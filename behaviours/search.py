@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from py_trees.ports import PortInformation
-
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import SkillCondition
 from behaviours.surfaces import find_surface
+from bestman_bt.engine.bounds import BoundedPort
 
 
 class FoundOn(SkillCondition):
@@ -17,8 +17,8 @@ class FoundOn(SkillCondition):
     """
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object that is looked for"),
-        "surface": PortInformation(str, description="the surface that was looked at, such as table"),
+        "object": BoundedPort(ObjectName, description="the object that is looked for"),
+        "surface": BoundedPort(SurfaceName, description="the surface that was looked at, such as table"),
     }
 
     def check(self) -> tuple[str, str] | None:

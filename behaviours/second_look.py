@@ -13,8 +13,10 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import move_free
 from behaviours.beliefs import only_nearest, remember_view
+from behaviours.names import ObjectName
 from behaviours.perceive import region_around
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.world_model import ObjectBelief
 
@@ -36,7 +38,7 @@ class SecondLook(Skill):
     """Look at an object again from where that tells most about its yaw, and join the views; none if that is known."""
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="an object that was located"),
+        "object": BoundedPort(ObjectName, description="an object that was located"),
         "max_yaw_width": PortInformation(
             float, required=False, default_value=0.35, description="radians of yaw that may stay open"
         ),

@@ -13,9 +13,11 @@ from py_trees.ports import PortInformation
 
 from behaviours.context import DRIVEN
 from behaviours.grasp_candidates import grasp_candidates
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.place import place_tool_poses
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import find_surface, with_open_drawers
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
 
@@ -50,8 +52,8 @@ class FindStandPose(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "surface": PortInformation(str, description="the surface to stand at, such as table"),
-        "object": PortInformation(str, required=False, description="the object to reach, where it has been seen"),
+        "surface": BoundedPort(SurfaceName, description="the surface to stand at, such as table"),
+        "object": BoundedPort(ObjectName, required=False, description="the object to reach, where it has been seen"),
         "goal": PortInformation(Pose, required=False, description="the place to reach, in the map frame"),
     }
     OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}

@@ -11,9 +11,11 @@ from py_trees.ports import PortInformation
 
 from behaviours.beliefs import believe_surface
 from behaviours.context import SkillContext
+from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Explained, Skill, SkillCondition, SkillFailure, Steps
 from behaviours.surfaces import find_surface, surface_region
 from bestman_bt.engine import SyncAction
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.world_model import ObjectBelief
 
@@ -29,7 +31,7 @@ ON_SURFACE = 0.03
 """Metres above or below the mapped height of a surface at which a thing stands on it."""
 
 _WHERE: dict[str, PortInformation] = {
-    "surface": PortInformation(str, description="the surface on which they belong, such as counter/top"),
+    "surface": BoundedPort(SurfaceName, description="the surface on which they belong, such as counter/top"),
     "region_x": PortInformation(list, description="from, to: metres in the frame of the surface"),
     "region_y": PortInformation(list, description="from, to: metres in the frame of the surface"),
 }
@@ -98,8 +100,8 @@ class FindFreePlace(Skill):
     """
 
     INPUT_PORTS: ClassVar = {
-        "object": PortInformation(str, description="the object that shall stand there"),
-        "surface": PortInformation(str, description="the surface, such as counter/top"),
+        "object": BoundedPort(ObjectName, description="the object that shall stand there"),
+        "surface": BoundedPort(SurfaceName, description="the surface, such as counter/top"),
         "region_x": PortInformation(
             list, required=False, description="from, to: metres in its frame; all of it by default"
         ),

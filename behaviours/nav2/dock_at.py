@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
+from behaviours.names import FurnitureName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
@@ -31,7 +32,7 @@ class DockAt(Skill):
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
-        "furniture": PortInformation(str, required=False, default_value="", description="whose front is looked at"),
+        "furniture": BoundedPort(FurnitureName, required=False, default_value="", description="whose front it is"),
         "approach": BoundedPort(Positive, required=False, default_value=0.5, description="metres, driven straight"),
         "tolerance": BoundedPort(Positive, required=False, default_value=0.006, description="metres"),
         "heading_tolerance": BoundedPort(

@@ -33,7 +33,6 @@ from bestman_bt.cli.options import (
 )
 from bestman_bt.cli.run_view import RunView, summary
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.cli.validate_command import GIVEN
 from bestman_bt.configuration import (
     ConfigurationError,
     Problem,
@@ -98,7 +97,7 @@ def command(
         if judge is not None:
             _ask_judge(judge, config.driver)
         setup = prepare_episode(config)
-        for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=GIVEN):
+        for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=setup.entries):
             print(warning, file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)

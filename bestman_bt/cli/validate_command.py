@@ -11,13 +11,7 @@ from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, find_data
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
-
-GIVEN = (
-    *("object", "source", "target", "goal", "goals", "objects", "region_x", "region_y"),
-    *("articulation", "furniture", "at_least", "at_most", "front", "top", "inside", "views"),
-    *("planner", "builder", "limits", "replans"),
-)
-"""Root entries that a task, or ``bestman-bt look``, fills before the first tick."""
+from bestman_bt.runtime.tree_checks import TASK_ENTRIES
 
 
 def command(
@@ -34,7 +28,7 @@ def command(
             print(error, file=sys.stderr)
             errors += 1
             continue
-        problems = validate_file(path, registry, given=GIVEN)
+        problems = validate_file(path, registry, given=TASK_ENTRIES)
         for problem in problems:
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)

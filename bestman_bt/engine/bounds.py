@@ -21,6 +21,13 @@ class OneOf:
 
 
 @dataclass(frozen=True)
+class Named:
+    """The name of something of a ``kind``, such as ``surface``: whoever knows the world checks that it is there."""
+
+    kind: str
+
+
+@dataclass(frozen=True)
 class NotZero:
     """Any number but 0."""
 
@@ -53,6 +60,8 @@ def refusal(value: Any, bounds: Iterable[Any]) -> str:
     for bound in bounds:
         if isinstance(bound, OneOf):
             return _unknown(value, bound.names())
+        if isinstance(bound, Named):
+            continue
         holds, words = _condition(value, bound)
         wanted.append(words)
         wrong = wrong or not holds
@@ -81,7 +90,7 @@ def _condition(value: Any, bound: Any) -> tuple[bool, str]:
             return value <= limit, f"of {limit:.6g} or less"
         case NotZero():
             return value != 0, "other than 0"
-    raise TypeError(f"{bound!r} is no bound of a port; Gt, Ge, Lt, Le, Interval, NotZero and OneOf are")
+    raise TypeError(f"{bound!r} is no bound of a port; Gt, Ge, Lt, Le, Interval, NotZero, OneOf and Named are")
 
 
 def _unknown(name: str, names: Collection[str]) -> str:

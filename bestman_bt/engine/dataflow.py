@@ -69,6 +69,10 @@ def _uses_of(tree: Tree, node: Node) -> Iterator[EntryUse]:
                 yield EntryUse(board.slot(key), node, name, key, True)
         elif key is None and port is not None and name in ("code", "if") and tree.info_of(node).builtin:
             yield from _script_uses(tree, node, name, str(value))
+    for name, port in ports.items():
+        key = key_of(port.default, name) if port.direction != "input" and name not in node.attributes else None
+        if key is not None:
+            yield EntryUse(board.slot(key), node, name, key, True)
 
 
 def _script_uses(tree: Tree, node: Node, attribute: str, source: str) -> Iterator[EntryUse]:

@@ -20,6 +20,7 @@ from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
 from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.tree import Tree
+from bestman_bt.engine.unwritten import unwritten_reads
 from bestman_bt.engine.xml.documents import Documents, read_documents
 
 _KNOWN_ATTRIBUTES = frozenset((*SCRIPT_ATTRIBUTES, "_autoremap", "_description", "_uid", "_fullpath"))
@@ -62,7 +63,8 @@ def tree_warnings(tree: Tree, given: Iterable[str] = ()) -> list[Problem]:
     """Return what looks wrong in a tree that loads; ``given`` are root entries that somebody sets before."""
     uses = entry_uses(tree)
     written = {id(use.slot) for use in uses if use.writes}
-    found = [*_never_written(tree, uses, written, given), *_shadowing(tree, written), *_misspelt(tree)]
+    found = [read.problem("warning") for read in unwritten_reads(tree, given)]
+    found += [*_shadowing(tree, written), *_misspelt(tree)]
     found.extend(_lost_writes(tree, uses))
     for child, sibling in unreachable_children(tree):
         message = f"it can never be ticked: '{sibling.name}' before it ends or blocks its parent"
@@ -85,30 +87,6 @@ def _unused_trees(documents: Documents, main: str) -> Iterator[Problem]:
         if tree_id not in used and definition.file == documents.file:
             line = definition.element.line
             yield Problem(definition.file, line, "BehaviorTree", "ID", f"tree '{tree_id}' is never used", "", "warning")
-
-
-def _never_written(tree: Tree, uses: list[EntryUse], written: set[int], given: Iterable[str]) -> Iterator[Problem]:
-    root = {id(tree.blackboard.slot(key)) for key in given}
-    reported: set[tuple[int, int]] = set()
-    for use in uses:
-        if use.writes or id(use.slot) in written or id(use.slot) in root or use.slot.value is not None:
-            continue
-        if tree.shared is not None and use.slot is tree.blackboard.slot(use.slot.key):
-            continue  # what native behaviours write is known when they have written it
-        if (id(use.node), id(use.slot)) not in reported:
-            reported.add((id(use.node), id(use.slot)))
-            message = f"reads '{{{use.key}}}', which nothing in the tree writes"
-            yield _warning(use.node, use.port, message, _hint(use, written))
-
-
-def _hint(use: EntryUse, written: set[int]) -> str:
-    board = use.node.board
-    outer = board.parent
-    if outer is not None and use.key not in board.remapping and id(outer.slot(use.key)) in written:
-        return f"the tree outside has '{use.key}'; map it with {use.key}=\"{{{use.key}}}\""
-    known = [slot.key for slot in board.slots() if slot is not use.slot and id(slot) in written]
-    hint = closest(use.key, known)
-    return f"did you mean '{{{hint}}}'?" if hint else ""
 
 
 def _shadowing(tree: Tree, written: set[int]) -> Iterator[Problem]:

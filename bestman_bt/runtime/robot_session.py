@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +21,7 @@ from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
-from bestman_bt.engine import Node, Tree
+from bestman_bt.engine import Node, Tree, TreeLoadError
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model import RobotModel, joints_above
@@ -39,6 +41,7 @@ from bestman_bt.runtime.robot_source import RobotSource
 from bestman_bt.runtime.run_facts import describe_run
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
+from bestman_bt.runtime.tree_checks import unfilled_entries, unknown_names
 from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
 from bestman_bt.sensing.joint_state import JointStateSensor
@@ -46,6 +49,8 @@ from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.sensing.tactile import TactileSensor
 from hal.api import Arm, Bumper, Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Tactile
+
+_LOG = logging.getLogger(__name__)
 
 COMPUTATION_COSTS = {
     "detection": 0.25,
@@ -71,22 +76,24 @@ COMPUTATION_COSTS = {
 
 @dataclass
 class Session:
-    """A connected robot and its skills. ``entries``: root blackboard entries that every tree gets."""
+    """A connected robot and its skills.
+
+    ``entries``: root blackboard entries that every tree gets. ``task_given``: whether they are of a task that was asked
+    for; else a tree of one's own that reads them is warned of.
+    """
 
     setup: Setup
     robot: Robot
     skills: SkillContext
     entries: dict[str, Any]
+    task_given: bool = True
 
     def load(self, tree: str | Path | Node | None = None) -> Tree:
         """Load a tree for this robot: a shipped name, a file, XML text or a node; the configured one by default.
 
         Raises TreeLoadError with everything that is wrong.
         """
-        loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
-        for key, value in self.entries.items():
-            loaded.blackboard.set(key, value)
-        return loaded
+        return self._filled(self._loaded(tree))
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
         """An executor with the configured tick rate and time limit."""
@@ -96,13 +103,39 @@ class Session:
         )
 
     def run(self, tree: str | Path | Node | None = None, after_tick: Callable[[], None] | None = None) -> Execution:
-        """Load a tree and tick it to its end, for others to watch and control; the robot rests afterwards."""
-        executor = self.executor(self.load(tree), after_tick)
+        """Load a tree and tick it to its end, for others to watch and control; the robot rests afterwards.
+
+        Raises TreeLoadError, before anything moves, also where the tree names what is not there.
+        """
+        loaded = self._loaded(tree)
+        self.check(loaded, own=tree is not None and tree != self.setup.config.task.tree)
+        executor = self.executor(self._filled(loaded), after_tick)
         telemetry = self.telemetry(executor)
         with telemetry, ControlChannel(executor, self.skills.stop.hold, telemetry).serving():
             execution = executor.run()
             telemetry.end_as(execution)
         return execution
+
+    def check(self, tree: Tree, own: bool = True) -> None:
+        """Compare what a tree without entries asks for with scene, map and robot; warns of entries that nobody fills.
+
+        ``own``: whether it is another tree than the configured one. Raises TreeLoadError with all names that nothing
+        bears.
+        """
+        unknown = unknown_names(tree, self.setup.names)
+        if unknown:
+            raise TreeLoadError(unknown)
+        given = self.entries if self.task_given or not own else ()
+        for problem in unfilled_entries(tree, given, self.setup.config.name if self.task_given else None):
+            _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
+
+    def _loaded(self, tree: str | Path | Node | None) -> Tree:
+        return load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
+
+    def _filled(self, tree: Tree) -> Tree:
+        for key, value in self.entries.items():
+            tree.blackboard.set(key, value)
+        return tree
 
     def telemetry(self, executor: Executor, folder: Path | None = None) -> Telemetry:
         """What tells of an execution: the tree, the robot, pictures, failures; kept in ``folder`` if there is one."""
@@ -133,7 +166,7 @@ def open_session(
         skills = _skills(setup, robot if see_through is None else see_through(robot))
         skills.base.start()
         try:
-            yield Session(setup, robot, skills, _entries(setup))
+            yield Session(setup, robot, skills, dict(setup.entries))
         finally:
             skills.base.close()
             robot.stop()
@@ -159,40 +192,8 @@ def session(
         task or "fetch_cup", scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver
     )
     with open_session(config, gui=gui) as opened:
+        opened.task_given = task is not None
         yield opened
-
-
-def _entries(setup: Setup) -> dict[str, Any]:
-    """What the task tells the tree; where handles are, it does not."""
-    each: list[dict[str, Any]] = [
-        {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
-        for goal in setup.goals
-    ]
-    entries: dict[str, Any] = {}
-    if setup.config.task.goal is not None:
-        entries = each[0]
-    elif each:
-        entries = {"goals": each, **{goal.name: goal.pose for goal in setup.goals}}
-    opening, tidy = setup.config.task.opening, setup.config.task.tidy
-    if opening is not None:
-        asked = {"at_least": opening.at_least, "at_most": opening.at_most}
-        entries |= {"articulation": opening.articulation, "furniture": opening.articulation.partition("/")[0]}
-        entries |= {name: value for name, value in asked.items() if value is not None}
-    if tidy is not None:
-        entries |= {"objects": list(tidy.objects), "source": tidy.source, "target": tidy.surface}
-        entries |= {"region_x": list(tidy.x), "region_y": list(tidy.y)}
-    reach, lift = setup.reach_goal, setup.config.task.lift
-    if reach is not None:
-        entries["goal"] = reach
-    if setup.drive_goal is not None:
-        entries["goal"] = setup.drive_goal
-    plan = setup.config.task.plan
-    if plan is not None:
-        entries |= {"goal": plan.goal, "planner": plan.planner, "builder": plan.builder, "limits": plan.limits}
-        entries["replans"] = plan.replans
-    if lift is not None:
-        entries |= {"object": lift.object, "source": lift.source}
-    return entries
 
 
 def _skills(setup: Setup, robot: Robot) -> SkillContext:

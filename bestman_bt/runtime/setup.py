@@ -24,6 +24,7 @@ from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
+from bestman_bt.runtime.tree_checks import known_names, unknown_names
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.symbolic import Literal
 from bestman_bt.world_model import BasePose, WorldModel
@@ -38,13 +39,14 @@ UNKNOWN_START = BasePose(Pose2D(), position_std=1.0, heading_std=math.pi, stamp=
 
 @dataclass(frozen=True)
 class Setup:
-    """A configuration with everything that it names."""
+    """A configuration with everything that it names. ``absent``: objects that the scene leaves out."""
 
     config: RunConfig
     registry: NodeRegistry
     robot_model: RobotModel
     world: World
     world_model: WorldModel
+    absent: tuple[str, ...] = ()
 
     @cached_property
     def goals(self) -> tuple[TaskGoal, ...]:
@@ -68,6 +70,44 @@ class Setup:
         if asked is None:
             return None
         return drive_goal(asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
+
+    @cached_property
+    def entries(self) -> dict[str, Any]:
+        """Root blackboard entries that the task fills; where handles are, it does not tell."""
+        each: list[dict[str, Any]] = [
+            {"object": goal.object, "source": goal.source, "target": goal.surface, "goal": goal.pose}
+            for goal in self.goals
+        ]
+        entries: dict[str, Any] = {}
+        if self.config.task.goal is not None:
+            entries = each[0]
+        elif each:
+            entries = {"goals": each, **{goal.name: goal.pose for goal in self.goals}}
+        opening, tidy = self.config.task.opening, self.config.task.tidy
+        if opening is not None:
+            asked = {"at_least": opening.at_least, "at_most": opening.at_most}
+            entries |= {"articulation": opening.articulation, "furniture": opening.articulation.partition("/")[0]}
+            entries |= {name: value for name, value in asked.items() if value is not None}
+        if tidy is not None:
+            entries |= {"objects": list(tidy.objects), "source": tidy.source, "target": tidy.surface}
+            entries |= {"region_x": list(tidy.x), "region_y": list(tidy.y)}
+        reach, lift = self.reach_goal, self.config.task.lift
+        if reach is not None:
+            entries["goal"] = reach
+        if self.drive_goal is not None:
+            entries["goal"] = self.drive_goal
+        plan = self.config.task.plan
+        if plan is not None:
+            entries |= {"goal": plan.goal, "planner": plan.planner, "builder": plan.builder, "limits": plan.limits}
+            entries["replans"] = plan.replans
+        if lift is not None:
+            entries |= {"object": lift.object, "source": lift.source}
+        return entries
+
+    @cached_property
+    def names(self) -> dict[str, list[str]]:
+        """What the ports of a tree may name here, by kind."""
+        return known_names(self.world_model, self.robot_model, self.absent)
 
 
 def prepare(config: RunConfig) -> Setup:
@@ -110,19 +150,21 @@ def prepare(config: RunConfig) -> Setup:
         make_odometry_filter(config, robot_model)
     if registry is None:
         raise ConfigurationError(dict.fromkeys(faults.problems))
-    setup = Setup(config, registry, robot_model, world, world_model)
+    setup = Setup(config, registry, robot_model, world, world_model, scene.absent)
     faults.problems += plan_problems(config, registry, world_model)
     if not faults.problems:
         world_model.told.update(told_places(setup.goals, world_model.map))
         world_model.told.update(told_of_plan(config, world_model.map))
     try:
-        faults.problems += policy_problems(load_for(setup), find_data("tree", config.task.tree))
+        tree = load_for(setup)
+        faults.problems += policy_problems(tree, find_data("tree", config.task.tree))
+        unknown = unknown_names(tree, setup.names)
+        if unknown:
+            raise TreeLoadError(unknown)
     except TreeLoadError as error:
         if not faults.problems:
             raise
-        faults.problems += [
-            Problem(p.file, p.line or None, p.field, f"<{p.node}>: {p.message}") for p in error.problems
-        ]
+        faults.problems += tree_problems(error)
     faults.raise_if_any()
     return setup
 
@@ -137,7 +179,13 @@ def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
 
 def tree_problems(error: TreeLoadError) -> list[Problem]:
     """What is wrong with a tree, to be told with what is wrong with the rest of a configuration."""
-    return [Problem(p.file, p.line or None, f"<{p.node}> {p.field}".strip(), p.message) for p in error.problems]
+    return [
+        Problem(
+            *(p.file, p.line or None, f"<{p.node}> {p.field}".strip()),
+            p.message + (f" ({p.suggestion})" if p.suggestion else ""),
+        )
+        for p in error.problems
+    ]
 
 
 def load_for(setup: Setup, tree: str | Path | Node | None = None, **options: Any) -> Tree:

@@ -8,7 +8,9 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.context import DRIVEN, SkillContext
+from behaviours.names import ArticulationName, ObjectName, SurfaceName
 from behaviours.skill import SkillCondition
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.registry import UnknownNameError
 from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.state import holds
@@ -27,9 +29,9 @@ class Holds(SkillCondition):
 
     INPUT_PORTS: ClassVar = {
         "fact": PortInformation(str, description="facts, joined by and"),
-        "object": PortInformation(str, required=False, description="for {object} in the fact"),
-        "place": PortInformation(str, required=False, description="for {place} in the fact"),
-        "container": PortInformation(str, required=False, description="for {container} in the fact"),
+        "object": BoundedPort(ObjectName, required=False, description="for {object} in the fact"),
+        "place": BoundedPort(SurfaceName, required=False, description="for {place} in the fact"),
+        "container": BoundedPort(ArticulationName, required=False, description="for {container} in the fact"),
     }
 
     def check(self) -> tuple[str, str] | None:

@@ -52,12 +52,12 @@ def only_folder(parent: Path) -> Path:
 def test_what_is_odd_about_a_tree_is_printed_before_it_runs_and_does_not_stop_it(
     bestman_bt: Command, folder: Path
 ) -> None:
-    odd = '<Delay delay_msec="1ms"><AlwaysSuccess/></Delay>'
+    odd = '<Repeat num_cycles="1x"><AlwaysSuccess/></Repeat>'
     (folder / "odd.xml").write_text(f'<root BTCPP_format="4">\n<BehaviorTree ID="Odd">{odd}</BehaviorTree></root>')
     answer = bestman_bt("run", "odd.xml", "--seed", "3", "--json")
     assert answer.code == 0
     (warning,) = (line for line in answer.err.splitlines() if "odd.xml:2:" in line)
-    assert "only the beginning of '1ms' is read as a number" in warning
+    assert "only the beginning of '1x' is read as a number" in warning
     assert answer.err.index(warning) < answer.err.index("odd, seed 3")
     assert json.loads(answer.out)["success"] is True
 

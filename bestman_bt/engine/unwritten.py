@@ -1,0 +1,155 @@
+"""Entries that a tree reads although nothing has written them: misspelt keys, and forgotten ports of SubTrees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from types import CodeType, FunctionType
+
+from bestman_bt.engine import controls, decorators
+from bestman_bt.engine.blackboard import Slot
+from bestman_bt.engine.dataflow import EntryUse, entry_uses
+from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.leaves.blackboard import WasEntryUpdated
+from bestman_bt.engine.leaves.native import PyTreesBehaviour
+from bestman_bt.engine.node import Node
+from bestman_bt.engine.spelling import closest
+from bestman_bt.engine.tree import Tree
+
+_IN_ORDER = (controls.Sequence, controls.Fallback)
+_ONCE = (
+    *(*_IN_ORDER, decorators.SubTree, decorators.Inverter, decorators.ForceSuccess, decorators.ForceFailure),
+    *(decorators.Timeout, decorators.Delay, decorators.RunOnce),
+)
+"""Nodes that tick each child to its end once: what stands first in them has ended when the next begins."""
+
+
+_OURS = ("bestman_bt.", "behaviours.", "py_trees.", "builtins")
+"""Modules whose nodes write through their ports alone."""
+
+
+@dataclass(frozen=True)
+class UnwrittenRead:
+    """An entry that has no value when it is read.
+
+    ``node``, ``port``, ``key``: where it is named outermost, which is the SubTree that hands it in, else the reader.
+    ``fails``: whether reading it ends the tree, for the reader has no default. ``later``: the line of what writes it
+    only afterwards, 0 where no line is known; None: nothing in the tree writes it.
+    """
+
+    node: Node
+    port: str
+    key: str
+    fails: bool
+    later: int | None
+    suggestion: str
+
+    def problem(self, severity: str, why: str = "") -> Problem:
+        """The same in words; ``why`` in place of what is known from the tree alone."""
+        if not why and self.later is None:
+            why = "which nothing in the tree writes"
+        elif not why:
+            why = "which is written only afterwards" + (f", in line {self.later}" if self.later else "")
+        return problem_at(self.node, self.port, f"reads '{{{self.key}}}', {why}", self.suggestion, severity)
+
+
+def problem_at(node: Node, port: str, message: str, suggestion: str, severity: str = "error") -> Problem:
+    """Return a problem of a node's port, with the file and the line that say it."""
+    file = "" if node.place is None else node.place.file
+    element = "SubTree" if isinstance(node, decorators.SubTree) else node.type_id
+    return Problem(file, node.line, element, port, message, suggestion, severity)
+
+
+def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[UnwrittenRead]:
+    """Yield each entry that is read before it has a value; ``given`` are root entries that somebody sets before.
+
+    What is written by code that does not say so in ports (``may_write_unseen``) is not known here.
+    """
+    uses = entry_uses(tree)
+    set_before = {id(tree.blackboard.slot(key)) for key in given}
+    writers: dict[int, list[Node]] = {}
+    for use in uses:
+        if use.writes:
+            writers.setdefault(id(use.slot), []).append(use.node)
+    reported: set[tuple[int, int]] = set()
+    for use in uses:
+        written_by = writers.get(id(use.slot), [])
+        if use.writes or id(use.slot) in set_before or use.slot.value is not None:
+            continue
+        if tree.shared is not None and use.slot is tree.blackboard.slot(use.slot.key):
+            continue  # what native behaviours write is known when they have written it
+        if written_by and not (_fails(tree, use) and all(_ended_before(use.node, writer) for writer in written_by)):
+            continue
+        node, port, key = named_at(tree, use)
+        if (id(node), id(use.slot)) not in reported:
+            reported.add((id(node), id(use.slot)))
+            later = min(writer.line for writer in written_by) if written_by else None
+            hint = "" if written_by else _hint(node, key, use.slot, writers)
+            fails = any(_fails(tree, other) for other in uses if other.slot is use.slot and not other.writes)
+            yield UnwrittenRead(node, port, key, fails, later, hint)
+
+
+def named_at(tree: Tree, use: EntryUse) -> tuple[Node, str, str]:
+    """Return node, port and key where an entry is named outermost: the SubTree that hands it in, else its user."""
+    subtrees = {node.subtree_path: node for node in tree.nodes if isinstance(node, decorators.SubTree)}
+    node, port, key = use.node, use.port, use.key
+    place = node.place
+    while place is not None and place.path:
+        subtree, board = subtrees[place.path], place.board
+        if key in board.remapping or (key in subtree.attributes and not board.autoremap):
+            node, port, key = subtree, key, board.remapping.get(key, key)
+        elif not board.autoremap or key[0] in "_@":
+            break
+        place = subtree.place
+    return node, port, key
+
+
+def may_write_unseen(node: Node) -> bool:
+    """Whether a node's code may write entries that its ports do not name: it has, or asks for, its blackboard."""
+    if isinstance(node, PyTreesBehaviour):
+        below = node.behaviour.iterate()
+        return any(one.blackboards or not type(one).__module__.startswith("py_trees.") for one in below)
+    own = [cls for cls in type(node).__mro__ if not cls.__module__.startswith(_OURS)]
+    functions = [value for cls in own for value in vars(cls).values() if isinstance(value, FunctionType)]
+    return any(_names(function.__code__) & {"board", "blackboard"} for function in functions)
+
+
+def _names(code: CodeType) -> set[str]:
+    inner = [constant for constant in code.co_consts if isinstance(constant, CodeType)]
+    return set(code.co_names).union(*map(_names, inner))
+
+
+def _fails(tree: Tree, use: EntryUse) -> bool:
+    """Whether reading an empty entry here is an error: of ports that must have a value, and of scripts."""
+    port = tree.info_of(use.node).ports.get(use.port)
+    is_needed = port is None or port.strict or use.port == "code"
+    return is_needed and not isinstance(use.node, WasEntryUpdated)
+
+
+def _ended_before(reader: Node, writer: Node) -> bool:
+    """Whether the reader has ended for good before the writer is ticked for the first time."""
+    routes = _route(reader), _route(writer)
+    shared = [a for a, b in zip(*routes, strict=False) if a is b]
+    if len(shared) in map(len, routes) or not all(type(node) in _ONCE for node in shared):
+        return False
+    parent, first, second = shared[-1], routes[0][len(shared)], routes[1][len(shared)]
+    below = parent.nodes_below()
+    return type(parent) in _IN_ORDER and below.index(first) < below.index(second)
+
+
+def _route(node: Node) -> list[Node]:
+    """The nodes from the root to this one."""
+    route = [node]
+    while isinstance(route[-1].parent, Node):
+        route.append(route[-1].parent)
+    return route[::-1]
+
+
+def _hint(node: Node, key: str, slot: Slot, written: dict[int, list[Node]]) -> str:
+    board = node.board
+    outer = board.parent
+    if outer is not None and key not in board.remapping and id(outer.slot(key)) in written:
+        return f"the tree outside has '{key}'; map it with {key}=\"{{{key}}}\""
+    known = [other.key for other in board.slots() if other is not slot and id(other) in written]
+    hint = closest(key, known)
+    return f"did you mean '{{{hint}}}'?" if hint else ""

@@ -1,0 +1,112 @@
+"""What a tree asks for that is not there: names of things, and entries that nobody fills."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from bestman_bt.engine import Node, Tree
+from bestman_bt.engine.bounds import Named
+from bestman_bt.engine.dataflow import EntryUse
+from bestman_bt.engine.errors import Problem
+from bestman_bt.engine.leaves.blackboard import SetBlackboard
+from bestman_bt.engine.ports import key_of
+from bestman_bt.engine.unwritten import may_write_unseen, named_at, problem_at, unwritten_reads
+from bestman_bt.registry import suggestion
+
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import RobotModel
+    from bestman_bt.world_model import WorldModel
+
+TASK_ENTRIES = (
+    *("object", "source", "target", "goal", "goals", "objects", "region_x", "region_y"),
+    *("articulation", "furniture", "at_least", "at_most", "front", "top", "inside", "views"),
+    *("planner", "builder", "limits", "replans"),
+)
+"""Root entries that a task, or ``bestman-bt look``, fills before the first tick."""
+
+_IDENTITY = re.compile(r"(.+)_\d+")
+"""What the robot calls one of several objects of a name, and things that it has no model of: ``can_2``, ``thing_1``."""
+
+
+def known_names(world: WorldModel, robot: RobotModel, absent: Iterable[str] = ()) -> dict[str, list[str]]:
+    """What ports may name, by kind. ``absent``: objects that the scene leaves out, which may be sought all the same."""
+    pieces = world.map.furniture
+    return {
+        "object": [*world.models, *absent],
+        "furniture": list(pieces),
+        "surface": [*pieces, *(f"{name}/{one.name}" for name, piece in pieces.items() for one in piece.surfaces)],
+        "articulation": [f"{name}/{leaf.name}" for name, piece in pieces.items() for leaf in piece.leaves],
+        "posture": list(robot.postures),
+    }
+
+
+def unknown_names(tree: Tree, names: Mapping[str, Collection[str]]) -> list[Problem]:
+    """Literals of ports that name something (``Named``) which is not there, each where the tree says it."""
+    written = _literals_written(tree)
+    found: dict[tuple[int, str, str], Problem] = {}
+    for node in tree.nodes:
+        for name, port in tree.info_of(node).ports.items():
+            kind = next((bound.kind for bound in port.bounds or () if isinstance(bound, Named)), None)
+            if kind is None or kind not in names or port.direction == "output" or name not in node.attributes:
+                continue
+            for place, where, value in _literals(tree, node, name, written):
+                if not _is_known(kind, value, names[kind]):
+                    message = f"there is no {_WORDS.get(kind, kind)} {value!r}"
+                    problem = problem_at(place, where, message, suggestion(value, list(names[kind])))
+                    found.setdefault((id(place), where, value), problem)
+    return list(found.values())
+
+
+_WORDS = {"articulation": "door or drawer", "furniture": "piece of furniture"}
+
+
+def _is_known(kind: str, value: str, names: Collection[str]) -> bool:
+    identity = _IDENTITY.fullmatch(value) if kind == "object" else None
+    return not value or value in names or (identity is not None and identity[1] in (*names, "thing"))
+
+
+def _literals(
+    tree: Tree, node: Node, port: str, written: Mapping[int, list[tuple[Node, str]]]
+) -> Iterator[tuple[Node, str, str]]:
+    """The texts that a port may read as far as the tree says them: node, attribute and text."""
+    value = node.attributes[port]
+    key = key_of(value, port)
+    if key is None:
+        if isinstance(value, str):
+            yield node, port, value
+        return
+    slot = node.board.slot(key)
+    if isinstance(slot.value, str):
+        place, where, _ = named_at(tree, EntryUse(slot, node, port, key, writes=False))
+        yield place, where, slot.value
+    for writer, text in written.get(id(slot), ()):
+        yield writer, "value", text
+
+
+def _literals_written(tree: Tree) -> dict[int, list[tuple[Node, str]]]:
+    """Slot → the texts that SetBlackboard puts there, and who."""
+    written: dict[int, list[tuple[Node, str]]] = {}
+    for node in tree.nodes:
+        value, target = node.attributes.get("value"), node.attributes.get("output_key")
+        if isinstance(node, SetBlackboard) and isinstance(value, str) and key_of(value, "value") is None:
+            slot = node.board.slot(key_of(target, "output_key") or str(target))
+            written.setdefault(id(slot), []).append((node, value))
+    return written
+
+
+def unfilled_entries(tree: Tree, given: Collection[str], task: str | None) -> list[Problem]:
+    """Entries that are read and that nobody has filled by then; errors where reading them fails, else warnings.
+
+    ``given``: root entries that are set before the first tick, by ``task`` (None: there is none). Where code may write
+    entries without saying so in its ports, all are warnings.
+    """
+    unseen = any(may_write_unseen(node) for node in tree.nodes)
+    problems = []
+    for read in unwritten_reads(tree, given):
+        why = ""
+        if read.key in TASK_ENTRIES and read.later is None and not read.suggestion:
+            why = "which tasks fill, but no task is given" if task is None else f"which the task {task} does not fill"
+        problems.append(read.problem("error" if read.fails and not unseen else "warning", why))
+    return problems

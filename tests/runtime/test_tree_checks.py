@@ -1,0 +1,146 @@
+"""What a tree asks for is compared with scene, map, robot and task before anything moves."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.configuration import load_run
+from bestman_bt.engine import TreeLoadError
+from bestman_bt.evaluation.episode import prepare_episode
+from bestman_bt.runtime import Session, Setup, load_for, prepare
+from bestman_bt.runtime.tree_checks import unfilled_entries, unknown_names
+
+TAKE = (
+    '<BehaviorTree ID="Take"><Sequence><FindStandPose surface="{surface}" object="{object}" stand="{stand}"/>'
+    '<LookAt surface="{surface}"/></Sequence></BehaviorTree>'
+)
+
+
+@pytest.fixture(scope="module")
+def kitchen() -> Setup:
+    return prepare(load_run("fetch_cup"))
+
+
+def text_of(body: str, more: str = "") -> str:
+    return (
+        f'<root BTCPP_format="4" main_tree_to_execute="M">\n<BehaviorTree ID="M">\n{body}</BehaviorTree>{more}</root>'
+    )
+
+
+def unknown(kitchen: Setup, body: str, more: str = "") -> list[str]:
+    return [str(problem) for problem in unknown_names(load_for(kitchen, text_of(body, more)), kitchen.names)]
+
+
+@pytest.mark.parametrize(
+    ("node", "told"),
+    [
+        ('<LookAt surface="countr"/>', "port 'surface': there is no surface 'countr' (did you mean 'counter'?)"),
+        ('<Grasp object="cupp" grasps="{g}"/>', "port 'object': there is no object 'cupp' (did you mean 'cup'?)"),
+        ('<MoveArm posture="cary"/>', "port 'posture': there is no posture 'cary' (did you mean 'carry'?)"),
+        ('<IsOpen articulation="fridge/dor"/>', "port 'articulation': there is no door or drawer 'fridge/dor' ("),
+        ('<BelieveLocked container="drwer"/>', "port 'container': there is no door or drawer 'drwer' ("),
+        ('<DockAt goal="0;0;0" furniture="tble"/>', "port 'furniture': there is no piece of furniture 'tble' ("),
+        ('<Holds fact="on({object}, {place})" object="cup" place="tble"/>', "port 'place': there is no surface 'tble'"),
+    ],
+)
+def test_a_name_that_nothing_bears_is_told_with_its_line_and_the_closest(kitchen: Setup, node: str, told: str) -> None:
+    (message,) = unknown(kitchen, f"\n{node}")
+    assert message.startswith(f"<text>:4: <{node[1:].split()[0]}> {told.replace(chr(39) + 'did', 'did')}")
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        '<LookAt surface="counter/top"/>',
+        '<LookAt object="cup_2"/>',
+        '<LookAt object="thing_1"/>',
+        '<LookAt surface="{anything}"/>',
+        '<DockAt goal="0;0;0" furniture=""/>',
+        '<Sequence><SetBlackboard value="no surface" output_key="word"/><Script code="word := \'x\'"/></Sequence>',
+    ],
+)
+def test_names_that_are_or_may_be_there_pass(kitchen: Setup, node: str) -> None:
+    assert unknown(kitchen, node) == []
+
+
+def test_a_name_that_a_subtree_is_given_is_told_once_in_the_subtrees_line(kitchen: Setup) -> None:
+    body = '<Sequence>\n<SubTree ID="Take" object="cup" surface="countr"/></Sequence>'
+    (message,) = unknown(kitchen, body, TAKE)
+    assert message.startswith("<text>:4: <SubTree> port 'surface': there is no surface 'countr'")
+
+
+def test_a_name_that_setblackboard_writes_is_told_there(kitchen: Setup) -> None:
+    writer = '<SetBlackboard value="countr" output_key="place"/>'
+    (message,) = unknown(kitchen, f'<Sequence>\n{writer}\n<LookAt surface="{{place}}"/></Sequence>')
+    assert message.startswith("<text>:4: <SetBlackboard> port 'value': there is no surface 'countr'")
+
+
+def test_objects_that_only_the_own_scene_has_and_those_that_it_leaves_out_pass(tmp_path: Path) -> None:
+    (tmp_path / "my.xml").write_text(text_of('<Sequence><LookAt object="cup"/><LookAt object="my_can"/></Sequence>'))
+    (tmp_path / "mine.yaml").write_text(
+        "extends: kitchen\nobjects:\n  my_can: {model: can, surface: table/top, at: [0, 0, 0]}\n  cup: absent\n"
+    )
+    scene = tmp_path / "mine.yaml"
+    assert prepare(load_run(None, tree=tmp_path / "my.xml", scene=scene, robot="diff_panda"))
+    with pytest.raises(TreeLoadError, match="there is no object 'my_can'"):
+        prepare(load_run(None, tree=tmp_path / "my.xml", scene="kitchen", robot="diff_panda"))
+
+
+def test_nothing_is_started_where_a_name_is_unknown_and_all_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "my.xml"
+    path.write_text(text_of('<Sequence><LookAt surface="countr"/>\n<LookAt object="cupp"/></Sequence>'))
+    with pytest.raises(TreeLoadError) as error:
+        prepare(load_run(None, tree=path, scene="kitchen", robot="diff_panda"))
+    assert [problem.line for problem in error.value.problems] == [3, 4]
+
+
+def test_entries_that_nobody_fills_keep_a_run_from_starting(tmp_path: Path) -> None:
+    path = tmp_path / "my.xml"
+    path.write_text(text_of('<Sequence>\n<CheckHeld object="{object}"/>\n<LookAt point="{pose}"/></Sequence>'))
+    with pytest.raises(TreeLoadError) as error:
+        prepare_episode(load_run(None, tree=path, scene="kitchen", robot="diff_panda"))
+    (message,) = str(error.value).splitlines()
+    assert message == (
+        f"{path}:4: <CheckHeld> port 'object': reads '{{object}}', which tasks fill, but no task is given"
+    )
+    prepare_episode(load_run("fetch_cup", tree=path))
+
+
+def test_where_code_may_write_unseen_an_empty_entry_is_a_warning(tmp_path: Path) -> None:
+    tree = tmp_path / "my.py"
+    tree.write_text(
+        "import py_trees\n"
+        "from bestman_bt.engine import Sequence\n"
+        "from behaviours.check_held import CheckHeld\n"
+        "def build():\n"
+        '    native = py_trees.behaviours.SetBlackboardVariable("set", "thing", "cup", overwrite=True)\n'
+        '    return Sequence([native, CheckHeld(object="{thing}")])\n'
+    )
+    setup = prepare_episode(load_run(None, tree=tree, scene="kitchen", robot="diff_panda"))
+    assert {problem.severity for problem in unfilled_entries(load_for(setup), (), None)} <= {"warning"}
+
+
+def test_a_session_without_a_task_warns_of_keys_that_only_tasks_fill(
+    kitchen: Setup, caplog: pytest.LogCaptureFixture
+) -> None:
+    tree = text_of('<CheckHeld object="{object}"/>')
+    told = []
+    for given in (False, True):
+        caplog.clear()
+        session = Session(kitchen, None, None, dict(kitchen.entries), task_given=given)
+        with caplog.at_level(logging.WARNING):
+            session.check(load_for(kitchen, tree))
+        told.append(caplog.messages)
+    assert told[0] == [
+        "<text>:3: warning: <CheckHeld> port 'object': reads '{object}', which tasks fill, but no task is given"
+    ]
+    assert told[1] == []
+
+
+def test_a_session_refuses_names_that_nothing_bears(kitchen: Setup) -> None:
+    session = Session(kitchen, None, None, dict(kitchen.entries))
+    with pytest.raises(TreeLoadError, match="there is no surface 'countr'"):
+        session.check(load_for(kitchen, text_of('<LookAt surface="countr"/>')))
