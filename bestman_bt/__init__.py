@@ -6,10 +6,28 @@
 
 from __future__ import annotations
 
+import logging
+import sys
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 __all__ = ["plan", "session"]
+
+
+def _hiding_files() -> list[str]:
+    """The files beside the script that hide a package of ours."""
+    beside = Path(sys.path[0] if sys.path else "").resolve()
+    names = ("behaviours", "hal") if beside != Path(__file__).parents[1] else ()
+    return [str(beside / f"{name}.py") for name in names if (beside / f"{name}.py").is_file()]
+
+
+def _told(file: str) -> str:
+    return f"{file} hides the package '{Path(file).stem}' of bestman-bt, which robots and skills need: rename that file"
+
+
+for _file in _hiding_files():
+    logging.getLogger(__name__).warning(_told(_file))
 
 
 def __getattr__(name: str) -> Any:
@@ -17,5 +35,7 @@ def __getattr__(name: str) -> Any:
     if name == "plan":
         return import_module("bestman_bt.runtime.planning").plan
     if name == "session":
+        for file in _hiding_files():
+            raise ImportError(_told(file), path=file)
         return import_module("bestman_bt.runtime").session
     raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}")

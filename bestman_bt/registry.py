@@ -1,11 +1,20 @@
-"""Names of exchangeable classes: each is text ``"module:Class"`` until somebody uses it."""
+"""Names of exchangeable classes: each is text ``"module:Class"`` until somebody uses it.
+
+Own ones are added by decorators, in a plug-in or before the robot is prepared:
+
+    @algorithm("global_planning/mine")
+    class Mine(GlobalPlanner): ...
+"""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from importlib.metadata import entry_points
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 
 class UnknownNameError(LookupError):
@@ -21,12 +30,21 @@ class Registry:
     def __init__(self, group: str, what: str, entries: dict[str, str]) -> None:
         self.group = group
         self.what = what
-        self._entries = dict(entries)
+        self._entries: dict[str, Any] = dict(entries)
         self._discovered = False
 
-    def add(self, name: str, target: str) -> None:
-        """Register ``target`` (``"module:Class"``) under ``name``; a later name replaces an earlier one."""
+    def add(self, name: str, target: Any) -> None:
+        """Register ``target``, a class or ``"module:Class"``, under ``name``; a later name replaces an earlier one."""
         self._entries[name] = target
+
+    def adding(self, name: str) -> Callable[[T], T]:
+        """A decorator that registers what it decorates under ``name``."""
+
+        def add(target: T) -> T:
+            self.add(name, target)
+            return target
+
+        return add
 
     def names(self) -> list[str]:
         """All names, sorted."""
@@ -41,8 +59,11 @@ class Registry:
         self._discover()
         if name not in self._entries:
             raise UnknownNameError(f"unknown {self.what} {name!r}; {suggestion(name, self._entries)}")
-        module, _, attribute = self._entries[name].partition(":")
-        resolved: type = getattr(import_module(module), attribute)
+        target = self._entries[name]
+        if isinstance(target, str):
+            module, _, attribute = target.partition(":")
+            target = getattr(import_module(module), attribute)
+        resolved: type = target
         return resolved
 
     def of_kind(self, kind: str, base: type) -> dict[str, type]:
@@ -57,7 +78,7 @@ class Registry:
                 self._entries.setdefault(point.name, point.value)
 
 
-def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, str]) -> str:
+def suggestion(name: str, known: Iterator[str] | list[str] | dict[str, Any]) -> str:
     """Words for an error message: the closest of the ``known`` names, else all of them."""
     names = sorted(known)
     close = difflib.get_close_matches(name, names, n=1)
@@ -286,3 +307,18 @@ BUILDERS = Registry(
     },
 )
 """From plans to trees, subclasses of ``TreeBuilder``."""
+
+
+def algorithm(name: str) -> Callable[[T], T]:
+    """``@algorithm("slot/name")`` before a class: an algorithm that configurations may choose."""
+    return ALGORITHMS.adding(name)
+
+
+def task_planner(name: str) -> Callable[[T], T]:
+    """``@task_planner("name")`` before a subclass of ``TaskPlanner``."""
+    return PLANNERS.adding(name)
+
+
+def tree_builder(name: str) -> Callable[[T], T]:
+    """``@tree_builder("name")`` before a subclass of ``TreeBuilder``."""
+    return BUILDERS.adding(name)

@@ -125,3 +125,13 @@ def test_classes_of_a_kind_are_named_by_what_comes_after_it_and_others_are_left_
     assert registry.of_kind("clock", Clock) == {"manual": ManualClock}
     registry.add("clock/more", "bestman_bt.engine:WallClock")
     assert "clock/more" not in entries
+
+
+def test_what_a_decorator_names_is_found() -> None:
+    registry = Registry("bestman_bt.nothing", "thing", {})
+
+    @registry.adding("clock/mine")
+    class Mine: ...
+
+    assert registry.resolve("clock/mine") is Mine
+    assert registry.names() == ["clock/mine"]

@@ -41,7 +41,8 @@ Settings = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="Override a setting: scene.…, robot.… or a field of the task."),
 ]
 Plugins = Annotated[
-    list[Path] | None, typer.Option("--plugin", metavar="FILE.py", help="Load leaves and algorithms from a file.")
+    list[Path] | None,
+    typer.Option("--plugin", metavar="FILE.py", help="Load skills, algorithms and planners of yours."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document on standard output, all else elsewhere.")]
 Driver = Annotated[

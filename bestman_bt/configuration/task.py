@@ -200,6 +200,11 @@ def task_document(name_or_path: str | Path) -> Document:
     plugins = document.data.get("plugins")
     if isinstance(plugins, list):
         document.data["plugins"] = [str(path.parent / name) if isinstance(name, str) else name for name in plugins]
+    slots = document.data.get("algorithms")
+    for chosen in slots.values() if isinstance(slots, dict) else ():
+        name = chosen.get("algorithm") if isinstance(chosen, dict) else None
+        if isinstance(name, str) and ".py:" in name:
+            chosen["algorithm"] = str(path.parent / name)
     return with_default_algorithms(document)
 
 

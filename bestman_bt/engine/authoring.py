@@ -11,9 +11,7 @@ Ports are keyword arguments: a literal as a Python value, or ``"{key}"``. Script
 
 from __future__ import annotations
 
-import importlib.util
 import sys
-import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +24,7 @@ from bestman_bt.engine.errors import Problem, TreeLoadError
 from bestman_bt.engine.leaves.native import PyTreesBehaviour, adapted, is_taken, take_over
 from bestman_bt.engine.loading import MAX_NODES, Builder, check_documents, main_tree_of, raise_if_any
 from bestman_bt.engine.node import Node
+from bestman_bt.engine.own_files import described, importable, load_file
 from bestman_bt.engine.place import Place
 from bestman_bt.engine.registry import NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler
@@ -77,6 +76,8 @@ def build_tree(
 def load_python_tree(path: Path) -> Behaviour:
     """Return what the ``build()`` of a Python file returns: a node, a native py_trees behaviour, or a loaded tree.
 
+    The files beside it can be imported meanwhile.
+
     Raises:
         TreeLoadError: the file does not exist, fails to run or ends the program, or defines no ``build()``.
     """
@@ -86,38 +87,26 @@ def load_python_tree(path: Path) -> Behaviour:
 
     if not path.is_file():
         raise fail("the tree file does not exist")
-    specification = importlib.util.spec_from_file_location(f"bestman_bt_tree_{path.stem}", path)
-    if specification is None or specification.loader is None:
-        raise fail("the file cannot be imported")
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[specification.name] = module
+    name = f"bestman_bt_tree_{path.stem}"
     forget_dropped_trees()
     try:
-        specification.loader.exec_module(module)
-        build = getattr(module, "build", None)
-        if not callable(build):
-            raise fail("it defines no function build() that returns the root node")
-        root = build()
+        with importable(path.parent):
+            build = getattr(load_file(path, name), "build", None)
+            if not callable(build):
+                raise fail("it defines no function build() that returns the root node")
+            root = build()
     except TreeLoadError:
         raise
     except (Exception, SystemExit) as error:
-        raise fail(f"it fails with {type(error).__name__}: {error}", _line_in(error, path)) from error
+        file, line, words = described(error, path)
+        raise TreeLoadError([Problem(file, line, "", "", f"it fails with {words}")]) from error
     finally:
-        del sys.modules[specification.name]
+        sys.modules.pop(name, None)
     if isinstance(root, Tree):
         return root.as_subtree()
     if not isinstance(root, Behaviour):
         raise fail(f"its build() returned {root!r}; a node is expected")
     return root
-
-
-def _line_in(error: BaseException, path: Path) -> int:
-    """The last line of the file that the error has passed; 0 where it has passed none."""
-    file = path.resolve()
-    if isinstance(error, SyntaxError) and error.filename and Path(error.filename).resolve() == file:
-        return error.lineno or 0
-    frames = traceback.extract_tb(error.__traceback__)
-    return next((f.lineno or 0 for f in reversed(frames) if Path(f.filename).resolve() == file), 0)
 
 
 class _Adopter(Builder):

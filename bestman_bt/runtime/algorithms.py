@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from behaviours.context import Algorithms
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, algorithm_parameters
+from bestman_bt.engine.own_files import described, load_file, module_of, plugin_module
 from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
@@ -140,7 +143,16 @@ def make_algorithm(config: RunConfig, slot: str, *needs: Any, name: str = "", **
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
     algorithm, parameters = _choose(config, slot, name)
-    return algorithm(*needs, **parts) if parameters is None else algorithm(*needs, parameters=parameters, **parts)
+    given = parts if parameters is None else {"parameters": parameters, **parts}
+    if algorithm.__module__.startswith("bestman_bt."):
+        return algorithm(*needs, **given)
+    try:
+        return algorithm(*needs, **given)
+    except Exception as error:
+        source = inspect.getsourcefile(algorithm) or algorithm.__module__
+        file, line, words = described(error, Path(source))
+        field, message = f"algorithms.{slot}", f"{algorithm.__name__} cannot be made: {words}"
+        raise ConfigurationError([Problem(file, line or None, field, message)]) from error
 
 
 def _choose(config: RunConfig, slot: str, name: str = "") -> tuple[type[Any], Any]:
@@ -150,20 +162,26 @@ def _choose(config: RunConfig, slot: str, name: str = "") -> tuple[type[Any], An
         values = {}
     name = name or configured
     algorithms = _in_slot(slot)
+    name = name.removeprefix(f"{_SLOTS[slot][1]}/")
+    if ":" in name:
+        algorithms = {name: _class_at(config, slot, name)}
     if name not in algorithms:
         message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
         if "known: " not in message:
             message += f" (known: {', '.join(sorted(algorithms))})"
         raise ConfigurationError([config.problem(("algorithms", slot, "algorithm"), message)])
     algorithm = algorithms[name]
-    parameters_type = getattr(import_module(algorithm.__module__), f"{algorithm.__name__}Parameters", None)
+    _refuse_unfinished(config, slot, algorithm)
+    with module_of(algorithm) as module:
+        parameters_type = getattr(module, f"{algorithm.__name__}Parameters", None)
     if parameters_type is None:
         if values:
             message = f"{name} takes no parameters, got {', '.join(values)}"
             raise ConfigurationError([config.problem(("algorithms", slot), message)])
         return algorithm, None
     try:
-        return algorithm, algorithm_parameters(slot, values, parameters_type)
+        with module_of(parameters_type):  # its annotations are looked up there
+            return algorithm, algorithm_parameters(slot, values, parameters_type)
     except ConfigurationError as error:
         raise ConfigurationError([_placed(config, slot, problem) for problem in error.problems]) from error
 
@@ -176,7 +194,51 @@ def algorithms_by_slot() -> dict[str, dict[str, type[Any]]]:
 def _in_slot(slot: str) -> dict[str, type[Any]]:
     """The registered algorithms that a slot may hold, by name."""
     base, kind = _SLOTS[slot]
-    return ALGORITHMS.of_kind(kind, base)
+    named = {name: ALGORITHMS.resolve(name) for name in ALGORITHMS if name.startswith(f"{kind}/")}
+    bases = {other for other, of_kind in _SLOTS.values() if of_kind == kind}
+    # What is of another slot of its kind is not offered; what is of none is, to be told that it is none.
+    return {
+        name.removeprefix(f"{kind}/"): cls
+        for name, cls in named.items()
+        if issubclass(cls, base) or not issubclass(cls, tuple(bases))
+    }
+
+
+def _class_at(config: RunConfig, slot: str, name: str) -> type[Any]:
+    """The class that ``file.py:Class`` or ``module:Class`` names; ConfigurationError where there is none."""
+    place, _, attribute = name.rpartition(":")
+    path = Path(place)
+    is_file = path.suffix == ".py"
+    field = ("algorithms", slot, "algorithm")
+    if is_file and not path.is_file():
+        raise ConfigurationError([config.problem(field, f"no such file: {place}")])
+    try:
+        module = load_file(path, plugin_module(path)) if is_file else import_module(place)
+    except (Exception, SystemExit) as error:
+        if not is_file:
+            message = f"{place} cannot be imported: {type(error).__name__}: {error}"
+            raise ConfigurationError([config.problem(field, message)]) from error
+        file, line, words = described(error, path)
+        raise ConfigurationError([Problem(file, line or None, "", f"it raised {words}")]) from error
+    found = getattr(module, attribute, None)
+    if not isinstance(found, type):
+        classes = [key for key, value in vars(module).items() if isinstance(value, type)]
+        message = f"{place} has no class {attribute!r}; {suggestion(attribute, classes)}"
+        raise ConfigurationError([config.problem(field, message)])
+    return found
+
+
+def _refuse_unfinished(config: RunConfig, slot: str, algorithm: type[Any]) -> None:
+    """A class that is not what the slot holds, or lacks methods of it."""
+    base = _SLOTS[slot][0]
+    missing = sorted(getattr(algorithm, "__abstractmethods__", ()))
+    if issubclass(algorithm, base) and not missing:
+        return
+    source, line = inspect.getsourcefile(algorithm), inspect.getsourcelines(algorithm)[1]
+    message = f"{algorithm.__name__} should be a subclass of {base.__module__}.{base.__name__}"
+    if issubclass(algorithm, base):
+        message = f"{algorithm.__name__} does not define {', '.join(missing)}, as a {base.__name__} has to"
+    raise ConfigurationError([Problem(str(source), line, f"algorithms.{slot}", message)])
 
 
 def _placed(config: RunConfig, slot: str, problem: Problem) -> Problem:

@@ -111,6 +111,7 @@ def test_the_skill_of_the_readme_runs_and_fails_as_it_declares(tmp_path: Path) -
         assert opened.run(tree.format(2)).succeeded
         after = opened.skills.joints.positions()
         assert max(abs(after[joint] - before[joint]) for joint in after) > 0.1
+        assert opened.run(plugin).succeeded
         assert not opened.run(tree.format(0)).succeeded
         (failure,) = opened.skills.failures
         declaration = opened.setup.registry.info("Nod").cls.DECLARATION

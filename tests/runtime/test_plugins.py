@@ -10,8 +10,11 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, dump_run, load_run, read_run
-from bestman_bt.registry import ALGORITHMS, DRIVERS
+from bestman_bt.registry import ALGORITHMS, BUILDERS, DRIVERS, PLANNERS, PREDICATES
 from bestman_bt.runtime import node_registry, prepare, session
+from bestman_bt.runtime.algorithms import make_algorithm, make_algorithms
+from bestman_bt.task_planning.planners import made_planner
+from bestman_bt.task_planning.state import known_predicates
 
 PLUGIN = '''
 """A leaf that nods and a planner that goes straight."""
@@ -163,3 +166,135 @@ def test_the_driver_guards_the_physics_before_a_plug_in_can_take_a_call_of_it(tm
     program += f"prepare(load_run('fetch_cup', plugins=[{str(path)!r}]))\n"
     ran = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert ran.stdout.splitlines()[-1] == "hal.pybullet.raw_call_guard"
+
+
+DECORATED = """
+from bestman_bt.messages import Path2D
+from bestman_bt.navigation.global_planning import GlobalPlanner
+from bestman_bt.registry import algorithm, task_planner, tree_builder
+from bestman_bt.task_planning.base import TaskPlanner
+from bestman_bt.task_planning.builders import SequenceBuilder
+from bestman_bt.task_planning.predicates import Predicate
+from bestman_bt.task_planning.symbolic import TaskPlan
+from parameters_of import MineParameters
+
+@algorithm("global_planning/mine")
+class Mine(GlobalPlanner):
+    def __init__(self, parameters=None):
+        self.parameters = parameters or MineParameters()
+
+    def plan(self, start, goal, costmap):
+        return Path2D([start.xy, goal.xy], goal)
+
+@task_planner("nothing_to_do")
+class Nothing(TaskPlanner):
+    def plan(self, problem):
+        return TaskPlan(())
+
+@tree_builder("in_a_row")
+class InARow(SequenceBuilder):
+    pass
+
+STALE = Predicate("stale", {"object": "object"}, "{object} is old", lambda beliefs, name: True)
+"""
+BESIDE = """
+from __future__ import annotations
+from dataclasses import dataclass
+Metres = float
+
+@dataclass(frozen=True)
+class MineParameters:
+    step: Metres = 0.5
+"""
+
+
+@pytest.fixture
+def decorated(tmp_path: Path) -> Iterator[Path]:
+    before = [(registry, dict(registry._entries)) for registry in (ALGORITHMS, PLANNERS, BUILDERS, PREDICATES)]
+    (tmp_path / "mine.py").write_text(DECORATED)
+    (tmp_path / "parameters_of.py").write_text(BESIDE)
+    yield tmp_path / "mine.py"
+    for registry, entries in before:
+        registry._entries.clear()
+        registry._entries.update(entries)
+
+
+def test_decorators_of_a_plug_in_name_its_algorithms_planners_and_builders(decorated: Path) -> None:
+    settings = ["algorithms.global_planning.algorithm=mine", "algorithms.global_planning.step=0.25"]
+    config = load_run("fetch_cup", settings=settings, plugins=[str(decorated)])
+    setup = prepare(config)
+    planner = make_algorithms(config, setup.robot_model).global_planning
+    assert (type(planner).__name__, planner.parameters.step) == ("Mine", 0.25)
+    assert type(made_planner("nothing_to_do")).__name__ == "Nothing"
+    assert BUILDERS.resolve("in_a_row").__name__ == "InARow"
+    assert known_predicates()["stale"].words == "{object} is old"
+
+
+@pytest.mark.parametrize("named", ["mine.py:Mine", "{folder}/mine.py:Mine"])
+def test_an_algorithm_may_be_named_by_its_file_and_class(
+    named: str, decorated: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(decorated.parent)
+    named = named.format(folder=decorated.parent)
+    config = load_run("fetch_cup", settings=[f"algorithms.global_planning.algorithm={named}"])
+    assert type(make_algorithms(config, prepare(config).robot_model).global_planning).__name__ == "Mine"
+
+
+def test_an_algorithm_may_be_named_by_module_and_class_or_with_its_slot() -> None:
+    for named in ("bestman_bt.navigation.global_planning:ThetaStar", "global_planning/theta_star"):
+        config = load_run("fetch_cup", settings=[f"algorithms.global_planning.algorithm={named}"])
+        assert type(make_algorithms(config, prepare(config).robot_model).global_planning).__name__ == "ThetaStar"
+
+
+def test_a_tasks_algorithm_file_is_counted_from_the_tasks_folder(decorated: Path) -> None:
+    task = decorated.parent / "task.yaml"
+    chosen = "algorithms:\n  global_planning: {algorithm: 'mine.py:Mine', step: 0.1}\n"
+    task.write_text("tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\n" + chosen)
+    config = load_run(task)
+    assert make_algorithm(config, "global_planning").parameters.step == 0.1
+
+
+@pytest.mark.parametrize(
+    ("text", "named", "message"),
+    [
+        ("class A: ...\n", "p.py:B", "p.py has no class 'B'; known: A"),
+        ("x = 1\nclass A: ...\n", "p.py:A", "p.py:2: algorithms.global_planning: A should be a subclass of"),
+        (
+            "from bestman_bt.navigation.global_planning import GlobalPlanner\n\nclass A(GlobalPlanner): ...\n",
+            "p.py:A",
+            "p.py:3: algorithms.global_planning: A does not define plan, as a GlobalPlanner has to",
+        ),
+        ("import numpy\nnumpy.zeros(-1)\n", "p.py:A", "p.py:2: it raised ValueError"),
+        ("x = (\n", "p.py:A", "p.py:1: it raised SyntaxError"),
+        ("", "q.py:A", "no such file: q.py"),
+        ("", "no_such_module:A", "no_such_module cannot be imported: ModuleNotFoundError"),
+        (
+            "from bestman_bt.navigation.global_planning import GlobalPlanner\nclass A(GlobalPlanner):\n"
+            "    def plan(self, start, goal, costmap): ...\n    def __init__(self):\n        self.x = self.y\n",
+            "p.py:A",
+            "p.py:5: algorithms.global_planning: A cannot be made: AttributeError: 'A' object has no attribute 'y'",
+        ),
+    ],
+)
+def test_what_is_wrong_with_an_own_algorithm_is_one_line_with_its_place(
+    text: str, named: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "p.py").write_text(text)
+    with pytest.raises(ConfigurationError) as error:
+        prepare(load_run("fetch_cup", settings=[f"algorithms.global_planning.algorithm={named}"]))
+    assert message in str(error.value)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_two_plug_ins_of_one_name_have_their_own_helpers(tmp_path: Path) -> None:
+    plugins = []
+    for name in ("One", "Two"):
+        place = tmp_path / name
+        place.mkdir()
+        base = f"from bestman_bt.engine import AlwaysSuccess\nclass Base(AlwaysSuccess):\n    WORD = '{name}'\n"
+        (place / "helpers.py").write_text(base)
+        (place / "nodes.py").write_text(f"from helpers import Base\nclass {name}(Base): ...\n")
+        plugins.append(str(place / "nodes.py"))
+    registry = node_registry(plugins)
+    assert [registry.info(name).cls.WORD for name in ("One", "Two")] == ["One", "Two"]

@@ -1,0 +1,144 @@
+"""Python files of users: while one is loaded, it can import the files beside it, as a script can.
+
+Modules of two folders do not meet: each ``helpers.py`` is found by the files beside it alone.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import sys
+import traceback
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+
+PACKAGES = ("bestman_bt", "behaviours", "hal")
+"""The importable packages of this project."""
+
+_names: dict[Path, set[str]] = {}
+"""Folder → the names of modules and packages that lie in it."""
+_loaded: dict[Path, dict[str, ModuleType]] = {}
+"""Folder → what was imported from it, by name."""
+_open: list[Path] = []
+"""Folders whose files are being loaded, the innermost last."""
+
+
+@contextmanager
+def importable(folder: Path) -> Iterator[None]:
+    """Make what lies in ``folder`` importable; modules of other such folders, and of the script, are not seen.
+
+    What is imported is kept for the next file of the folder.
+    """
+    folder = folder.resolve()
+    if _open and _open[-1] == folder:
+        yield
+        return
+    _names[folder] = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()} - {*PACKAGES}
+    hidden = {name: module for name, module in sys.modules.items() if _is_elsewhere(name, module, folder)}
+    for name in hidden:
+        del sys.modules[name]
+    of_script = {name for name, module in sys.modules.items() if _is_from(name, module, folder)}
+    sys.modules.update({name: one for name, one in _loaded.get(folder, {}).items() if name not in of_script})
+    if _open:
+        sys.path.remove(str(_open[-1]))
+    sys.path.insert(0, str(folder))
+    importlib.invalidate_caches()
+    _open.append(folder)
+    try:
+        yield
+    finally:
+        _open.pop()
+        sys.path.remove(str(folder))
+        if _open:
+            sys.path.insert(0, str(_open[-1]))
+        _loaded[folder] = {name: module for name, module in sys.modules.items() if _is_from(name, module, folder)}
+        for name in _loaded[folder].keys() - of_script:
+            del sys.modules[name]
+        sys.modules.update(hidden)
+
+
+def load_file(path: Path, name: str) -> ModuleType:
+    """Run a Python file as the module ``name``, which stays in ``sys.modules``; what it raises passes.
+
+    Raises:
+        ImportError: it is no Python file.
+    """
+    specification = importlib.util.spec_from_file_location(name, path)
+    if specification is None or specification.loader is None:
+        raise ImportError("it should be a Python file (.py)")
+    module = importlib.util.module_from_spec(specification)
+    sys.modules[name] = module
+    try:
+        with importable(path.parent):
+            specification.loader.exec_module(module)
+    except BaseException:
+        sys.modules.pop(name, None)
+        raise
+    return module
+
+
+def plugin_module(path: Path) -> str:
+    """The name of the module that a user's file is loaded as; files of one name in two folders have two."""
+    return f"bestman_bt_plugin_{path.stem}_{zlib.crc32(bytes(path.resolve())):08x}"
+
+
+@contextmanager
+def module_of(cls: type) -> Iterator[ModuleType]:
+    """The module that a class comes from, while what lies beside it is importable if it is a user's."""
+    for folder, modules in _loaded.items():
+        module = modules.get(cls.__module__)
+        if module is not None and getattr(module, cls.__name__, None) is cls:
+            with importable(folder):
+                yield module
+            return
+    yield importlib.import_module(cls.__module__)
+
+
+def described(error: BaseException, path: Path) -> tuple[str, int, str]:
+    """Return file, line (0: unknown) and words of what was raised while ``path`` was loaded.
+
+    It is the last line that the error has passed in the file, or in one of its folder.
+    """
+    words = f"{type(error).__name__}: {error}"
+    if isinstance(error, ImportError):
+        top = (error.name or "").partition(".")[0]
+        if top in PACKAGES and (path.parent / f"{top}.py").is_file():
+            words += f"; {path.parent / top}.py has the name of a package of bestman-bt: rename it"
+    folder = path.resolve().parent
+    places = [(frame.filename, frame.lineno or 0) for frame in traceback.extract_tb(error.__traceback__)]
+    if isinstance(error, SyntaxError) and error.filename:
+        places.append((error.filename, error.lineno or 0))
+        words = f"{type(error).__name__}: {error.msg}"
+    for file, line in reversed(places):
+        found = Path(file).resolve()
+        if found.is_relative_to(folder):
+            return str(path.parent / found.relative_to(folder)), line, words
+    return str(path), 0, words
+
+
+def _is_from(name: str, module: ModuleType, folder: Path) -> bool:
+    """Whether a module is one of those in a folder of a user."""
+    top = name.partition(".")[0]
+    if top not in _names[folder]:
+        return False
+    found = Path(_file_of(module)).resolve()
+    return found.is_relative_to(folder) and found.relative_to(folder).parts[:1] in ((top,), (f"{top}.py",))
+
+
+def _is_elsewhere(name: str, module: ModuleType, folder: Path) -> bool:
+    """Whether a module comes from another folder of a user, or hides one of this folder, as a script's own does."""
+    if any(_is_from(name, module, other) for other in _names if other != folder):
+        return True
+    top = name.partition(".")[0]
+    if top not in _names[folder] or top in sys.stdlib_module_names or name == "__main__":
+        return False
+    file = _file_of(module)
+    return bool(file) and "site-packages" not in file and not _is_from(name, module, folder)
+
+
+def _file_of(module: ModuleType) -> str:
+    """The file of a module, or the folder of a package without one; empty where it has none."""
+    return getattr(module, "__file__", None) or next(iter(getattr(module, "__path__", ())), "")

@@ -1,0 +1,111 @@
+"""A user's files find those beside them, and those of another folder never."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import SUCCESS, TreeLoadError, load_tree
+from bestman_bt.engine.own_files import importable
+
+TREE = """
+from bestman_bt.engine import Script, Sequence
+from helpers import WORD
+
+def build():
+    from later import MORE
+    return Sequence("{name}", [Script(code=f"word := '{{WORD}}{{MORE}}'")])
+"""
+
+
+def folder(place: Path, name: str, **files: str) -> Path:
+    made = place / name
+    made.mkdir()
+    for stem, text in files.items():
+        (made / f"{stem}.py").write_text(text)
+    return made
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> list[Path]:
+    return [
+        folder(tmp_path, name, tree=TREE.format(name=name), helpers=f"WORD = '{name}'", later=f"MORE = '_{name}'")
+        for name in ("one", "two")
+    ]
+
+
+def word_of(path: Path) -> str:
+    tree = load_tree(path)
+    assert tree.tick_exactly_once() == SUCCESS
+    return str(tree.blackboard["word"])
+
+
+def test_each_tree_finds_the_helpers_beside_it(two: list[Path]) -> None:
+    words = [word_of(place / "tree.py") for place in (*two, *two)]
+    assert words == ["one_one", "two_two", "one_one", "two_two"]
+    assert not {str(place) for place in two} & set(sys.path)
+
+
+def test_a_tree_does_not_find_the_helpers_of_another_folder(two: list[Path], tmp_path: Path) -> None:
+    word_of(two[0] / "tree.py")
+    alone = folder(tmp_path, "alone", tree=TREE.format(name="alone"))
+    with pytest.raises(TreeLoadError, match="tree.py:3: it fails with ModuleNotFoundError: No module named 'helpers'"):
+        load_tree(alone / "tree.py")
+
+
+def test_a_tree_that_loads_a_tree_of_another_folder_keeps_its_own_helpers(two: list[Path]) -> None:
+    (two[0] / "tree.py").write_text(
+        "from bestman_bt.engine import load_tree\nimport helpers\n"
+        "def build():\n"
+        f"    inner = load_tree({str(two[1] / 'tree.py')!r})\n"
+        "    inner.tick_exactly_once()\n"
+        "    import helpers as again, later\n"
+        "    from bestman_bt.engine import Script\n"
+        "    return Script(code=f\"word := '{inner.blackboard['word']}+{again.WORD}{later.MORE}'\")\n"
+    )
+    assert word_of(two[0] / "tree.py") == "two_two+one_one"
+
+
+def test_what_the_program_has_imported_stays(two: list[Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    script = folder(tmp_path, "script", helpers="WORD = 'script'")
+    monkeypatch.syspath_prepend(str(script))
+    import helpers
+
+    assert word_of(two[0] / "tree.py") == "one_one"
+    assert sys.modules["helpers"] is helpers
+    assert helpers.WORD == "script"
+    del sys.modules["helpers"]
+
+
+def test_packages_beside_a_tree_can_be_imported_and_installed_ones_are_kept(tmp_path: Path) -> None:
+    place = folder(tmp_path, "place", later="MORE = ''")
+    (place / "parts").mkdir()
+    (place / "parts" / "words.py").write_text("WORD = 'parts'")
+    (place / "tree.py").write_text(TREE.format(name="tree").replace("from helpers", "import numpy\nfrom parts.words"))
+    import numpy
+
+    assert word_of(place / "tree.py") == "parts"
+    assert sys.modules["numpy"] is numpy
+    with importable(place), pytest.raises(ImportError):
+        __import__("helpers")
+
+
+def test_an_error_in_a_helper_is_told_with_the_helpers_line(two: list[Path]) -> None:
+    (two[0] / "helpers.py").write_text("x = 1\nWORD = 1 / 0\n")
+    with pytest.raises(TreeLoadError) as error:
+        load_tree(two[0] / "tree.py")
+    assert str(error.value) == f"{two[0] / 'helpers.py'}:2: it fails with ZeroDivisionError: division by zero"
+    (two[0] / "helpers.py").write_text("x = 1\ndef (:\n")
+    with pytest.raises(TreeLoadError, match=r"helpers\.py:2: it fails with SyntaxError: invalid syntax$"):
+        load_tree(two[0] / "tree.py")
+
+
+def test_a_file_that_has_the_name_of_our_package_is_named(two: list[Path]) -> None:
+    import behaviours  # noqa: F401
+
+    (two[0] / "behaviours.py").write_text("class Count: ...\n")
+    (two[0] / "tree.py").write_text("from behaviours import Count\n")
+    with pytest.raises(TreeLoadError, match=r"one/behaviours\.py has the name of a package of bestman-bt: rename it"):
+        load_tree(two[0] / "tree.py")
