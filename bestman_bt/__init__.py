@@ -14,6 +14,8 @@ from typing import Any
 
 __all__ = ["plan", "session"]
 
+_HOMES = {"plan": "bestman_bt.runtime.planning", "session": "bestman_bt.runtime"}
+
 
 def _hiding_files() -> list[str]:
     """The files beside the script that hide a package of ours."""
@@ -32,10 +34,8 @@ for _file in _hiding_files():
 
 def __getattr__(name: str) -> Any:
     """Import what is used when it is used: the engine alone should not load the simulator."""
-    if name == "plan":
-        return import_module("bestman_bt.runtime.planning").plan
-    if name == "session":
+    if name in _HOMES:
         for file in _hiding_files():
             raise ImportError(_told(file), path=file)
-        return import_module("bestman_bt.runtime").session
+        return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'bestman_bt' has no attribute {name!r}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from py_trees.common import Status as PyTreesStatus
 
 from bestman_bt.engine.errors import NodeError
+from bestman_bt.engine.own_files import own_line
 from bestman_bt.engine.status import IDLE, STATUS_NAMES
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ def wrapped(error: Exception, node: Node) -> NodeError:
     text = str(error) or type(error).__name__
     if type(error).__module__.startswith("bestman_bt.engine"):
         return node.error(text)
-    return node.error(f"{type(error).__name__}: {text}")
+    place = own_line(error)
+    return node.error(f"{type(error).__name__}: {text}" + (f" (at {place})" if place else ""))
 
 
 def odd_status(status: object, child: Node) -> NodeError:

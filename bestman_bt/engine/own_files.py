@@ -114,9 +114,17 @@ def described(error: BaseException, path: Path) -> tuple[str, int, str]:
         words = f"{type(error).__name__}: {error.msg}"
     for file, line in reversed(places):
         found = Path(file).resolve()
-        if found.is_relative_to(folder):
+        if found.is_relative_to(folder) and not {"site-packages", *PACKAGES} & {*found.relative_to(folder).parts}:
             return str(path.parent / found.relative_to(folder)), line, words
     return str(path), 0, words
+
+
+def own_line(error: BaseException) -> str:
+    """``file:line``, the innermost line of a user's file that an error has passed; empty where it has passed none."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if Path(frame.filename).resolve().parent in _names:
+            return f"{frame.filename}:{frame.lineno}"
+    return ""
 
 
 def _is_from(name: str, module: ModuleType, folder: Path) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from behaviours.failure import Failure
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig
-from bestman_bt.engine import Tree, TreeLoadError
+from bestman_bt.engine import Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.driven_path import DrivenPath
@@ -22,8 +22,7 @@ from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
-from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, load_for, open_session, prepare
-from bestman_bt.runtime.tree_checks import unfilled_entries
+from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
@@ -89,15 +88,10 @@ def prepare_episode(config: RunConfig) -> Setup:
         find_judge(config)
     faults.problems += _missing_extras(config)
     try:
-        setup = prepare(config)
+        setup = prepare(config, all_entries=not faults.problems)
     except ConfigurationError as error:
         faults.problems += error.problems
     faults.raise_if_any()
-    task = setup.config.task
-    name = setup.config.name if setup.entries or task.predicates else None
-    unfilled = unfilled_entries(load_for(setup), setup.entries, name)
-    if any(problem.severity == "error" for problem in unfilled):
-        raise TreeLoadError([problem for problem in unfilled if problem.severity == "error"])
     return setup
 
 

@@ -24,7 +24,7 @@ from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
-from bestman_bt.runtime.tree_checks import known_names, unknown_names
+from bestman_bt.runtime.tree_checks import known_names, unfilled_entries, unknown_names
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.symbolic import Literal
 from bestman_bt.world_model import BasePose, WorldModel
@@ -32,6 +32,9 @@ from bestman_bt.world_model import BasePose, WorldModel
 START_POSITION_ERROR = 0.03
 START_HEADING_ERROR = math.radians(1.2)
 """How far the pose that the robot is told at the start may be off: metres each way, radians."""
+
+NAMES_MODELS_ALONE = ("aruco", "color_shape", "model_registration")
+"""Detectors that name nothing but the objects of the scene."""
 
 UNKNOWN_START = BasePose(Pose2D(), position_std=1.0, heading_std=math.pi, stamp=0.0)
 """What a robot believes that nobody has told where it is: nothing that may be relied on."""
@@ -106,14 +109,18 @@ class Setup:
 
     @cached_property
     def names(self) -> dict[str, list[str]]:
-        """What the ports of a tree may name here, by kind."""
-        return known_names(self.world_model, self.robot_model, self.absent)
+        """What the ports of a tree may name here, by kind; no objects where the detector may know words of its own."""
+        names = known_names(self.world_model, self.robot_model, self.absent)
+        if self.config.task.algorithm("detection")[0] not in NAMES_MODELS_ALONE:
+            del names["object"]
+        return names
 
 
-def prepare(config: RunConfig) -> Setup:
+def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
     """Load and check everything that a run needs; nothing is started.
 
-    Raises ConfigurationError, TreeLoadError or SceneError.
+    ``all_entries``: whether the tree may read only what it, or the task, has filled by then. Raises ConfigurationError,
+    TreeLoadError or SceneError.
     """
     faults = ProblemCollector()
     registry: NodeRegistry | None = None
@@ -158,9 +165,12 @@ def prepare(config: RunConfig) -> Setup:
     try:
         tree = load_for(setup)
         faults.problems += policy_problems(tree, find_data("tree", config.task.tree))
-        unknown = unknown_names(tree, setup.names)
-        if unknown:
-            raise TreeLoadError(unknown)
+        wrong = unknown_names(tree, setup.names)
+        if all_entries and not faults.problems:
+            task = config.name if setup.entries or config.task.predicates else None
+            wrong += [one for one in unfilled_entries(tree, setup.entries, task) if one.severity == "error"]
+        if wrong:
+            raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
     except TreeLoadError as error:
         if not faults.problems:
             raise

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.engine import SUCCESS, TreeLoadError, load_tree
+from bestman_bt.engine import SUCCESS, NodeError, TreeLoadError, load_tree
 from bestman_bt.engine.own_files import importable
 
 TREE = """
@@ -109,3 +109,17 @@ def test_a_file_that_has_the_name_of_our_package_is_named(two: list[Path]) -> No
     (two[0] / "tree.py").write_text("from behaviours import Count\n")
     with pytest.raises(TreeLoadError, match=r"one/behaviours\.py has the name of a package of bestman-bt: rename it"):
         load_tree(two[0] / "tree.py")
+
+
+def test_an_error_of_a_trees_own_leaf_is_told_with_its_line(tmp_path: Path) -> None:
+    text = (
+        "from bestman_bt.engine import SyncAction\n"
+        "class Broken(SyncAction):\n"
+        "    def on_tick(self):\n"
+        "        return {}['mug']\n"
+        "def build():\n"
+        "    return Broken()\n"
+    )
+    place = folder(tmp_path, "place", tree=text)
+    with pytest.raises(NodeError, match=rf"KeyError: 'mug' \(at {place}/tree\.py:4\)$"):
+        load_tree(place / "tree.py").tick_exactly_once()

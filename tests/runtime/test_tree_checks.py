@@ -89,6 +89,15 @@ def test_objects_that_only_the_own_scene_has_and_those_that_it_leaves_out_pass(t
         prepare(load_run(None, tree=tmp_path / "my.xml", scene="kitchen", robot="diff_panda"))
 
 
+def test_a_detector_with_words_of_its_own_may_be_asked_for_anything(tmp_path: Path) -> None:
+    path = tmp_path / "my.xml"
+    path.write_text(text_of('<DetectObject object="banana" surface="table"/>'))
+    remote = ["algorithms.detection.algorithm=remote", "algorithms.detection.url=http://127.0.0.1:1/detect"]
+    assert prepare(load_run(None, tree=path, scene="kitchen", robot="diff_panda", settings=remote))
+    with pytest.raises(TreeLoadError, match="there is no object 'banana'"):
+        prepare(load_run(None, tree=path, scene="kitchen", robot="diff_panda"))
+
+
 def test_nothing_is_started_where_a_name_is_unknown_and_all_are_told(tmp_path: Path) -> None:
     path = tmp_path / "my.xml"
     path.write_text(text_of('<Sequence><LookAt surface="countr"/>\n<LookAt object="cupp"/></Sequence>'))
@@ -107,6 +116,14 @@ def test_entries_that_nobody_fills_keep_a_run_from_starting(tmp_path: Path) -> N
         f"{path}:4: <CheckHeld> port 'object': reads '{{object}}', which tasks fill, but no task is given"
     )
     prepare_episode(load_run("fetch_cup", tree=path))
+
+
+def test_unknown_names_and_empty_entries_are_told_together_in_the_order_of_lines(tmp_path: Path) -> None:
+    path = tmp_path / "my.xml"
+    path.write_text(text_of('<Sequence>\n<CheckHeld object="{thing}"/>\n<LookAt surface="countr"/></Sequence>'))
+    with pytest.raises(TreeLoadError) as error:
+        prepare_episode(load_run(None, tree=path, scene="kitchen", robot="diff_panda"))
+    assert [(problem.line, problem.field) for problem in error.value.problems] == [(4, "object"), (5, "surface")]
 
 
 def test_where_code_may_write_unseen_an_empty_entry_is_a_warning(tmp_path: Path) -> None:
