@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from behaviours.place import PlaceOn, place_tool_poses
+from behaviours.skill import SkillFailure
 from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
 from bestman_bt.messages import Pose
@@ -178,3 +179,31 @@ def test_an_object_is_lowered_by_feel_until_it_stands_and_no_farther(skills: Any
         assert run(skills, load(skills, '<Lower object="cup" pose="0;0;0"/>')) == status
     assert codes(skills) == ["nothing_below"]
     assert skills.arm.asked == [("move_until", (0.0, 0.0, -1.0), 0.02, pytest.approx(0.018), 4.0)] * 2
+
+
+class Down(PlaceOn):
+    """The question whether the arm has room."""
+
+    def execute(self) -> Any:
+        down = Pose.from_xyz_rpy((0.5, 0.1, 0.8), (math.pi, 0.0, 0.3))
+        approach: Any = SimpleNamespace(into=np.zeros((2, 7)))
+        if not self._has_room_below(approach, down, 0.008, SimpleNamespace(is_free=None)):
+            raise SkillFailure("no_room", "")
+        yield from ()
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_the_arm_has_to_have_room_as_far_down_as_it_may_feel_its_way(
+    skills: Any, monkeypatch: pytest.MonkeyPatch, complete: bool
+) -> None:
+    register(skills, Down)
+    goals: list[Pose] = []
+
+    def path(kinematics: Any, start: Any, goal: Pose, is_free: Any) -> SimpleNamespace:
+        goals.append(goal)
+        return SimpleNamespace(complete=complete)
+
+    monkeypatch.setattr("bestman_bt.manipulation.kinematics.cartesian_path", path)
+    status = run(skills, load(skills, '<Down object="cup" pose="0;0;0"/>'))
+    assert status == (SUCCESS if complete else FAILURE)
+    np.testing.assert_allclose(goals[0].position, [0.5, 0.1, 0.8 - 0.018])

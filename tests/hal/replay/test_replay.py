@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import gzip
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -122,3 +124,21 @@ def test_a_run_that_was_killed_plays_up_to_there(recorded: tuple[Path, Story], r
     with cut:
         assert cut.part("arm", Arm).positions().shape == (7,)
         assert cut.tape.end < ReplayRobot(robot_model, recording=recorded[0]).tape.end
+
+
+def test_pictures_taken_in_a_row_are_those_that_follow_one_another_in_the_recording(
+    robot_model: RobotModel, tmp_path: Path
+) -> None:
+    camera = {"kind": "Camera", "description": {"intrinsics": None, "optical_frame": "eye"}}
+    lines: list[dict[str, Any]] = [
+        {"robot": robot_model.name, "start": 0.0, "time_step": 0.01, "parts": {"head_camera": camera}},
+        *({"t": t, "read": "capture", "part": "head_camera", "value": t} for t in (1.0, 1.5, 9.0)),
+    ]
+    with gzip.open(tmp_path / TAPE_NAME, "wt") as stream:
+        stream.writelines(json.dumps(line) + "\n" for line in lines)
+    robot = ReplayRobot(robot_model, recording=tmp_path)
+    for _ in range(2):  # connected again, it begins anew
+        robot.connect()
+        taken = [robot.part("head_camera", Camera).capture() for _ in range(3)]
+        assert taken == [1.0, 1.5, 1.5]  # the next one is too far ahead
+        robot.disconnect()
