@@ -15,13 +15,15 @@ from bestman_bt.configuration import Problem as Fault
 from bestman_bt.runtime import node_registry
 from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.predicates import Beliefs
-from bestman_bt.task_planning.symbolic import Operator, Problem
+from bestman_bt.task_planning.symbolic import Operator, Problem, goal_as_facts
 from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 
 
 def command(
     pddl: Annotated[bool, typer.Option("--pddl", help="Print PDDL 2.1: the domain, then the problem.")] = False,
-    goal: Annotated[str | None, typer.Option(metavar="FACTS", help="For the problem: facts joined by and.")] = None,
+    goal: Annotated[
+        str | None, typer.Option(metavar="FACTS", help="For the problem: facts joined by and, or FILE.pddl.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", metavar="FOLDER", help="Write domain.pddl and problem.pddl there instead.")
     ] = None,
@@ -43,6 +45,7 @@ def command(
         return
     from bestman_bt.runtime.planning import planning_state
 
+    goal = None if goal is None else goal_as_facts(goal)
     setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
     domain = Domain.of(setup.registry)
     problem = domain.problem(Beliefs(beliefs), goal)

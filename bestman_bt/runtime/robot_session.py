@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from py_trees.behaviour import Behaviour
 
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
@@ -21,7 +22,7 @@ from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
 from bestman_bt.control.robot_stop import RobotStop
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
-from bestman_bt.engine import Node, Tree, TreeLoadError
+from bestman_bt.engine import Tree, TreeLoadError
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model import RobotModel, joints_above
@@ -88,8 +89,9 @@ class Session:
     entries: dict[str, Any]
     task_given: bool = True
 
-    def load(self, tree: str | Path | Node | None = None) -> Tree:
-        """Load a tree for this robot: a shipped name, a file, XML text or a node; the configured one by default.
+    def load(self, tree: str | Path | Behaviour | None = None) -> Tree:
+        """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
+        configured one.
 
         Raises TreeLoadError with everything that is wrong.
         """
@@ -102,7 +104,9 @@ class Session:
             tree, self.robot.clock, period=1.0 / task.tick_rate, time_limit=task.time_limit, after_tick=after_tick
         )
 
-    def run(self, tree: str | Path | Node | None = None, after_tick: Callable[[], None] | None = None) -> Execution:
+    def run(
+        self, tree: str | Path | Behaviour | None = None, after_tick: Callable[[], None] | None = None
+    ) -> Execution:
         """Load a tree and tick it to its end, for others to watch and control; the robot rests afterwards.
 
         Raises TreeLoadError, before anything moves, also where the tree names what is not there.
@@ -129,7 +133,7 @@ class Session:
         for problem in unfilled_entries(tree, given, self.setup.config.name if self.task_given else None):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
-    def _loaded(self, tree: str | Path | Node | None) -> Tree:
+    def _loaded(self, tree: str | Path | Behaviour | None) -> Tree:
         return load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
 
     def _filled(self, tree: Tree) -> Tree:

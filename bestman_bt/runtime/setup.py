@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from py_trees.behaviour import Behaviour
 
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, find_data
-from bestman_bt.engine import Node, NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
+from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
@@ -198,10 +199,10 @@ def tree_problems(error: TreeLoadError) -> list[Problem]:
     ]
 
 
-def load_for(setup: Setup, tree: str | Path | Node | None = None, **options: Any) -> Tree:
+def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options: Any) -> Tree:
     """Load a tree with the nodes of a setup; raises TreeLoadError or ConfigurationError."""
     source = setup.config.task.tree if tree is None else tree
-    if isinstance(source, Node):
+    if isinstance(source, Behaviour):
         return build_tree(source, registry=setup.registry, **options)
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return load_tree(source, setup.registry, **options)

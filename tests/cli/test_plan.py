@@ -66,21 +66,14 @@ def test_what_the_robot_has_seen_elsewhere_cannot_be_given(bestman_bt: Command, 
     assert "the robot has seen the cup, on table/top" in answer.err
 
 
-def test_a_goal_may_be_given_in_pddl_or_as_a_problem_file(bestman_bt: Command, folder: Path) -> None:
+def test_a_goal_may_be_the_name_of_a_problem_file(bestman_bt: Command, folder: Path) -> None:
     (folder / "goal.pddl").write_text("(define (problem p) (:domain d) (:goal (and (on cup counter__top))))")
+    answer = bestman_bt("plan", "--goal", "goal.pddl", "--json")
+    assert answer.code == 0, answer.err
+    assert answer.document["goal"] == ["on(cup, counter/top)"]
     (folder / "bad.pddl").write_text("(define (problem p)\n (:goal (or (on cup counter))))")
-    for goal in ("(on cup counter)", "(and (on cup counter) (hand_empty))", "goal.pddl"):
-        answer = bestman_bt("plan", "--goal", goal, "--json")
-        assert answer.code == 0, answer.err
-        assert answer.document["goal"][0] == "on(cup, counter/top)"
-    for goal, words in (
-        ("bad.pddl", "bad.pddl:2: or is not supported here"),
-        ("none.pddl", "none.pddl:1: it cannot be read"),
-        ("(on cupp counter)", "did you mean 'cup'?"),
-        ("on cup counter", "a goal is written as on(mug, table)"),
-    ):
-        answer = bestman_bt("plan", "--goal", goal)
-        assert (answer.code, words in answer.err) == (2, True), answer.err
+    answer = bestman_bt("plan", "--goal", "bad.pddl")
+    assert (answer.code, "bad.pddl:2: or is not supported here" in answer.err) == (2, True), answer.err
 
 
 def test_a_task_with_a_plan_gives_the_goal_and_what_was_told(bestman_bt: Command) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from py_trees import composites
 
 import bestman_bt
 from behaviours.move_arm import MoveArm
@@ -94,6 +95,8 @@ def test_a_stop_through_the_control_channel_of_a_session_can_be_cleared_by_no_tr
 def test_a_tree_made_of_python_nodes_runs_in_a_session() -> None:
     with session(seed=3) as opened:
         assert opened.run(Sequence("all", [MoveArm(posture="carry")])).succeeded
+        native = composites.Sequence("native", memory=True, children=[MoveArm(posture="carry")])
+        assert opened.run(native).succeeded
 
 
 def test_an_unknown_driver_is_refused_before_anything_starts() -> None:

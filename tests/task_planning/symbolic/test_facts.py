@@ -6,7 +6,9 @@ from bestman_bt.task_planning.symbolic import (
     Fact,
     FactSyntaxError,
     Forall,
+    GoalError,
     Literal,
+    goal_as_facts,
     parse_conditions,
     parse_fact,
     parse_literals,
@@ -89,3 +91,31 @@ def test_what_a_forall_asks_for_is_not_negated():
         parse_conditions("forall c - container: not behind(x, c) -> open(c)")
     (condition,) = parse_conditions("forall c - container: behind(x, c) -> not open(c)")
     assert condition.then == Literal(Fact("open", ("{c}",)), negated=True)
+
+
+@pytest.mark.parametrize(
+    ("goal", "facts"),
+    [
+        ("(on cup counter)", "on(cup, counter)"),
+        ("(and (on cup shelf__board_1) (not (open fridge)) (hand_empty))",
+         "on(cup, shelf/board_1) and not open(fridge) and hand_empty"),
+        ("(not on(cup, table))", "not on(cup, table)"),
+        ("on(cup, table); closed(drawer)", "on(cup, table) and closed(drawer)"),
+    ],
+)  # fmt: skip
+def test_goals_in_pddl_are_understood_beside_facts(goal: str, facts: str) -> None:
+    assert goal_as_facts(goal) == facts
+
+
+@pytest.mark.parametrize(
+    ("goal", "words"),
+    [
+        ("on cup counter", r"column 4 .* a goal is written as on\(mug, table\)"),
+        ("(or (on cup table) (on cup counter))", "or is not supported here"),
+        ("(on cup (counter))", "a name is expected"),
+        ("none.pddl", "none.pddl:1: it cannot be read"),
+    ],
+)
+def test_a_goal_that_cannot_be_read_is_answered_with_the_form(goal: str, words: str) -> None:
+    with pytest.raises(GoalError, match=words):
+        goal_as_facts(goal)
