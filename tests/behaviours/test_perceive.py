@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.engine import FAILURE, SUCCESS
-from bestman_bt.messages import Pose
+from bestman_bt.messages import Pose, YawSet
 from bestman_bt.world_model import ObjectBelief
 from tests.behaviours.scripted import ASKEW, codes, load, map_from, run, scripted_skills
 
@@ -80,3 +80,24 @@ def test_a_camera_that_the_robot_does_not_have_is_told(skills: Any) -> None:
     skills.wrist_camera, skills.camera = skills.camera, None
     skills.after_view = belief(skills, skills.clock.now())
     assert run(skills, load(skills, '<DetectObject object="cup" surface="table" camera="wrist"/>')) == SUCCESS
+
+
+@pytest.mark.parametrize(("confidence", "status"), [(0.59, FAILURE), (0.6, SUCCESS)])
+def test_views_that_fit_together_less_surely_than_is_asked_change_no_belief(
+    skills: Any, monkeypatch: pytest.MonkeyPatch, confidence: float, status: int
+) -> None:
+    before = skills.world.objects["cup"] = replace(belief(skills, BEFORE), yaw_set=YawSet(((0.0, 1.0),)))
+    seen = SimpleNamespace(cluster=SimpleNamespace(seen_from=lambda pose: None))
+    view = SimpleNamespace(map_from_base=ASKEW.to_pose(), in_base=None, in_map=None, stamp=skills.clock.now())
+    skills.wrist_camera = SimpleNamespace(capture=lambda: view)
+    skills.observations["cup"] = ["an earlier view"]
+    joined = SimpleNamespace(pose=Pose(), confidence=confidence, position_std=0.001, yaw_set=YawSet(((0.0, 0.1),)))
+    skills.algorithms.multi_view = SimpleNamespace(estimate=lambda *_: (joined,))
+    monkeypatch.setattr("behaviours.second_look.SecondLook._postures", lambda *_: [np.zeros(7)])
+    monkeypatch.setattr("behaviours.second_look.move_free", lambda *_: ())
+    monkeypatch.setattr("behaviours.second_look.remember_view", lambda *_: None)
+    monkeypatch.setattr("behaviours.second_look.only_nearest", lambda *_: SimpleNamespace(detections=(seen,)))
+    monkeypatch.setattr("bestman_bt.perception.pose_estimation.Observation", lambda *_: None)
+    assert run(skills, load(skills, '<SecondLook object="cup" min_confidence="0.6"/>')) == status
+    assert (skills.world.objects["cup"] is before) is (status == FAILURE)
+    assert codes(skills) == (["object_lost"] if status == FAILURE else [])
