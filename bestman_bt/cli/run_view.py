@@ -78,11 +78,13 @@ def summary(result: RunResult, setup: Setup, folder: Path) -> None:
         Outcome.ERROR: "[bold red]error",
     }[result.outcome]
     table.add_row(f"{result.task}, seed {result.seed}", look)
-    for goal in goals if result.success else ():
+    for goal in goals if result.success and result.judged else ():
         table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
     if result.failure is not None:
         where = f"{result.failure.node}: " if result.failure.node else ""
         table.add_row("why", f"{where}{result.failure.why} ({result.failure.error_code})")
+    if result.not_judged:
+        table.add_row("judge", result.not_judged)
     if "place_error_mm" in result.metrics and result.success:
         turn = f", tilt {result.metrics['tilt_deg']:.1f}°" if "tilt_deg" in result.metrics else ""
         table.add_row("place error", f"{result.metrics['place_error_mm']:.1f} mm{turn}")
