@@ -187,7 +187,7 @@ class ReturnToStart(NavigateTo):
 
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(
-            Pose2D, required=False, default_value="{@start}", description="where it stood, in the map frame"
+            Pose2D, required=False, description="x;y;theta in the map frame; by default the root entry 'start'"
         ),
     }
     DECLARATION = Declaration(
@@ -196,7 +196,7 @@ class ReturnToStart(NavigateTo):
 
     def execute(self) -> Steps:
         """Drive there."""
-        goal: Pose2D | None = self.get_input("goal")
+        goal: Pose2D | None = self.get_input("goal") or self.board.get("@start")
         if goal is None:
             raise SkillFailure("no_start", "where the robot stood at the start is not known on its map")
         yield from self.drive_to(goal)

@@ -29,7 +29,7 @@ class Bump(Skill):
 
 @pytest.mark.slow
 def test_the_first_tree_that_a_user_writes_is_a_success_and_says_that_nobody_judged_it(tmp_path: Path) -> None:
-    answer = Program("run", EXAMPLE, "--seed", 1, "--json", "--runs", tmp_path).answer()
+    answer = Program("run", EXAMPLE, "--seed", 1, "--json", "--runs", tmp_path / "runs", folder=tmp_path).answer()
     result: dict[str, Any] = answer.document
     assert (answer.code, result["success"], result["tree_status"], result["failure"]) == (0, True, "SUCCESS", None)
     assert (result["judged"], result["predicate"]) == (False, None)
@@ -38,11 +38,10 @@ def test_the_first_tree_that_a_user_writes_is_a_success_and_says_that_nobody_jud
     assert {one["kind"] for one in declared} == {"grasp", "support"}
     assert {tuple(one["pair"]) for one in declared} == {("fingers", "cup"), ("cup", "table")}
     assert all(0.0 < one["peak_force_n"] <= one["max_force_n"] for one in declared)
-    assert "Main/Grasp" in declared[0]["skill"] or "Grasp" in declared[0]["skill"]
     assert "not judged: the tree names no goal" in answer.err
-    (folder,) = tmp_path.iterdir()
+    (folder,) = (tmp_path / "runs").iterdir()
     assert "not judged: the tree names no goal" in (folder / "log.jsonl").read_text()
-    report = Program("report", folder, "-o", tmp_path / "report.html").answer()
+    report = Program("report", folder, "-o", tmp_path / "report.html", folder=tmp_path).answer()
     assert report.code == 0
     assert "not judged: the tree names no goal" in (tmp_path / "report.html").read_text()
 
