@@ -1,4 +1,4 @@
-"""Examples: bestman-bt show fetch_cup --tree Pick; bestman-bt show t.xml --svg t.svg; bestman-bt show pick.py --ports."""
+"""Examples: bestman-bt show fetch_cup --tree Pick; bestman-bt show my_tree.xml --svg my_tree.svg."""
 
 from __future__ import annotations
 
