@@ -15,7 +15,9 @@ BESIDE = 0.05
 """Metres beyond the mapped rectangle of a surface at which something still counts as standing on it."""
 
 MAX_FORCE = 200.0
-"""Newtons that two bodies may press on each other where a skill gives no other limit."""
+"""Newtons that a finger and an object, or an object and its support, may press on each other by default."""
+MAX_HANDLE_FORCE = 600.0
+"""Newtons on a door or drawer by default: an end stop pushes back hard for a moment."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,7 @@ def push(thing: str, max_force: float = MAX_FORCE) -> Contact:
     return Contact("push", thing, max_force)
 
 
-def handle(articulation: str, max_force: float = MAX_FORCE) -> Contact:
+def handle(articulation: str, max_force: float = MAX_HANDLE_FORCE) -> Contact:
     """The fingers pull or push at a door or drawer, ``furniture/leaf``."""
     return Contact("handle", articulation, max_force)
 

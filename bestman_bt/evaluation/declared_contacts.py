@@ -21,7 +21,7 @@ BEFORE = 0.1
 """Seconds before the tick after which a declaration is seen at which it may have been made: two ticks at 20 Hz."""
 AFTER = 0.25
 """Seconds by which a contact may be interrupted and still count as the same, as the monitor counts."""
-MOST_FORCE = 300.0
+MOST_FORCE = 600.0
 """Newtons that no skill can raise its limit beyond."""
 
 
