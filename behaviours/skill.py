@@ -108,7 +108,7 @@ class Explained(OnRobot):
         self.feedback_message = why
         self.set_output("error_code", code)
         self.set_output("error_message", why)
-        self.skills.failures.append(Failure(self.path, code, why, self.skills.clock.now()))
+        self.skills.failures.append(Failure(self.path, code, why, self.skills.clock.now(), self.where))
         return FAILURE
 
     def succeed(self, why: str = "") -> int:

@@ -158,7 +158,7 @@ def run_episode(
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
         result = replace(result, durations=durations.seconds)
         why = result.failure.why if result.failure is not None else result.not_judged
-        telemetry.end(str(result.outcome), result.tree_status, why)
+        telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
         if folder is not None:
             write_world(folder / WORLD_NAME, setup, session.skills.world)
     if folder is not None:
@@ -295,7 +295,7 @@ def _failure(
     if not execution.succeeded:
         told: list[Failure] = session.skills.failures
         if told:
-            return FailureReport(told[-1].node, told[-1].error_code, told[-1].why)
+            return FailureReport(told[-1].node, told[-1].error_code, told[-1].why, told[-1].where)
         return FailureReport("", "tree_failed", "the tree failed and no skill has told why")
     if verdict is not None and not verdict.holds:
         return FailureReport("judge", "predicate", verdict.why)

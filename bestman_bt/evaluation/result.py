@@ -26,11 +26,12 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class FailureReport:
-    """The leaf at fault: its path in the tree, its error code, and why, in words."""
+    """The leaf at fault: its path in the tree, its error code, why, in words, and its name with file and line."""
 
     node: str
     error_code: str
     why: str
+    where: str = ""
 
 
 @dataclass(frozen=True)
