@@ -224,7 +224,7 @@ BEHAVIOURS = Registry(
         "IsPathValid": "behaviours.nav2.paths:IsPathValid",
         "IsStuck": "behaviours.nav2.recovery:IsStuck",
         "IsTidy": "behaviours.tidying:IsTidy",
-        "Log": "bestman_bt.engine.leaves.log:Log",
+        "Log": "behaviours.log:Log",
         "LookAt": "behaviours.look:LookAt",
         "LookInto": "behaviours.look_into:LookInto",
         "MoveArm": "behaviours.move_arm:MoveArm",

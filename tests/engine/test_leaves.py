@@ -25,7 +25,6 @@ from bestman_bt.engine import (
     build_tree,
     load_tree,
 )
-from bestman_bt.engine.leaves.log import Log
 
 
 @dataclass(frozen=True)
@@ -341,26 +340,6 @@ def test_a_synchronous_action_that_returns_running_says_what_to_do() -> None:
     text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Wrong/></Sequence></BehaviorTree></root>'
     with pytest.raises(NodeError, match="must not return RUNNING; derive it from StatefulAction"):
         load_tree(text, registry).tick_exactly_once()
-
-
-def test_a_log_line_holds_values_of_its_own_blackboard(caplog: pytest.LogCaptureFixture) -> None:
-    registry = NodeRegistry()
-    registry.register(Log)
-    tree = load_tree(
-        """<root BTCPP_format="4" main_tree_to_execute="Main">
-        <BehaviorTree ID="Main"><Sequence>
-          <Script code="object := 'cup'; count := 3; inner := 'outside'"/>
-          <Log text="{object} and {count}"/><Log text="{count}"/><Log text="the {object} is on {where}"/>
-          <SubTree ID="Inner" thing="{object}"/>
-        </Sequence></BehaviorTree>
-        <BehaviorTree ID="Inner"><Log text="{thing}, {inner}, {@count}"/></BehaviorTree></root>""",
-        registry,
-    )
-    with caplog.at_level("INFO", logger="bestman_bt"):
-        assert tree.tick_once() == SUCCESS
-    said = ["cup and 3", "3", "the cup is on {where}", "cup, {inner}, 3"]
-    assert [record.getMessage() for record in caplog.records] == said
-    assert [node.feedback_message for node in tree.nodes if node.type_id == "Log"] == said
 
 
 def test_a_failing_node_is_named_with_file_and_line(tmp_path: Path) -> None:

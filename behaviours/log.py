@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import logging
 import re
-from typing import Any
+from typing import Any, ClassVar
 
 from py_trees.ports import PortInformation
 
+from bestman_bt.engine import SUCCESS, ConversionError, SyncAction
 from bestman_bt.engine.conversion import text_of
-from bestman_bt.engine.errors import ConversionError
-from bestman_bt.engine.leaves.base import SyncAction
-from bestman_bt.engine.status import SUCCESS
 
 logger = logging.getLogger(__name__)
 
@@ -24,7 +22,7 @@ class Log(SyncAction):
     The line is the node's feedback and a record of Python's ``logging``: it is shown wherever these are.
     """
 
-    INPUT_PORTS = {"text": PortInformation(object, True, "what to say, such as: the {object} is at {pose}")}
+    INPUT_PORTS: ClassVar = {"text": PortInformation(object, True, "what to say, such as: the {object} is at {pose}")}
 
     def on_tick(self) -> int:
         """Put the text together and say it."""
