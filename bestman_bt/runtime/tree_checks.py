@@ -24,7 +24,7 @@ TASK_ENTRIES = (
     *("articulation", "furniture", "at_least", "at_most", "front", "top", "inside", "views"),
     *("planner", "builder", "limits", "replans", "start"),
 )
-"""Root entries that a task, or ``bestman-bt look``, fills before the first tick; ``start`` is there without one, too."""
+"""Root entries that a task, or ``bestman-bt look``, fills before the first tick; ``start`` is always there."""
 
 _IDENTITY = re.compile(r"(.+)_\d+")
 """What the robot calls one of several objects of a name, and things that it has no model of: ``can_2``, ``thing_1``."""
