@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import Tree
+from bestman_bt.evaluation import episode
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.evaluation.result import Outcome, RunResult
-from bestman_bt.runtime import Session
+from bestman_bt.runtime import Ending, Execution, Session
 from hal.pybullet import PyBulletRobot
 
 COUNTER_AS_MAPPED = ("scene.furniture.counter.offset=0", "scene.furniture.counter.turn=0")
@@ -151,6 +154,25 @@ def test_a_run_that_somebody_stops_is_cancelled_and_not_judged(tmp_path: Path, m
     assert result.failure is not None
     assert result.failure.error_code == "cancelled"
     assert result.audit["teleports"] == 0
+
+
+@pytest.mark.parametrize(
+    ("ending", "outcome"),
+    [
+        (Ending.FINISHED, Outcome.SUCCESS),
+        (Ending.TIMEOUT, Outcome.FAILURE),
+        (Ending.CANCELLED, Outcome.CANCELLED),
+        (Ending.ERROR, Outcome.ERROR),
+    ],
+)
+def test_how_an_execution_ended_decides_the_outcome(ending: Ending, outcome: Outcome) -> None:
+    config = load_run("fetch_cup", seed=1)
+    session: Any = SimpleNamespace(setup=SimpleNamespace(config=config), skills=SimpleNamespace(failures=[]))
+    status = "SUCCESS" if ending is Ending.FINISHED else "IDLE"
+    result = episode._judge(session, Execution(ending, status, 3, 1.0, 2.0, "so it was"), None, None, 2.0)
+    assert (result.outcome, result.success) == (outcome, outcome is Outcome.SUCCESS)
+    told = None if result.failure is None else (result.failure.error_code, result.failure.why)
+    assert told == (None if ending is Ending.FINISHED else (str(ending), "so it was"))
 
 
 def test_a_run_that_nobody_judges_succeeds_with_its_tree_but_not_with_a_cheat(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,3 +60,9 @@ def test_a_picture_without_depth_says_nothing() -> None:
     blind = View(type(view.image)(view.image.rgb, np.zeros_like(view.image.depth), view.image.intrinsics, 0.0), TOOL)
     gap = look_between_fingers(blind, TOOL, GRIPPER, 0.06)
     assert (gap.filled, gap.empty, gap.unseen) == (0.0, 0.0, 1.0)
+
+
+def test_long_and_narrow_pads_are_looked_at_along_their_length() -> None:
+    pads = replace(GRIPPER, pad_size=(0.006, 0.06))
+    sheet = PlacedShape(Box((0.012, 0.058, 0.08)), Pose.from_xyz_rpy((0.0, 0.0, 0.0)))
+    assert look_between_fingers(hand_view(0.06, sheet), TOOL, pads, 0.06).filled > 0.9

@@ -36,6 +36,17 @@ def test_a_window_around_a_body_keeps_all_points_of_it(view: View) -> None:
     assert {tuple(point) for point in points[near].round(9)} <= kept
 
 
+def test_a_window_reaches_up_to_the_pixels_that_show_the_corners_of_the_body(view: View) -> None:
+    k = view.image.intrinsics
+    low, high = np.array([20.0, 12.0]), np.array([40.0, 30.0])
+    rays = [[(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0] for u in (low[0], high[0]) for v in (low[1], high[1])]
+    for depth in (0.7, 1.3):
+        corners = view.frame_from_camera.apply(depth * np.array(rays))
+        _, _, (rows, columns) = view.organised(corners)
+        assert rows.start <= 12 < 30 < rows.stop <= 33
+        assert columns.start <= 20 < 40 < columns.stop <= 43
+
+
 def test_projection_undoes_the_cloud(view: View) -> None:
     points = view.cloud().points
     pixels, depth = view.project(points)

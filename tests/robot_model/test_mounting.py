@@ -101,7 +101,7 @@ def test_the_centre_of_what_hangs_on_a_link_turns_with_what_lies_between() -> No
       <joint name="wrist" type="revolute"><parent link="tip"/><child link="hand"/><origin xyz="1 0 0" rpy="0 0 %s"/>
       <axis xyz="0 0 1"/></joint></robot>"""
     for mounted, turned in ((math.pi / 2, 0.0), (0.0, math.pi / 2)):
-        hung = payload(SimpleNamespace(urdf=urdf % mounted), "tip", {"wrist": turned})  # type: ignore[arg-type]
+        hung = payload(SimpleNamespace(urdf=urdf % mounted), "tip", {"wrist": turned})
         assert (hung.mass, *hung.centre) == pytest.approx((2.0, 1.0, 0.5, 0.0))
 
 

@@ -390,7 +390,7 @@ def test_who_goes_on_from_a_breakpoint_within_a_step_is_not_stopped_after_it() -
             scripted.holds.append((hold.node, hold.when))
             scripted.executor.step() if hold.node is None else scripted.executor.resume()
 
-    scripted.held = held  # type: ignore[method-assign]
+    scripted.held = held
     assert scripted.run() == [(None, None), ("work", "before")]
     assert scripted.executor.ticks == 6
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import socket
@@ -9,6 +10,7 @@ import stat
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -422,9 +424,15 @@ def test_running_executors_are_found_and_dead_sockets_are_cleared_away(served: S
 
 def test_an_executor_that_is_too_busy_to_answer_keeps_its_socket() -> None:
     path = socket_folder() / "2-busy.sock"
-    with socket.socket(socket.AF_UNIX) as busy:
+    with socket.socket(socket.AF_UNIX) as busy, ExitStack() as waiting:
         busy.bind(str(path))
-        busy.listen(1)
+        busy.listen(0)
+        refused = 0
+        while refused == 0:  # until no more can wait
+            asking = waiting.enter_context(socket.socket(socket.AF_UNIX))
+            asking.setblocking(False)
+            refused = asking.connect_ex(str(path))
+        assert refused == errno.EAGAIN
         assert running_executors() == [path]
         assert path.exists()
 
@@ -451,3 +459,17 @@ def test_what_was_refused_because_the_tree_did_not_tick_is_not_done_later(monkey
         assert channel.answer(asked) == {"ok": False, "error": "the tree does not tick any more"}
     assert executor.run().tree_status == "SUCCESS"
     assert "n" not in executor.tree.blackboard
+
+
+def test_who_has_gone_is_told_nothing_more(served: Served) -> None:
+    telemetry = served.channel._telemetry
+    with connect(served.socket) as connection:
+        connection.sendall(b'{"do": "subscribe", "topics": []}\n')
+        assert json.loads(connection.makefile("rb").readline())["ok"]
+        end = time.monotonic() + 5.0
+        while not telemetry._subscribers:
+            assert time.monotonic() < end, "nobody has subscribed"
+            time.sleep(0.005)
+    while telemetry._subscribers:
+        assert time.monotonic() < end, "who has gone still subscribes"
+        time.sleep(0.005)

@@ -18,7 +18,7 @@ PAUSED = PausedEvent(1.0, "asked")
 
 
 def told(standing: Standing, *topics: str) -> list[str]:
-    return [event.event for event in standing.events(topics)]  # type: ignore[arg-type]
+    return [event.event for event in standing.events(topics)]
 
 
 def test_a_pause_is_told_while_it_lasts_and_no_longer() -> None:

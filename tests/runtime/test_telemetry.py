@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -250,3 +251,22 @@ def test_a_run_that_is_killed_can_be_read_to_half_a_second_before(tmp_path: Path
     told = [event for event in events if isinstance(event, BlackboardEvent)]
     assert killed - (started + told[-1].time) < 0.5
     assert next(read_log(tmp_path)).message.startswith("killed begins")
+
+
+@pytest.mark.parametrize(
+    ("breaks", "outcome", "why"), [(True, "error", "the gear is stripped"), (False, "cancelled", "")]
+)
+def test_an_execution_that_nobody_has_ended_has_broken_or_was_cancelled(
+    tmp_path: Path, breaks: bool, outcome: str, why: str
+) -> None:
+    clock = ManualClock()
+    executor = Executor(load_tree(INNER, clock=clock), clock)
+    run = RunEvent("broken", "Plan", "", "", 0, str(tmp_path), os.getpid(), 1000.0, 20.0, "simulated")
+    with suppress(ValueError), Telemetry(executor, run, tmp_path):
+        if breaks:
+            raise ValueError(why)
+    end = list(read_events(tmp_path))[-1]
+    assert isinstance(end, EndEvent)
+    assert (end.outcome, end.tree_status) == (outcome, "IDLE")
+    assert [line.message for line in read_log(tmp_path)][-1].startswith(f"broken ends: {outcome}")
+    assert why in [line.message for line in read_log(tmp_path)][-1]

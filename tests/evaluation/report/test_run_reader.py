@@ -93,6 +93,20 @@ def test_a_failure_comes_with_the_picture_of_that_moment(tmp_path: Path) -> None
     assert failure.picture.jpeg.startswith(b"\xff\xd8")
 
 
+@pytest.mark.parametrize(("pixels", "fits"), [(768, True), (767, False)])
+def test_a_picture_is_unfolded_up_to_a_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pixels: int, fits: bool
+) -> None:
+    monkeypatch.setattr("bestman_bt.evaluation.report.embedded_picture.MAX_PIXELS", pixels)
+    folder = write_run(tmp_path / "run", success=False, events=failure_with_picture())
+    picture(folder / "pictures" / "1.jpg", 32, 24)
+
+    story = read_story(folder)
+
+    assert (story.failures[0].picture is not None) is fits
+    assert story.notes == (() if fits else ("picture left out: 'pictures/1.jpg' has 32 × 24 pixels; that is too much",))
+
+
 def test_of_several_pictures_of_a_node_a_failure_comes_with_the_nearest_one(tmp_path: Path) -> None:
     told = ((1.4, "pictures/1.jpg"), (1.6, "pictures/2.jpg"), (1.6, "pictures/3.jpg"))
     lines = tuple(LogEvent(time, "warning", "out of reach", "work/Grasp::7", "no_grasp") for time in (1.4, 1.6, 2.2))
