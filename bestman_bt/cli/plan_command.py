@@ -95,12 +95,12 @@ def command(
     if run:
         refuse_unwritable_folder(runs, "--runs")
     with json_output(as_json) as tell, shown_log("bestman_bt.task_planning"):
-        try:
+        setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
+        try:  # plug-ins may bring them
             planner_class(planner)
         except PlanningError as error:
             raise _wrong_input("--planner", str(error)) from error
         BUILDERS.resolve(builder)
-        setup, beliefs = planning_state(task, scene, robot, seed, settings, plugins, world)
         if text is None and goal is None:
             if setup.config.task.plan is None:
                 raise _wrong_input("bestman-bt plan", "give a text, --goal, or a --task with a plan")

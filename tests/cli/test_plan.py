@@ -7,6 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from bestman_bt.engine import load_tree
+from bestman_bt.registry import BUILDERS, PLANNERS
 from bestman_bt.runtime.plugins import node_registry
 from tests.cli.command_line import Answer
 
@@ -175,3 +176,21 @@ def test_what_cannot_be_written_is_told_before_anything_is_planned(bestman_bt: C
         answer = bestman_bt("plan", "--goal", GOAL, "--scene", "no_such_scene", *arguments)
         assert answer.code == 2
         assert words in " ".join(answer.err.replace("│", " ").split()), answer.err
+
+
+def test_a_plug_in_brings_the_planner_and_the_builder(bestman_bt: Command, folder: Path) -> None:
+    (folder / "mine.py").write_text(
+        "from bestman_bt.registry import task_planner, tree_builder\n"
+        "from bestman_bt.task_planning.builders import SequenceBuilder\n"
+        "from bestman_bt.task_planning.symbolic import SymbolicPlanner\n"
+        "@task_planner('mine')\nclass Mine(SymbolicPlanner): ...\n"
+        "@tree_builder('in_a_row')\nclass InARow(SequenceBuilder): ...\n"
+    )
+    asked = ("plan", "--goal", "hand_empty", "--planner", "mine", "--builder", "in_a_row")
+    try:
+        assert bestman_bt(*asked, "--plugin", "mine.py").code == 0
+    finally:
+        for registry, name in ((PLANNERS, "mine"), (BUILDERS, "in_a_row")):
+            registry._entries.pop(name, None)
+    answer = bestman_bt(*asked)
+    assert (answer.code, answer.err.count("\n")) == (2, 1)
