@@ -8,8 +8,8 @@ from pathlib import Path
 from behaviours.run_policy import RunPolicy
 from bestman_bt.configuration import ConfigurationError, Problem, beside, find_data
 from bestman_bt.engine import Tree
-from bestman_bt.engine.ports import key_of
 from bestman_bt.manipulation.policy import Policy, PolicyError, PolicyModelError, load_policy
+from bestman_bt.runtime.tree_checks import literals
 
 
 def find_policy(name: str, tree: Path | None = None) -> Policy:
@@ -25,13 +25,19 @@ def find_policy(name: str, tree: Path | None = None) -> Policy:
 
 
 def policy_problems(tree: Tree, file: Path) -> Iterator[Problem]:
-    """Policies that the leaves of a tree name in its ``file`` and that are not there, or whose description is wrong."""
+    """Policies that a tree names in its ``file`` and that are not there, or whose description is wrong.
+
+    One that a SubTree is given is told in the SubTree's line.
+    """
+    told: set[tuple[int, str]] = set()
     for node in tree.nodes:
-        name = node.attributes.get("policy")
-        if not isinstance(node, RunPolicy) or not isinstance(name, str) or key_of(name, "policy") is not None:
+        if not isinstance(node, RunPolicy) or "policy" not in node.attributes:
             continue
-        try:
-            _ = find_policy(name, file).specification
-        except PolicyError as error:
-            source = str(file) if node.place is None else node.place.file
-            yield Problem(source, node.line or None, "policy", str(error))
+        for place, port, name in literals(node, "policy", tree):
+            try:
+                _ = find_policy(name, file).specification
+            except PolicyError as error:
+                source = str(file) if place.place is None else place.place.file
+                if (place.uid, port) not in told:
+                    told.add((place.uid, port))
+                    yield Problem(source, place.line or None, port, str(error))

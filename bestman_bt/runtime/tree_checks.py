@@ -51,7 +51,7 @@ def unknown_names(tree: Tree, names: Mapping[str, Collection[str]]) -> list[Prob
             kind = next((bound.kind for bound in port.bounds or () if isinstance(bound, Named)), None)
             if kind is None or kind not in names or port.direction == "output" or name not in node.attributes:
                 continue
-            for place, where, value in _literals(tree, node, name, written):
+            for place, where, value in literals(node, name, tree, written):
                 if not _is_known(kind, value, names[kind]):
                     message = f"there is no {_WORDS.get(kind, kind)} {value!r}"
                     problem = problem_at(place, where, message, suggestion(value, list(names[kind])))
@@ -67,10 +67,13 @@ def _is_known(kind: str, value: str, names: Collection[str]) -> bool:
     return not value or value in names or (identity is not None and identity[1] in (*names, "thing"))
 
 
-def _literals(
-    tree: Tree, node: Node, port: str, written: Mapping[int, list[tuple[Node, str]]]
+def literals(
+    node: Node, port: str, tree: Tree, written: Mapping[int, list[tuple[Node, str]]] | None = None
 ) -> Iterator[tuple[Node, str, str]]:
-    """The texts that a port may read as far as the tree says them: node, attribute and text."""
+    """The texts that a given port may read as far as the tree says them: node, attribute and text.
+
+    ``written``: slot → the texts that nodes put there, and which; none are looked for without it.
+    """
     value = node.attributes[port]
     key = key_of(value, port)
     if key is None:
@@ -81,7 +84,7 @@ def _literals(
     if isinstance(slot.value, str):
         place, where, _ = named_at(tree, EntryUse(slot, node, port, key, writes=False))
         yield place, where, slot.value
-    for writer, text in written.get(id(slot), ()):
+    for writer, text in (written or {}).get(id(slot), ()):
         yield writer, "value", text
 
 

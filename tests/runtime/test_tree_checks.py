@@ -11,6 +11,7 @@ from bestman_bt.configuration import load_run
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.runtime import Session, Setup, load_for, prepare
+from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.tree_checks import unfilled_entries, unknown_names
 
 TAKE = (
@@ -116,6 +117,15 @@ def test_entries_that_nobody_fills_keep_a_run_from_starting(tmp_path: Path) -> N
         f"{path}:4: <CheckHeld> port 'object': reads '{{object}}', which tasks fill, but no task is given"
     )
     prepare_episode(load_run("fetch_cup", tree=path))
+
+
+def test_a_policy_that_a_subtree_is_given_is_told_in_the_subtrees_line(kitchen: Setup) -> None:
+    leaf = '<RunPolicy policy="{which}" goal="1;0;1"/>'
+    inner = f'<BehaviorTree ID="Try"><Fallback>{leaf}{leaf}</Fallback></BehaviorTree>'
+    tree = load_for(kitchen, text_of('<Sequence>\n<SubTree ID="Try" which="policy_rech"/></Sequence>', inner))
+    (problem,) = policy_problems(tree, Path("my.xml"))
+    assert (problem.line, problem.field) == (4, "which")
+    assert "unknown policy 'policy_rech'" in problem.message
 
 
 def test_unknown_names_and_empty_entries_are_told_together_in_the_order_of_lines(tmp_path: Path) -> None:
