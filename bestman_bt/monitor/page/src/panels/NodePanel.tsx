@@ -21,7 +21,9 @@ export function NodePanel({ run }: { run: Run }) {
 /** What runs now, and what failed last: shown while no node is chosen. */
 function Overview({ run, tree }: { run: Run; tree: Tree }) {
   const running = run.runningLeaves();
-  const failed = [...run.messages].filter(([index]) => run.shownState(index) === FAILURE).slice(-8).reverse();
+  // A condition's no is an answer, unless the whole tree has failed by it.
+  const counts = (index: number) => tree.nodes[index]?.category !== "condition" || run.shownState(0) === FAILURE;
+  const failed = [...run.messages].filter(([index]) => run.shownState(index) === FAILURE && counts(index)).slice(-8).reverse();
   return (
     <div class="node-panel">
       <Ending run={run} tree={tree} />
