@@ -30,7 +30,12 @@ VERBS = {
     "report": "write a page that tells of a run, or of many",
     "render": "make pictures and a film of a simulated run that has ended",
     "replay": "open what runs recorded in the Rerun viewer",
-    "stop": "stop the robots of all running executors",
+    "status": "tell how the running executions stand",
+    "pause": "pause a running execution between two ticks",
+    "resume": "let a paused execution go on",
+    "step": "let a paused execution do one tick",
+    "set": "write a blackboard entry of a running execution",
+    "stop": "stop the robots of one or all running executors",
     "version": "print the versions of this package and of what it stands on",
 }
 

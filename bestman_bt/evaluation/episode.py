@@ -22,7 +22,7 @@ from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
-from bestman_bt.runtime import ControlChannel, Ending, Execution, Session, Setup, open_session, prepare
+from bestman_bt.runtime import Ending, Execution, Session, Setup, open_session, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
@@ -134,7 +134,7 @@ def run_episode(
         after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
         executor = session.executor(tree, after_tick)
         telemetry = stack.enter_context(session.telemetry(executor, folder))
-        stack.enter_context(ControlChannel(executor, session.skills.stop.hold, telemetry).serving(folder))
+        stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
         execution = executor.run()
         verdict: Verdict | None = None
         if execution.ending is Ending.CANCELLED:

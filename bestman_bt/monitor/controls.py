@@ -14,12 +14,12 @@ LONGEST_TEXT = 4096
 Request = dict[str, Any]
 
 
-async def control(run: MonitoredRun, asked: Request) -> None:
-    """Carry out one control; raises RunError with what was wrong."""
+async def control(run: MonitoredRun, asked: Request) -> Request:
+    """Carry out one control and give the executor's answer; raises RunError with what was wrong."""
     what = asked.get("do")
     if what not in CONTROLS:
         raise RunError(f"unknown control {str(what)[:40]!r}")
-    await run.request({"do": what, **CONTROLS[what](asked, run.history.nodes)})
+    return await run.request({"do": what, **CONTROLS[what](asked, run.history.nodes)})
 
 
 def _nothing(asked: Request, nodes: NodeList) -> Request:
@@ -57,6 +57,7 @@ def _force(asked: Request, nodes: NodeList) -> Request:
 
 
 CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
+    "status": _nothing,
     "pause": _nothing,
     "resume": _nothing,
     "step": _nothing,
@@ -72,6 +73,8 @@ CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
 def _node(asked: Request, nodes: NodeList) -> Request:
     """The node; breakpoints and forced results are hooks on nodes of the main tree."""
     uid = asked.get("node")
+    if isinstance(uid, str):  # a path, which the executor knows
+        return {"node": _text(asked, "node")}
     if not isinstance(uid, int) or isinstance(uid, bool):
         raise RunError("node is the number of a node")
     try:

@@ -103,6 +103,8 @@ class Guard:
         headers = Headers(scope=scope)
         if not self._is_our_host(headers):
             return PlainTextResponse("this server does not go by that name\n", 403)
+        if scope["method"] not in ("GET", "HEAD") and "origin" in headers and not self._is_our_origin(headers):
+            return PlainTextResponse("no other page may control a run\n", 403)
         if self._is_known(headers):
             return None
         if scope["path"] == "/health":

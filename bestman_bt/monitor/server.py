@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import logging
 import socket
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
@@ -21,6 +23,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from bestman_bt.monitor.address import SERVICE
 from bestman_bt.monitor.control_client import socket_folder
+from bestman_bt.monitor.controls import control
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import RunList
 from bestman_bt.monitor.security import AccessRules, Guard
@@ -81,6 +84,20 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
         kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
         return Response(content, media_type=kind, headers={"Cache-Control": "private, max-age=3600"})
 
+    async def list_runs(_: Request) -> Response:
+        return JSONResponse({"runs": runs.summaries()})
+
+    async def control_run(request: Request) -> Response:
+        run, what = runs.get(request.path_params["identity"]), request.path_params.get("control", "status")
+        if run is None:
+            return JSONResponse({"error": "there is no such run; GET /api/runs lists them"}, 404)
+        if config.read_only and what != "status":
+            return JSONResponse({"error": "this monitor only shows"}, 403)
+        try:
+            return JSONResponse(await control(run, {**await _asked(request), "do": what}))
+        except RunError as error:
+            return JSONResponse({"error": str(error)}, 409)
+
     async def viewer(websocket: WebSocket) -> None:
         nonlocal viewers
         await websocket.accept()
@@ -101,10 +118,33 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
         Route("/health", health),
         Route("/", page),
         Route("/runs/{identity}/images/{number:int}.jpg", image),
+        Route("/api/runs", list_runs),
+        Route("/api/runs/{identity}", control_run),
+        Route("/api/runs/{identity}/{control}", control_run, methods=["POST"]),
         WebSocketRoute("/ws", viewer),
         Mount("/", StaticFiles(directory=STATIC, check_dir=False)),
     ]
     return Guard(Starlette(routes=routes, lifespan=lifespan), AccessRules.of(config.host, config.port, config.token))
+
+
+async def _asked(request: Request) -> dict[str, Any]:
+    """The JSON object of a request, empty without a body; raises RunError. No foreign page can send JSON unasked."""
+    content = b""
+    async for piece in request.stream():
+        content += piece
+        if len(content) > LARGEST_REQUEST:
+            raise RunError(f"a request has at most {LARGEST_REQUEST} bytes")
+    if not content:
+        return {}
+    if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
+        raise RunError("a request is JSON: Content-Type: application/json")
+    try:
+        asked = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise RunError(f"a request is one JSON object: {error}") from error
+    if not isinstance(asked, dict):
+        raise RunError("a request is one JSON object")
+    return asked
 
 
 class MonitorServer:

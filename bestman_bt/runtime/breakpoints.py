@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node
+from bestman_bt.engine.spelling import closest
 from bestman_bt.runtime.executor import Executor, Hold
 
 When = Literal["before", "after"]
@@ -138,7 +139,9 @@ class Breakpoints:
             try:
                 return tree.node(node)
             except KeyError as error:
-                raise BreakpointError(error.args[0]) from error
+                close = closest(node, [known.path for known in tree.nodes])
+                hint = f"; did you mean '{close}'?" if close else ""
+                raise BreakpointError(f"{error.args[0]}{hint}") from error
         if isinstance(node, bool) or not isinstance(node, int) or not 1 <= node <= len(tree.nodes):
             raise BreakpointError(f"a node is a path or a number from 1 to {len(tree.nodes)}, not {node!r}")
         return tree.nodes[node - 1]

@@ -24,10 +24,11 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from bestman_bt.engine import EngineError, status_name
+from bestman_bt.engine import RUNNING, EngineError, status_name
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.events import TOPICS, BreakpointsEvent, Topic
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
@@ -49,12 +50,22 @@ class RefusedError(Exception):
 
 
 class ControlChannel:
-    """Serves one executor; ``stop_robot`` is called at once, from the serving thread: a stop that no tree may clear."""
+    """Serves one executor; ``stop_robot`` is called at once, from the serving thread: a stop that no tree may clear.
 
-    def __init__(self, executor: Executor, stop_robot: Callable[[], None], telemetry: Telemetry) -> None:
+    ``robot_state``: what ``status`` tells of the robot and its parts, in words.
+    """
+
+    def __init__(
+        self,
+        executor: Executor,
+        stop_robot: Callable[[], None],
+        telemetry: Telemetry,
+        robot_state: Callable[[], dict[str, dict[str, str]]] = lambda: {"parts": {}, "robot": {}},
+    ) -> None:
         self._executor = executor
         self._stop_robot = stop_robot
         self._telemetry = telemetry
+        self._robot_state = robot_state
         self._breakpoints = Breakpoints(executor, self._tell_breakpoints)
 
     @contextmanager
@@ -94,6 +105,7 @@ class ControlChannel:
         ) as error:  # the last two: of converters
             return {"ok": False, "error": str(error)}
         executor = self._executor
+        more = self._standing() if message["do"] == "status" else {}
         return {
             "ok": True,
             "task": self._telemetry.run.task,
@@ -103,6 +115,19 @@ class ControlChannel:
             "paused": executor.paused,
             "root": status_name(executor.tree.root.state),
             "breakpoints": self._breakpoints.documents(),
+            **more,
+        }
+
+    def _standing(self) -> dict[str, Any]:
+        """What is going on, in more detail than each answer tells."""
+        active = [node.path for node in self._executor.tree.nodes if node.state == RUNNING and not node.children]
+        failure = self._telemetry.last_failure
+        return {
+            "run": Path(self._telemetry.run.folder).name,
+            "folder": self._telemetry.run.folder,
+            "active": active,
+            "last_failure": None if failure is None else asdict(failure),
+            **self._robot_state(),
         }
 
     def subscribe(self, message: Request, outbox: Outbox) -> None:
@@ -128,7 +153,11 @@ class ControlChannel:
                 executor.resume()
             case "step":
                 executor.step()
+                if not executor.wait_for_step(TASK_WAIT):
+                    raise RefusedError(f"the tick is still under way after {TASK_WAIT:g} s; it pauses at its end")
             case "set":
+                if "value" not in message:
+                    raise RefusedError("set wants a key (text) and a value")
                 self._set(message.get("key"), message.get("value"), message.get("scope") or "")
             case "breakpoint":
                 asked = [message.get(name) for name in ("node", "when", "condition", "once")]

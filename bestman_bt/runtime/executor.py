@@ -100,6 +100,8 @@ class Executor:
         self._go = threading.Event()
         self._go.set()
         self._step = False
+        self._stepping = False  # whether the tick under way is the step that was asked for
+        self._stepped = threading.Event()
         self._wake_ups = 0
         self._tasks: deque[tuple[Callable[[], None], Future[None]]] = deque()
 
@@ -121,8 +123,13 @@ class Executor:
 
     def step(self) -> None:
         """Tick once and pause again."""
+        self._stepped.clear()
         self._step = True
         self._go.set()
+
+    def wait_for_step(self, timeout: float) -> bool:
+        """Whether, within ``timeout`` seconds, the tick of the last ``step`` ends, or a breakpoint holds it."""
+        return self._stepped.wait(timeout)
 
     @property
     def paused(self) -> bool:
@@ -137,9 +144,12 @@ class Executor:
         Raises:
             EngineError: the execution was cancelled meanwhile.
         """
+        self._step = False  # a step ends here
         self._go.clear()
+        self._stepped.set()
         self.tree.publish()
         self._wait_for_turn(hold)
+        self._stepping = self._step
         self.tree.raise_if_refused()
 
     def between_ticks(self, task: Callable[[], None]) -> Future[None]:
@@ -168,6 +178,7 @@ class Executor:
                     self.tree.halt()
                 self._shut_down()
                 self._refuse_tasks()
+                self._stepped.set()
         elapsed = self.clock.now() - start
         return Execution(ending, status_name(status), self.ticks, elapsed, time.perf_counter() - wall_start, why)
 
@@ -183,6 +194,7 @@ class Executor:
             self._wait_for_turn()
             if self._cancel_reason:
                 return Ending.CANCELLED, IDLE, self._cancel_reason
+            self._stepping = self._step
             status = self.tree.tick_exactly_once()
             self.ticks += 1
             if self.after_tick is not None:
@@ -195,9 +207,10 @@ class Executor:
                 return Ending.FINISHED, status, ""
             if self.time_limit is not None and self.clock.now() - start >= self.time_limit:
                 return Ending.TIMEOUT, IDLE, f"not done within {self.time_limit:g} s"
-            if self._step:
-                self._step = False
+            if self._stepping:
+                self._step = self._stepping = False
                 self._go.clear()
+                self._stepped.set()
             self._sleep()
 
     def _sleep(self) -> None:

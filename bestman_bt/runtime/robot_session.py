@@ -115,7 +115,7 @@ class Session:
         self.check(loaded, own=tree is not None and tree != self.setup.config.task.tree)
         executor = self.executor(self._filled(loaded), after_tick)
         telemetry = self.telemetry(executor)
-        with telemetry, ControlChannel(executor, self.skills.stop.hold, telemetry).serving():
+        with telemetry, self.control_channel(executor, telemetry).serving():
             execution = executor.run()
             telemetry.end_as(execution)
         return execution
@@ -132,6 +132,15 @@ class Session:
         given = self.entries if self.task_given or not own else ()
         for problem in unfilled_entries(tree, given, self.setup.config.name if self.task_given else None):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
+
+    def control_channel(self, executor: Executor, telemetry: Telemetry) -> ControlChannel:
+        """Through which others watch and control an execution."""
+        return ControlChannel(executor, self.skills.stop.hold, telemetry, self.robot_state)
+
+    def robot_state(self) -> dict[str, dict[str, str]]:
+        """``parts``: name → ``ok``, ``stopped`` or what its driver says; ``robot``: the driver's diagnostics."""
+        told, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
+        return {"parts": {name: told.get(name, usual) for name in self.robot.parts}, "robot": told}
 
     def _loaded(self, tree: str | Path | Behaviour | None) -> Tree:
         return load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)

@@ -28,7 +28,7 @@ from bestman_bt.monitor.run_log import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
 from bestman_bt.runtime.event_stream import EventStream, Tell
 from bestman_bt.runtime.executor import Ending, Execution, Executor, Hold
-from bestman_bt.runtime.failure_lines import FailureLines
+from bestman_bt.runtime.failure_lines import FailureLine, FailureLines
 from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.package_log import PackageLog
 from bestman_bt.runtime.tree_tap import TreeTap
@@ -75,6 +75,8 @@ class Telemetry:
         self._sources = sources
         self._stream = EventStream()
         self._failures = FailureLines(told)
+        self.last_failure: FailureLine | None = None
+        """Of an action; None as long as none has failed, and where nobody watches and nothing is kept."""
         self._start = executor.clock.now()
         self._taps: dict[Tree, TreeTap] = {}
         self._trees = 0
@@ -224,6 +226,7 @@ class Telemetry:
     def _failed(self, tree: Tree, uids: list[int]) -> None:
         time = self.now()
         for line in self._failures.of(tree, uids):
+            self.last_failure = line
             self.tell(LogEvent(time, "warning", line.words, line.node, line.code))
             for source in self._sources:
                 source.failed(time, line.node)

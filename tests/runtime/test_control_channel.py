@@ -22,8 +22,9 @@ from py_trees.common import Access, Status
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
 from bestman_bt.monitor.events import EndEvent, Event, RunEvent, StatesEvent, from_line
-from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor
+from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor, control_channel
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges
+from bestman_bt.runtime.failure_lines import FailureLine
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -473,3 +474,65 @@ def test_who_has_gone_is_told_nothing_more(served: Served) -> None:
     while telemetry._subscribers:
         assert time.monotonic() < end, "who has gone still subscribes"
         time.sleep(0.005)
+
+
+def test_status_tells_the_active_leaves_and_the_robot(served: Served) -> None:
+    served.ask("pause")
+    answers = [
+        served.ask("status") if number == 0 else served.ask("step") and served.ask("status") for number in (0, 1)
+    ]
+    assert {path for answer in answers for path in answer["active"]} == {"blink"}
+    assert (answers[0]["parts"], answers[0]["last_failure"], answers[0]["run"]) == ({}, None, "")
+
+
+def test_status_tells_the_last_failure_of_an_action() -> None:
+    clock = ManualClock()
+    executor = Executor(load_tree(SHORT, clock=clock), clock)
+    telemetry = Telemetry(executor, described("failing"))
+    telemetry.last_failure = FailureLine("Main/grasp", "no_grasp", "nothing to hold")
+    channel = ControlChannel(executor, lambda: None, telemetry, lambda: {"parts": {"arm": "ok"}, "robot": {}})
+    answer = channel.answer({"do": "status"})
+    assert answer["last_failure"] == {"node": "Main/grasp", "code": "no_grasp", "words": "nothing to hold"}
+    assert answer["parts"] == {"arm": "ok"}
+
+
+def test_a_step_is_answered_once_it_is_done(served: Served) -> None:
+    served.ask("pause")
+    ticks = served.ask("status")["ticks"]
+    for number in range(1, 20):
+        answer = served.ask("step")
+        assert (answer["ticks"], answer["paused"]) == (ticks + number, True)
+
+
+def test_a_step_that_is_asked_for_within_a_tick_is_the_next_one(served: Served) -> None:
+    within, go_on = threading.Event(), threading.Event()
+
+    def late() -> None:
+        within.set()
+        go_on.wait(5.0)
+
+    served.executor.after_tick = late
+    assert within.wait(5.0)
+    served.ask("pause")
+    ticks = served.executor.ticks
+    threading.Timer(0.05, go_on.set).start()
+    assert served.ask("step")["ticks"] == ticks + 1
+
+
+def test_a_step_that_takes_long_is_told(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(control_channel, "TASK_WAIT", 0.05)
+    served.ask("pause")
+    served.executor.after_tick = lambda: time.sleep(0.5)
+    with pytest.raises(ControlError, match=r"still under way after 0\.05 s"):
+        served.ask("step")
+
+
+def test_set_without_a_value_is_refused_and_null_is_a_value(served: Served) -> None:
+    with pytest.raises(ControlError, match="set wants a key"):
+        served.ask("set", key="cup")
+    assert served.ask("set", key="cup", value=None)["ok"]
+
+
+def test_a_breakpoint_at_a_misspelt_node_is_answered_by_the_closest_path(served: Served) -> None:
+    with pytest.raises(ControlError, match="there is no node 'blnk'.*did you mean 'blink'"):
+        served.ask("breakpoint", node="blnk", when="before")

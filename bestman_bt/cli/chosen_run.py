@@ -1,0 +1,69 @@
+"""The running execution that a command means, and requests to it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from bestman_bt.monitor.control_client import ControlError, request, running_executors
+
+Run = Annotated[
+    str | None,
+    typer.Argument(
+        metavar="[RUN]",
+        help="Its task, run folder, process id or socket; not needed where only one runs.",
+        show_default=False,
+    ),
+]
+
+
+def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
+    """The socket of each running executor and how it stands; one that does not answer is told, and left out."""
+    found = []
+    for path in running_executors():
+        try:
+            found.append((path, request(path, {"do": "status"})))
+        except ControlError as error:
+            print(f"bestman-bt: {path.name}: {error}", file=sys.stderr)
+    return found
+
+
+def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
+    """The execution that ``run`` names, or the only one; ends the program with code 1 where none runs, else 2."""
+    running = running_statuses()
+    if not running:
+        print("nothing is running", file=sys.stderr)
+        sys.exit(1)
+    named = running if run is None else [one for one in running if run in _names(*one)]
+    if len(named) == 1:
+        return named[0]
+    told = "\n".join(f"  {name_of(path, status)}" for path, status in running)
+    which = "several executions run" if run is None else f"{len(named) or 'no'} running execution is named {run!r}"
+    print(f"bestman-bt: {which}; name one of these by process id or run folder:\n{told}", file=sys.stderr)
+    sys.exit(2)
+
+
+def ask(path: Path, message: dict[str, Any]) -> dict[str, Any]:
+    """The answer to a request; a refusal is told, and ends the program with code 1."""
+    try:
+        return request(path, message)
+    except ControlError as error:
+        print(f"bestman-bt: {error}", file=sys.stderr)
+        sys.exit(1)
+
+
+def name_of(path: Path, status: dict[str, Any]) -> str:
+    """Task, process and run folder, as other commands take them."""
+    folder = f", {status['folder']}" if status.get("folder") else ""
+    return f"{status['task']} (process {status['pid']}{folder})"
+
+
+def _names(path: Path, status: dict[str, Any]) -> set[str]:
+    names = {path.name, path.stem, str(status["pid"]), status["task"]}
+    if status.get("folder"):
+        folder = Path(status["folder"])
+        names |= {folder.name, str(folder), str(folder.resolve()), str(folder).rstrip("/") + "/"}
+    return names

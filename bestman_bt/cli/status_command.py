@@ -1,0 +1,35 @@
+"""Examples: bestman-bt status; bestman-bt status fetch_cup --json. Exit code 1 where nothing runs."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+from bestman_bt.cli.chosen_run import Run, chosen, name_of, running_statuses
+from bestman_bt.cli.options import Json
+
+
+def command(run: Run = None, as_json: Json = False) -> None:
+    """Tell how the running executions stand: active leaves, parts, the last failure."""
+    running = running_statuses() if run is None else [chosen(run)]
+    if as_json:
+        print(json.dumps({"runs": [{"socket": str(path), **status} for path, status in running]}))
+    elif not running:
+        print("nothing is running", file=sys.stderr)
+    else:
+        for path, status in running:
+            print(f"{name_of(path, status)}: {_words(status)}")
+    sys.exit(0 if running else 1)
+
+
+def _words(status: dict[str, Any]) -> str:
+    """Several lines."""
+    lines = [f"{'paused' if status['paused'] else 'running'}, tick {status['ticks']}, {status['time']:.2f} s"]
+    lines += [f"  active: {path}" for path in status["active"]]
+    parts = ", ".join(f"{name} {state}" for name, state in status["parts"].items())
+    lines += [f"  parts: {parts}"] if parts else []
+    failure = status["last_failure"]
+    if failure is not None:
+        lines.append(f"  last failure: {failure['node']}: {failure['code']}: {failure['words']}")
+    return "\n".join(lines)

@@ -1,0 +1,108 @@
+"""pause, step, resume, set, status and stop from the shell, on executors that really run."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from bestman_bt.engine import WallClock, load_tree
+from bestman_bt.monitor.events import RunEvent
+from bestman_bt.runtime import ControlChannel, Executor
+from bestman_bt.runtime.telemetry import Telemetry
+from tests.cli.command_line import Answer
+
+Command = Callable[..., Answer]
+TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
+  <Sequence name="work"><Sleep name="wait" msec="600000"/></Sequence>
+</BehaviorTree></root>"""
+
+
+@pytest.fixture
+def start(folder: Path, own_sockets: None) -> Iterator[Callable[[str], Executor]]:
+    """Starts executions of a task; all are ended afterwards."""
+    with ExitStack() as stack:
+
+        def started(task: str) -> Executor:
+            clock = WallClock()
+            executor = Executor(load_tree(TREE, clock=clock), clock, period=0.005)
+            run = RunEvent(task, "Main", "", "", 0, f"/runs/1-{task}", os.getpid(), time.time(), 200.0, "real")
+            telemetry = stack.enter_context(Telemetry(executor, run))
+            channel = ControlChannel(executor, lambda: None, telemetry, lambda: {"parts": {"arm": "ok"}, "robot": {}})
+            stack.enter_context(channel.serving())
+            thread = threading.Thread(target=executor.run)
+            stack.callback(thread.join, 5.0)
+            stack.callback(executor.cancel)
+            thread.start()
+            return executor
+
+        yield started
+
+
+def test_one_run_is_paused_stepped_set_and_resumed_without_being_named(
+    bestman_bt: Command, start: Callable[[str], Executor]
+) -> None:
+    executor = start("fetch")
+
+    assert bestman_bt("pause").out.startswith("paused fetch at tick ")
+    ticks = json.loads(bestman_bt("status", "--json").out)["runs"][0]["ticks"]
+    assert f"stepped fetch to tick {ticks + 1}, " in bestman_bt("step").out
+    assert bestman_bt("set", "speed=0.5").out == "set speed = 0.5 in fetch\n"
+    assert executor.tree.blackboard.get("speed") == 0.5
+    assert bestman_bt("set", "object=the cup").out == 'set object = "the cup" in fetch\n'
+    assert bestman_bt("resume").out.startswith("resumed fetch")
+    assert not executor.paused
+
+
+def test_status_tells_run_active_leaves_parts_and_last_failure(
+    bestman_bt: Command, start: Callable[[str], Executor]
+) -> None:
+    executor = start("fetch")
+    while executor.ticks < 2:
+        time.sleep(0.005)
+
+    (status,) = bestman_bt("status", "--json").document["runs"]
+    assert (status["task"], status["run"], status["active"]) == ("fetch", "1-fetch", ["wait"])
+    assert (status["parts"], status["last_failure"], status["paused"]) == ({"arm": "ok"}, None, False)
+    text = bestman_bt("status").out
+    assert "  active: wait\n  parts: arm ok" in text
+
+
+def test_of_several_runs_one_is_named_by_task_or_folder_and_stopped_alone(
+    bestman_bt: Command, start: Callable[[str], Executor]
+) -> None:
+    first, second = start("fetch"), start("tidy")
+
+    refused = bestman_bt("pause")
+    assert (refused.code, "several executions run" in refused.err, "/runs/1-tidy" in refused.err) == (2, True, True)
+    assert "no running execution is named 'fetsh'" in bestman_bt("step", "fetsh").err
+    assert bestman_bt("pause", "tidy").code == 0
+    assert (first.paused, second.paused) == (False, True)
+    assert bestman_bt("stop", "1-fetch").out.startswith("stopped fetch")
+    assert len(bestman_bt("stop", "--all").out.splitlines()) in (1, 2)  # the first may have ended already
+
+
+def test_where_nothing_runs_the_exit_code_is_1(bestman_bt: Command) -> None:
+    assert bestman_bt("status", "--json").document == {"runs": []}
+    for verb in ("status", "pause", "step", "resume"):
+        answer = bestman_bt(verb)
+        assert (answer.code, answer.err) == (1, "nothing is running\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["set", "speed"], "should be KEY=VALUE, got 'speed'"),
+        (["stop", "fetch", "--all"], "one run or --all, not both"),
+    ],
+)
+def test_wrong_input_is_refused(bestman_bt: Command, arguments: list[str], words: str) -> None:
+    answer = bestman_bt(*arguments)
+    assert answer.code == 2
+    assert words in " ".join(answer.err.replace("│", " ").split())
