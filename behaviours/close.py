@@ -11,6 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import move_free
 from behaviours.closing import BEFORE, Push, pushes
+from behaviours.contacts import handle
 from behaviours.following import error_code, followed
 from behaviours.leaf import Leaf, find_leaf, free_along, world_at_leaf
 from behaviours.names import ArticulationName, PostureName
@@ -86,13 +87,14 @@ class Close(Skill):
         yield skills.gripper.close(FINGER_FORCE)
         yield from move_free(self, [plan.approach.pre], world_at_leaf(skills, leaf, plan.push.start, "free"))
         yield from tare_wrist(self)
-        try:
-            start = yield from self._touch(plan.push)
-            left = yield from self._push(plan, start)
-        except (SkillFailure, *ALGORITHM_ERRORS) as failure:
-            yield from withdraw_after(self, leaf, posture, failure)
-            raise
-        yield from withdraw(self, leaf, posture)
+        with self.touching(handle(leaf.articulation)):
+            try:
+                start = yield from self._touch(plan.push)
+                left = yield from self._push(plan, start)
+            except (SkillFailure, *ALGORITHM_ERRORS) as failure:
+                yield from withdraw_after(self, leaf, posture, failure)
+                raise
+            yield from withdraw(self, leaf, posture)
         self.set_output("left", left)
         self.feedback_message = f"{leaf.articulation} closed, to {left:.3f} by the map"
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.computation import Computation, TimeSource
+from behaviours.contacts import Contact
 from behaviours.failure import Failure
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import WorldModel
@@ -81,6 +82,7 @@ class SkillContext:
     ``camera``: on the head. ``wrist_camera``: on the hand, where there is one; ``tactile``: pads of the fingers, which
     may be none. ``wrist_wrench``: what touches the hand, where there is a sensor.
     ``observations``: what was seen of objects lately, by identity, in the map frame.
+    ``contacts``: those that skills declare now. ``handled``: the object that the fingers have touched last.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
     oldest first. ``policies``: from the name or file of a learned policy to it. ``planners``, ``followers``: from the
     name of a global and of a local planner to it; they raise LookupError.
@@ -107,6 +109,8 @@ class SkillContext:
     followers: Callable[[str], PathFollower]
     policies: Callable[[str], Policy]
     failures: list[Failure] = field(default_factory=list)
+    contacts: list[Contact] = field(default_factory=list)
+    handled: str | None = None
     observations: dict[str, list[Observation]] = field(default_factory=dict)
 
     @property

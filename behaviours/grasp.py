@@ -9,6 +9,8 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, hand_contacts, move_free, timed_path
+from behaviours.contacts import grasp as grasp_contact
+from behaviours.contacts import support, surface_below
 from behaviours.grasp_candidates import grasp_candidates
 from behaviours.names import ObjectName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
@@ -154,10 +156,17 @@ class Grasp(Skill):
     def _take(self, name: str, grasps: list[PlannedGrasp]) -> Steps:
         skills = self.skills
         grasp, rest = grasps[0], grasps[1:]
+        belief = skills.world.objects[name]
         self.set_output("grasps", rest)
         skills.world.held = None
         yield skills.gripper.open(grasp.candidate.opening)
         yield from move_free(self, [grasp.approach.pre])
+        stands_on = belief.surface or surface_below(skills.world, belief.pose)
+        with self.touching(grasp_contact(name), support(name, stands_on)):
+            yield from self._close_and_lift(name, grasp)
+
+    def _close_and_lift(self, name: str, grasp: PlannedGrasp) -> Steps:
+        skills = self.skills
         contact = skills.arm_world(skills.planning_scene(allowed_pairs=hand_contacts(skills, name)))
         yield from follow_path(self, grasp.approach.into, contact, speed=0.35)
         self.set_output("grasps", [])

@@ -12,6 +12,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.carrying import out_of_sight, postures_beside
+from behaviours.contacts import grasp
 from behaviours.names import PostureName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
@@ -72,7 +73,9 @@ class Retreat(Skill):
         distance: float = self.get_input("distance")
         if skills.world.held is None and distance > 0:
             scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
-            yield from self._straight_back(skills.arm_world(scene), distance)
+            handled = skills.handled
+            with self.touching(*([grasp(handled)] if handled is not None else ())):
+                yield from self._straight_back(skills.arm_world(scene), distance)
         elif skills.world.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
             yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
         yield from _move_to(self, _postures(self, self.get_input("posture")))

@@ -182,6 +182,26 @@ class NavigateTo(Skill):
         return float(along[free][-1]) if free.any() else 0.0
 
 
+class ReturnToStart(NavigateTo):
+    """Drive back to where the robot stood when its tree was loaded; as ``NavigateTo`` does."""
+
+    INPUT_PORTS: ClassVar = {
+        "goal": PortInformation(
+            Pose2D, required=False, description="x;y;theta in the map frame; by default the root entry 'start'"
+        ),
+    }
+    DECLARATION = Declaration(
+        effects=("at({goal})",), recovery={"no_start": "where it started is not known: NavigateTo a named pose"}
+    )
+
+    def execute(self) -> Steps:
+        """Drive there."""
+        goal: Pose2D | None = self.get_input("goal") or self.board.get("@start")
+        if goal is None:
+            raise SkillFailure("no_start", "where the robot stood at the start is not known on its map")
+        yield from self.drive_to(goal)
+
+
 class At(SkillCondition):
     """Whether the base believes to be at a pose."""
 

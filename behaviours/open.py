@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
+from behaviours.contacts import handle
 from behaviours.following import error_code, followed
 from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
@@ -77,6 +78,14 @@ class Open(Skill):
         yield skills.gripper.open(plan.fingers)
         yield from move_free(self, [plan.into[0]], world_at_leaf(skills, leaf, opening.start, "free"))
         yield from tare_wrist(self)
+        with self.touching(handle(leaf.articulation)):
+            opened = yield from self._pull_open(opening, plan, posture)
+        self.set_output("opened", opened)
+        self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
+
+    def _pull_open(self, opening: Opening, plan: HandlePull, posture: str) -> StepsTo[float]:
+        """Take the handle, follow, let go, withdraw; how far it is open then."""
+        skills, leaf = self.skills, opening.leaf
         yield from follow_path(self, plan.into, world_at_leaf(skills, leaf, opening.start, "hand"), speed=0.35)
         self._felt: Obstacle | None = None
         try:
@@ -92,8 +101,7 @@ class Open(Skill):
             raise
         yield skills.gripper.open()
         yield from withdraw(self, leaf, posture, self._felt)
-        self.set_output("opened", opened)
-        self.feedback_message = f"{leaf.articulation} open by {opened:.2f}"
+        return opened
 
     def _check_held(self) -> None:
         gripper = self.skills.gripper

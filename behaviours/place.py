@@ -11,6 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, hand_contacts, move_free
 from behaviours.beliefs import believe_surface
+from behaviours.contacts import grasp, support, surface_below
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
@@ -139,9 +140,10 @@ class PlaceOn(Skill):
         if approach is None:
             raise SkillFailure("no_approach", f"no free way of the arm to put the {name} down there from here")
         yield from move_free(self, [approach.pre])
-        yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
-        if skills.wrist_wrench is not None:
-            yield from self._set_down(name)
+        with self.touching(grasp(name), support(name, surface_below(skills.world, self.get_input("pose")))):
+            yield from follow_path(self, approach.into, self._lowering_world(held), speed=0.35)
+            if skills.wrist_wrench is not None:
+                yield from self._set_down(name)
 
     def _set_down(self, name: str) -> Steps:
         """What is let go in the air falls; what hangs askew in the hand comes to stand earlier than believed."""
@@ -213,6 +215,15 @@ class Release(Skill):
         if held is None:
             raise SkillFailure("not_holding", f"the hand does not hold the {self.get_input('object')}")
         map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
+        with self.touching(grasp(held.name), support(held.name, surface_below(skills.world, map_from_object))):
+            yield from self._let_go(held)
+        skills.world.held = None
+        skills.world.objects[held.name] = ObjectBelief(
+            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.get_input("surface")
+        )
+
+    def _let_go(self, held: HeldObject) -> Steps:
+        skills = self.skills
         outcome = yield skills.gripper.release()
         if outcome.width < held.width + LET_GO:
             # Caught: hold it loosely, so that it comes to lie as it likes between the fingers, and try again.
@@ -225,10 +236,6 @@ class Release(Skill):
             yield skills.gripper.close()
             opened = f"the fingers opened to {1e3 * outcome.width:.0f} mm, it is {1e3 * held.width:.0f} mm wide"
             raise SkillFailure("not_released", f"the hand does not let go of the {held.name}: {opened}")
-        skills.world.held = None
-        skills.world.objects[held.name] = ObjectBelief(
-            held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.get_input("surface")
-        )
 
 
 def place_tool_poses(

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import follow_path, move_free
+from behaviours.contacts import push, support, surface_below
 from behaviours.names import ObjectName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from behaviours.surfaces import find_surface
@@ -110,6 +111,12 @@ class Push(Skill):
         if plan is None:
             raise SkillFailure("no_approach", f"no free way of the arm to push the {name} there from here")
         yield from move_free(self, [plan.pre])
+        stands_on = belief.surface or surface_below(skills.world, belief.pose)
+        with self.touching(push(name), support(name, stands_on)):
+            yield from self._push(belief, plan)
+
+    def _push(self, belief: ObjectBelief, plan: PushPlan) -> Steps:
+        skills, name = self.skills, belief.name
         yield from follow_path(self, plan.into, skills.arm_world(self._untouched(belief)), speed=0.35)
         outcome: GuardedOutcome = yield skills.arm.move_until(
             plan.direction, self.get_input("speed"), plan.gap + plan.distance, self.get_input("max_force")

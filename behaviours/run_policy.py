@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.arm_motion import hand_contacts
+from behaviours.contacts import Contact, grasp, support, surface_below
 from behaviours.names import ObjectName
 from behaviours.policy_motion import CLOSED, PolicyMotion
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
@@ -82,12 +84,21 @@ class RunPolicy(Skill):
             deadline = self.skills.clock.now() + timeout
             self.motion = motion = PolicyMotion(self.skills, box, deadline)
             try:
-                yield from self._run(policy, motion, goal)
+                with self.touching(*self._contacts()):
+                    yield from self._run(policy, motion, goal)
             finally:
                 self.motion = None
                 motion.cancel()
         finally:
             policy.close()
+
+    def _contacts(self) -> Iterator[Contact]:
+        """Of the object that the hand may touch, where one is given."""
+        name = self.get_input("object")
+        if name:
+            belief = self.skills.world.objects[name]
+            yield grasp(name)
+            yield support(name, belief.surface or surface_below(self.skills.world, belief.pose))
 
     def _run(self, policy: Policy, motion: PolicyMotion, goal: Pose | None) -> Steps:
         from bestman_bt.manipulation.policy import StaleChunkError, chunk_path

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Mapping
-from dataclasses import dataclass, field
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
 
 from py_trees.ports import PortInformation
 
 from behaviours.computation import Job
+from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import Failure
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
@@ -106,7 +108,7 @@ class Explained(OnRobot):
         self.feedback_message = why
         self.set_output("error_code", code)
         self.set_output("error_message", why)
-        self.skills.failures.append(Failure(self.path, code, why, self.skills.clock.now()))
+        self.skills.failures.append(Failure(self.path, code, why, self.skills.clock.now(), self.where))
         return FAILURE
 
     def succeed(self, why: str = "") -> int:
@@ -133,6 +135,23 @@ class Skill(Explained, StatefulAction):
         """Submit ``work(*arguments, **options)``; ``what`` names its configured cost."""
         skills = self.skills
         return skills.computation.submit(lambda: work(*arguments, **options), skills.costs[what])
+
+    @contextmanager
+    def touching(self, *contacts: Contact) -> Iterator[None]:
+        """Declare contacts for as long as the block lasts, before they are made; all others count as collisions.
+
+        A contact that began within the block may go on after it: what was grasped stays in the hand.
+        """
+        skills = self.skills
+        declared = [replace(contact, skill=self.path) for contact in contacts]
+        skills.contacts += declared
+        for contact in declared:
+            if contact.kind in ("grasp", "push"):
+                skills.handled = contact.thing
+        try:
+            yield
+        finally:
+            skills.contacts[:] = [contact for contact in skills.contacts if contact not in declared]
 
     def on_start(self) -> int:
         """Begin ``execute``."""

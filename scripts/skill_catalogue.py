@@ -26,7 +26,7 @@ FAMILIES = {
     "Tidying": "tidying task_goals",
     "Learned policies": "run_policy",
     "Beliefs": "blocked_places object_conditions",
-    "Plans and stops": "nodes conditions clear_stop",
+    "Plans, stops and messages": "nodes conditions clear_stop log",
 }
 """Family → the modules, by their last names, that its skills stand in."""
 ELSEWHERE = ("bestman_bt.engine.", "behaviours.nav2.")

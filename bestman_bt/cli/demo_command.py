@@ -11,6 +11,7 @@ import typer
 
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import MONITOR_PORT, Groot2Port, Json, Live, Monitor, MonitorPort, Seed
+from bestman_bt.cli.report_command import REPORT_NAME
 from bestman_bt.cli.run_command import execute, exit_code
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
@@ -20,7 +21,6 @@ from bestman_bt.evaluation.report.page import report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 
 DEMO_SEED = 7
-REPORT_NAME = "report.html"
 
 
 def command(

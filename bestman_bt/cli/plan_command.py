@@ -142,7 +142,7 @@ def command(
         from bestman_bt.cli.run_command import exit_code
 
         told = asked.told(problem)
-        result = run_plan(setup, problem, plan, made, planner, builder, allowed, told, runs)
+        result = run_plan(setup, problem, made, planner, builder, allowed, told, runs)
         tell({**document, "run": result.to_document()})
         sys.exit(exit_code(result))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +19,7 @@ from bestman_bt.runtime.planning import planner_anew
 from bestman_bt.task_planning.builders import PlanTree
 from bestman_bt.task_planning.builders.replanning import with_replanning
 from bestman_bt.task_planning.limits import PlanLimits
-from bestman_bt.task_planning.symbolic import Problem, TaskPlan
+from bestman_bt.task_planning.symbolic import Problem
 
 if TYPE_CHECKING:
     from bestman_bt.runtime import Setup
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 def run_plan(
     setup: Setup,
     problem: Problem,
-    plan: TaskPlan,
     made: PlanTree,
     planner: str,
     builder: str,
@@ -47,11 +46,11 @@ def run_plan(
     runs.mkdir(parents=True, exist_ok=True)
     file = runs / f"{datetime.now().strftime('%Y%m%d-%H%M%S')}-plan.xml"
     file.write_text(xml, encoding="utf-8")
-    result, _ = execute(prepare_episode(judged_by_goal(setup, problem, plan, asked, file)), runs, False)
+    result, _ = execute(prepare_episode(judged_by_goal(setup, problem, asked, file)), runs, False)
     return result
 
 
-def judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanConfig, tree: Path) -> RunConfig:
+def judged_by_goal(setup: Setup, problem: Problem, asked: PlanConfig, tree: Path) -> RunConfig:
     """The run's configuration with the plan's goal for that of the task, if it has one; facts that cannot be judged
     are told.
     """
@@ -61,13 +60,12 @@ def judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanCo
             print(f"{literal} cannot be judged: the tree's own word counts", file=sys.stderr)
     if judged < len(problem.goal):
         print(f"{judged} of {len(problem.goal)} facts of the goal are judged", file=sys.stderr)
-    contacts = (*setup.config.task.allowed_contacts, *_contacts(setup, problem, plan))
     task = dataclasses.replace(
         setup.config.task,
         tree=str(tree),
         plan=asked,
         predicate="facts" if judged else None,
-        allowed_contacts=tuple(dict.fromkeys(contacts)),
+        allowed_contacts=None,
         goal=None,
         opening=None,
         tidy=None,
@@ -77,17 +75,3 @@ def judged_by_goal(setup: Setup, problem: Problem, plan: TaskPlan, asked: PlanCo
         goals=(),
     )
     return dataclasses.replace(setup.config, name="plan", task=task)
-
-
-def _contacts(setup: Setup, problem: Problem, plan: TaskPlan) -> Iterator[tuple[str, str]]:
-    """What may touch when the things of a goal and a plan are handled: fingers them, and they what they stand on or in;
-    where they will be found is not known before, so that this is all furniture with a surface; fingers also handles.
-    """
-    named = {name for literal in problem.goal for name in literal.fact.arguments}
-    named.update(name for action in plan.actions for name in action.arguments)
-    things = sorted(name for name in named if problem.is_a(name, "object"))
-    furniture = setup.world_model.map.furniture.values()
-    for thing in things:
-        yield "fingers", thing
-        yield from ((thing, piece.name) for piece in furniture if piece.surfaces)
-    yield from (("fingers", piece.name) for piece in furniture if piece.leaves)

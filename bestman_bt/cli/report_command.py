@@ -1,4 +1,4 @@
-"""Examples: bestman-bt report runs/<run> -o run.html; bestman-bt report runs/evaluations/manipulation -o all.html."""
+"""Examples: bestman-bt report runs/<run>; bestman-bt report runs/evaluations/manipulation -o all.html."""
 
 from __future__ import annotations
 
@@ -11,9 +11,13 @@ import typer
 
 from bestman_bt.cli.options import writable_file
 
+REPORT_NAME = "report.html"
 
-def _writable_html(path: Path) -> Path:
+
+def _writable_html(path: Path | None) -> Path | None:
     """Told before the work that the page is of."""
+    if path is None:
+        return None
     if path.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"reports are HTML files: FILE.html, got '{path}'")
     writable_file(path)
@@ -23,8 +27,15 @@ def _writable_html(path: Path) -> Path:
 def command(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN", help="Run folders, or folders that hold some.")],
     out: Annotated[
-        Path, typer.Option("-o", "--out", metavar="FILE.html", help="The page.", callback=_writable_html)
-    ] = Path("report.html"),
+        Path | None,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="FILE.html",
+            help="The page; report.html in the folder of a single run, else here.",
+            callback=_writable_html,
+        ),
+    ] = None,
 ) -> None:
     """Write one HTML page that tells what happened in a run, or what many runs say together."""
     from bestman_bt.evaluation.report.page import report_page
@@ -42,6 +53,8 @@ def command(
             faults.append(error)
     if not stories:
         sys.exit(_refuse(*faults))
+    if out is None:
+        out = folders[0] / REPORT_NAME if len(folders) == 1 else Path(REPORT_NAME)
     page = report_page(stories, datetime.now())
     try:
         out.write_text(page, encoding="utf-8")

@@ -7,6 +7,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -82,6 +83,9 @@ def command(
     monitor_port: MonitorPort = MONITOR_PORT,
     groot2_port: Groot2Port = None,
     live: Live = False,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="Simulate no faster than real time, to watch it.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Run a task, a tree with the task that names it, or a tree in place of a task's own."""
@@ -89,6 +93,8 @@ def command(
         raise ConfigurationError([Problem("--gui", None, "", "needs an X display, and DISPLAY is not set")])
     if live and driver != "pybullet":
         raise ConfigurationError([Problem("--live", None, "", "shows simulated runs; --monitor shows all of them")])
+    if real_time and driver != "pybullet":
+        raise ConfigurationError([Problem("--real-time", None, "", f"is for simulated runs, not for {driver}")])
     with json_output(as_json) as tell:
         if recording is not None:
             config = _replayed(recording, tree, driver)
@@ -101,7 +107,7 @@ def command(
             print(warning, file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)
-        result, _ = execute(setup, runs, pictures, gui, judge, groot2_port, live)
+        result, _ = execute(setup, runs, pictures, gui, judge, groot2_port, live, real_time)
         tell(result.to_document())
     sys.exit(exit_code(result))
 
@@ -114,6 +120,7 @@ def execute(
     twin_judge: Path | None = None,
     groot2_port: int | None = None,
     live: bool = False,
+    real_time: bool = False,
 ) -> tuple[RunResult, Path]:
     """Run with a live view, print the summary; returns the result and the run folder."""
     if live:
@@ -122,6 +129,8 @@ def execute(
         watchers = [stack.enter_context(RunView(setup.config.name)).watch]
         if groot2_port is not None:
             watchers.append(stack.enter_context(Groot2View(groot2_port)).watch)
+        if real_time:
+            watchers.append(no_faster_than_real_time)
         folder = make_run_folder(setup.config, runs)
         recording = None
         if live:
@@ -136,6 +145,27 @@ def execute(
             raise
     summary(result, setup, folder)
     return result, folder
+
+
+def no_faster_than_real_time(
+    session: Session,
+    tree: Tree,
+    wall: Callable[[], float] = time.monotonic,
+    sleep: Callable[[float], None] = time.sleep,
+) -> Callable[[], None]:
+    """Wait after each tick until as much real time has passed; what computing took longer is not caught up with."""
+    clock = session.robot.clock
+    began = wall() - clock.now()
+
+    def after_tick() -> None:
+        nonlocal began
+        ahead = clock.now() + began - wall()
+        if ahead > 0.0:
+            sleep(ahead)
+        else:
+            began -= ahead
+
+    return after_tick
 
 
 def _all_of(watchers: Sequence[Watcher]) -> Watcher:

@@ -15,7 +15,8 @@ from bestman_bt.engine import StateChanges, Tree
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.runtime import Session, Setup
 from bestman_bt.visualization import describe_changes, describe_tree
-from bestman_bt.visualization.terminal import LiveTree
+from bestman_bt.visualization.terminal import LiveTree, NodeEvent
+from bestman_bt.visualization.tree_description import NodeTransition
 
 CONSOLE = Console(stderr=True)
 
@@ -45,10 +46,16 @@ class RunView:
             self._live = Live(shown, console=CONSOLE, auto_refresh=False, vertical_overflow="crop")
             self._live.start()
 
-        def on_changes(changes: StateChanges) -> None:
-            for event in shown.apply(describe_changes(tree, changes)):
-                if not on_terminal:
-                    CONSOLE.print(str(event), highlight=False, markup=False, soft_wrap=True)
+        def follow(followed: Tree, events_of: Callable[[list[NodeTransition]], list[NodeEvent]]) -> None:
+            """Tell what happens in a tree, and in those that its leaves tick, as ``ExecutePlan`` does."""
+
+            def on_changes(changes: StateChanges) -> None:
+                for event in events_of(describe_changes(followed, changes, start)):
+                    if not on_terminal:
+                        CONSOLE.print(str(event), highlight=False, markup=False, soft_wrap=True)
+
+            followed.subscribe(on_changes)
+            followed.subscribe_to_inner(lambda inner, leaf: follow(inner, shown.events_of(describe_tree(inner))))
 
         drawn = 0.0
 
@@ -63,7 +70,7 @@ class RunView:
                         shown.tell(node.uid, node.feedback_message)
                 self._live.refresh()
 
-        tree.subscribe(on_changes)
+        follow(tree, shown.apply)
         return after_tick
 
 
@@ -78,11 +85,14 @@ def summary(result: RunResult, setup: Setup, folder: Path) -> None:
         Outcome.ERROR: "[bold red]error",
     }[result.outcome]
     table.add_row(f"{result.task}, seed {result.seed}", look)
-    for goal in goals if result.success else ():
+    for goal in goals if result.success and result.judged else ():
         table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
     if result.failure is not None:
-        where = f"{result.failure.node}: " if result.failure.node else ""
+        named = result.failure.where or result.failure.node
+        where = f"{named}: " if named else ""
         table.add_row("why", f"{where}{result.failure.why} ({result.failure.error_code})")
+    if result.not_judged:
+        table.add_row("judge", result.not_judged)
     if "place_error_mm" in result.metrics and result.success:
         turn = f", tilt {result.metrics['tilt_deg']:.1f}°" if "tilt_deg" in result.metrics else ""
         table.add_row("place error", f"{result.metrics['place_error_mm']:.1f} mm{turn}")

@@ -1,4 +1,4 @@
-"""Examples: bestman-bt show fetch_cup; bestman-bt show my_tree.xml --svg tree.svg; bestman-bt show pick.py --ports."""
+"""Examples: bestman-bt show fetch_cup --tree Pick; bestman-bt show my_tree.xml --svg my_tree.svg."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.options import Plugins
-from bestman_bt.configuration import find_data
+from bestman_bt.configuration import ConfigurationError, Problem, find_data
 from bestman_bt.engine import load_tree, render_dot, render_ports, render_svg, render_text
 from bestman_bt.runtime.plugins import node_registry
 
@@ -17,12 +17,16 @@ def command(
     tree: Annotated[str, typer.Argument(help="A shipped tree, or an XML or Python file.")],
     ports: Annotated[bool, typer.Option("--ports", help="Who maps what to whom across subtrees.")] = False,
     dot: Annotated[bool, typer.Option("--dot", help="Print Graphviz source.")] = False,
+    tree_id: Annotated[str | None, typer.Option("--tree", metavar="ID", help="Another tree of an XML file.")] = None,
     svg: Annotated[Path | None, typer.Option(metavar="FILE.svg", help="Write a picture; needs no Graphviz.")] = None,
     plugins: Plugins = None,
 ) -> None:
     """Print a tree as text, or in one of the other forms."""
     registry = node_registry([str(plugin) for plugin in plugins or ()])
-    loaded = load_tree(Path(find_data("tree", tree)), registry)
+    path = Path(find_data("tree", tree))
+    if tree_id is not None and path.suffix == ".py":
+        raise ConfigurationError([Problem("--tree", None, "", f"{path} is a Python file, which defines one tree")])
+    loaded = load_tree(path, registry, main_tree=tree_id)
     if svg is not None:
         svg.write_text(render_svg(loaded), encoding="utf-8")
         print(svg)

@@ -137,10 +137,11 @@ class TaskConfig:
 
     ``goal``: where an object shall go, ``goals``: where several shall; ``opening``, ``tidy``, ``reach``, ``lift``,
     ``drive``, ``plan``: what else is asked.
-    ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: pairs that
-    may touch, each an object, a piece of furniture, ``fingers``, ``robot`` or one of its links. ``max_penetration``:
-    metres. ``time_limit``: simulated seconds. ``tick_rate``: hertz, 1000 at most. ``known_start``: whether the robot is
-    told, roughly, where on its map it starts. ``disturbances``: what somebody does while the robot works.
+    ``predicate``: the name of the success predicate, or several that must all hold. ``allowed_contacts``: of what
+    skills declare to touch, the only pairs that may, each an object, a piece of furniture, ``fingers``, ``robot`` or
+    one of its links; None: all that they declare. ``max_penetration``: metres. ``time_limit``: simulated seconds.
+    ``tick_rate``: hertz, 1000 at most. ``known_start``: whether the robot is told, roughly, where on its map it starts.
+    ``disturbances``: what somebody does while the robot works.
     ``algorithms``: slot → ``algorithm: NAME`` and its parameters, laid over the shipped default.
     """
 
@@ -157,7 +158,7 @@ class TaskConfig:
     plan: PlanConfig | None = None
     predicate: str | tuple[str, ...] | None = None
     tolerances: TolerancesConfig = field(default_factory=TolerancesConfig)
-    allowed_contacts: tuple[tuple[str, str], ...] = ()
+    allowed_contacts: tuple[tuple[str, str], ...] | None = None
     max_penetration: PositiveLength = 0.002
     time_limit: PositiveTime = 300.0
     tick_rate: TickRate = 20.0

@@ -11,14 +11,14 @@ class EngineError(Exception):
 
 
 class NodeError(EngineError):
-    """A node could not execute; names the node by its full path and its type."""
+    """A node could not execute; ``node`` is its full path, ``where`` what the message calls it."""
 
-    def __init__(self, message: str, *, node: str = "", node_type: str = "") -> None:
+    def __init__(self, message: str, *, node: str = "", node_type: str = "", where: str = "") -> None:
         self.node = node
         self.node_type = node_type
         self.reason = message
-        where = f"node '{node}' [{node_type}]: " if node or node_type else ""
-        super().__init__(where + message)
+        named = f"node {where or repr(node)} [{node_type}]: " if node or node_type else ""
+        super().__init__(named + message)
 
 
 class BlackboardError(EngineError):

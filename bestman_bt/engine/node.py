@@ -9,6 +9,7 @@ node's bare tick, the traced one while somebody listens, or one wrapped in condi
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -212,7 +213,15 @@ class Node(PyTreesFace):
 
     def error(self, message: str) -> NodeError:
         """Return a ``NodeError`` that names this node."""
-        return NodeError(message, node=self.path, node_type=self.type_id)
+        return NodeError(message, node=self.path, node_type=self.type_id, where=self.where)
+
+    @property
+    def where(self) -> str:
+        """The node's name with file and line, for messages; empty in a tree that comes from no file."""
+        if self.place is None or self.place.file.startswith("<"):
+            return ""
+        file = os.path.basename(self.place.file)
+        return f"{self.name} ({file}:{self.line})" if self.line else f"{self.place.prefix}{self.name} ({file})"
 
     @property
     def type_id(self) -> str:

@@ -81,7 +81,7 @@ def key_of(attribute: Any, port: str) -> str | None:
     if attribute.__class__ is not str or len(attribute) < 3:
         return port if attribute == "=" else None
     text = attribute if attribute[0] == "{" and attribute[-1] == "}" else attribute.strip(" ")
-    if len(text) >= 3 and text[0] == "{" and text[-1] == "}":
+    if len(text) >= 3 and text[0] == "{" and text[-1] == "}" and "{" not in text[1:]:
         key = text[1:-1]
         return port if key == "=" else key
     return None

@@ -1,10 +1,12 @@
-"""The honesty audit: what the simulator's monitor has seen, judged by what a task allows to touch."""
+"""The honesty audit: what the simulator's monitor has seen, judged by what skills declared and a task allows."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
+
+from bestman_bt.evaluation.declared_contacts import Declared, DeclaredContacts
 
 if TYPE_CHECKING:
     from hal.pybullet import ContactIncident, Deed, Finding, HonestyRecord
@@ -18,9 +20,9 @@ CHEATS = ("teleports", "grasp_constraints", "ground_truth_reads", "tampering", "
 
 @dataclass(frozen=True)
 class Collision:
-    """The robot, or an object in its hand, pressed on something that the task does not allow it to touch.
+    """The robot, or an object in its hand, pressed on something that it was not to touch, or harder than that.
 
-    Times in simulated seconds, ``peak_force`` in newtons.
+    Times in simulated seconds, ``peak_force`` in newtons. ``why``: what makes it one, where skills declare contacts.
     """
 
     first: str
@@ -28,6 +30,7 @@ class Collision:
     start: float
     end: float
     peak_force: float
+    why: str = ""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,7 @@ class Audit:
     ``object_follows_open_hand``: objects that moved with fingers that did not press on them.
     ``collisions``: the robot's own doing. ``contacts_by_walkers``: people came into a robot that did not move towards
     them; told apart and no fault of it. ``disturbances``: what the scene's script did, in words.
+    ``declared_contacts``: those that skills declared and made, as ``result.json`` tells them.
     """
 
     teleports: int
@@ -55,6 +59,7 @@ class Audit:
     findings: tuple[str, ...]
     contacts_by_walkers: tuple[Collision, ...] = ()
     disturbances: tuple[str, ...] = ()
+    declared_contacts: tuple[dict[str, Any], ...] = ()
 
     @property
     def honest(self) -> bool:
@@ -63,7 +68,10 @@ class Audit:
 
     def faults(self, max_penetration: float) -> tuple[str, ...]:
         """Why an episode fails whatever its tree says: collisions, overlaps deeper than ``max_penetration`` m."""
-        faults = [f"collision of {c.first} with {c.second} ({c.peak_force:.1f} N)" for c in self.collisions]
+        faults = [
+            f"collision of {c.first} with {c.second} ({c.peak_force:.1f} N)" + (f": {c.why}" if c.why else "")
+            for c in self.collisions
+        ]
         if self.max_penetration_mm > 1e3 * max_penetration and self.max_penetration_pair is not None:
             pair = " and ".join(self.max_penetration_pair)
             faults.append(
@@ -79,6 +87,7 @@ class Audit:
         document["contacts_by_walkers"] = len(self.contacts_by_walkers)
         document["contacts_by_walkers_details"] = [_told(contact) for contact in self.contacts_by_walkers[:LISTED]]
         document["disturbances"] = list(self.disturbances)
+        document["declared_contacts"] = list(self.declared_contacts)
         document["max_penetration_mm"] = round(self.max_penetration_mm, 3)
         document["max_penetration_pair"] = list(self.max_penetration_pair) if self.max_penetration_pair else None
         document["findings"] = list(self.findings)
@@ -86,15 +95,33 @@ class Audit:
 
 
 def audit(
-    record: HonestyRecord, allowed_contacts: Iterable[tuple[str, str]] = (), script: Collection[Deed] = ()
+    record: HonestyRecord,
+    allowed_contacts: Iterable[tuple[str, str]] | None = None,
+    script: Collection[Deed] = (),
+    declared: Sequence[Declared] | None = None,
+    models: Mapping[str, str] | None = None,
 ) -> Audit:
     """Judge a record.
 
-    ``allowed_contacts``: pairs of names, in any order, that the task needs to touch: an object, a piece of furniture,
-    ``fingers``, a link of the robot, or ``robot`` for all its links. ``script``: what the evaluation itself has done to
-    the world of the run; whatever else the monitor was told to forgive is tampering.
+    ``allowed_contacts``: pairs of names, in any order: an object, a piece of furniture, ``fingers``, a link of the
+    robot, or ``robot`` for all its links. ``declared``: what skills declared; only that may be touched, and where
+    ``allowed_contacts`` are given, only what is in both. Without skills, what is in ``allowed_contacts``. ``models``:
+    object of the scene → model. ``script``: what the evaluation itself has done to the world of the run; whatever else
+    the monitor was told to forgive is tampering.
     """
-    allowed = {frozenset(pair) for pair in allowed_contacts}
+    pairs = None if allowed_contacts is None else {frozenset(pair) for pair in allowed_contacts}
+    judged = DeclaredContacts(declared or (), models or {}, lambda one: pairs is None or _is_allowed(one, pairs))
+    collisions: list[Collision] = []
+    for contact in record.contacts:
+        if contact.by_walker:
+            continue
+        if declared is not None:
+            why = judged.objection(contact)
+            if why:
+                second = contact.leaf or contact.second
+                collisions.append(Collision(contact.first, second, contact.start, contact.end, contact.peak_force, why))
+        elif not _is_allowed(contact, pairs or set()):
+            collisions.append(_collision(contact))
     blameless = {(contact.first, contact.second) for contact in record.contacts if contact.by_walker}
     blameless -= {(contact.first, contact.second) for contact in record.contacts if not contact.by_walker}
     deepest = next((p for p in record.penetrations if (p.first, p.second) not in blameless), None)
@@ -123,11 +150,7 @@ def audit(
         + len(others)
         + record.missed_looks,
         object_follows_open_hand=len(record.open_hand),
-        collisions=tuple(
-            _collision(contact)
-            for contact in record.contacts
-            if not contact.by_walker and not _is_allowed(contact, allowed)
-        ),
+        collisions=tuple(collisions),
         max_penetration_mm=1e3 * deepest.depth if deepest else 0.0,
         max_penetration_pair=(deepest.first, deepest.second) if deepest else None,
         joint_limit_violations=len(record.joint_limits),
@@ -135,6 +158,7 @@ def audit(
         findings=(*calls[:LISTED], *seen[:LISTED]),
         contacts_by_walkers=tuple(_collision(contact) for contact in record.contacts if contact.by_walker),
         disturbances=tuple(f"{event.stamp:.2f} s: {event.text}" for event in record.disturbances[:LISTED]),
+        declared_contacts=tuple(judged.made()),
     )
 
 
@@ -148,22 +172,18 @@ def _deeds_of_others(forgiven: Collection[Deed], script: Collection[Deed]) -> li
 
 
 def _told(collision: Collision) -> dict[str, Any]:
-    return {
+    told = {
         "pair": [collision.first, collision.second],
         "start_s": round(collision.start, 3),
         "end_s": round(collision.end, 3),
         "peak_force_n": round(collision.peak_force, 2),
     }
+    return {**told, "why": collision.why} if collision.why else told
 
 
 def _is_allowed(contact: ContactIncident, allowed: set[frozenset[str]]) -> bool:
-    pairs = {
-        frozenset(contact.roles),
-        frozenset((contact.first, contact.second)),
-    }
-    if contact.roles[0] == "fingers":
-        pairs.add(frozenset(("robot", contact.second)))
-    return not pairs.isdisjoint(allowed)
+    names = {"fingers": ["fingers", "robot"], "robot": ["robot"]}.get(contact.kinds[0], [])
+    return not {frozenset((name, contact.second)) for name in (contact.first, *names)}.isdisjoint(allowed)
 
 
 def _collision(contact: ContactIncident) -> Collision:

@@ -12,6 +12,7 @@ from behaviours.failure import Failure
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.audit import Audit, audit
+from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
 from bestman_bt.evaluation.driven_path import DrivenPath
 from bestman_bt.evaluation.durations import Durations
@@ -19,7 +20,7 @@ from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.predicates import Verdict, find_judge
 from bestman_bt.evaluation.recording import Recording
-from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.result import NO_GOAL, FailureReport, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
 from bestman_bt.runtime import Ending, Execution, Session, Setup, open_session, prepare
@@ -46,6 +47,7 @@ class _Observers:
         self.scene: SceneRecorder | None = None
         self.pictures: Pictures | None = None
         self.driven: DrivenPath | None = None
+        self.contacts: ContactLog | None = None
         self.disturber: Disturber | None = None
         self.disturbances: Disturbances | None = None
 
@@ -65,6 +67,13 @@ class _Observers:
             self.truth = RemoteTruth(self._judge)
         if self.truth is not None:
             self.driven = DrivenPath(self.truth)
+
+    def watch_contacts(self, session: Session) -> Callable[[], None]:
+        """Note what skills declare to touch, on the clock of what watches them; returns what to call after a tick."""
+        now = self.truth.now if isinstance(self.truth, RemoteTruth) else session.robot.clock.now
+        skills, hands = session.skills, len(session.setup.robot_model.grippers)
+        self.contacts = ContactLog(lambda: skills.contacts, now, hands)
+        return self.contacts.after_tick
 
     @property
     def script(self) -> tuple[Deed, ...]:
@@ -145,11 +154,11 @@ def run_episode(
             verdict = judge(session, observers.truth, session.robot.clock, driven)
         if observers.pictures is not None:
             observers.pictures.take("end", _object(setup))
-        record = observers.honesty_record()
-        audited = audit(record, setup.config.task.allowed_contacts, observers.script) if record is not None else None
+        audited = _audit(setup, observers)
         result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
         result = replace(result, durations=durations.seconds)
-        telemetry.end(str(result.outcome), result.tree_status, result.failure.why if result.failure is not None else "")
+        why = result.failure.why if result.failure is not None else result.not_judged
+        telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
         if folder is not None:
             write_world(folder / WORLD_NAME, setup, session.skills.world)
     if folder is not None:
@@ -193,6 +202,8 @@ def _after_tick(
         recorded.open()
         stack.callback(recorded.close)
         calls.append(recorded.after_tick)
+    if observers.truth is not None:
+        calls.append(observers.watch_contacts(session))
     if observers.driven is not None and session.setup.config.task.drive is not None:
         calls.append(observers.driven.after_tick)
     if observers.disturber is not None and observers.truth is not None:
@@ -225,6 +236,15 @@ def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], 
     return after_tick
 
 
+def _audit(setup: Setup, observers: _Observers) -> Audit | None:
+    record = observers.honesty_record()
+    if record is None:
+        return None
+    declared = observers.contacts.declared if observers.contacts is not None else ()
+    models = {thing.name: thing.model.name for thing in setup.world.objects}
+    return audit(record, setup.config.task.allowed_contacts, observers.script, declared, models)
+
+
 def _object(setup: Setup) -> str | None:
     return setup.goals[0].object if setup.goals else None
 
@@ -254,7 +274,16 @@ def _judge(
         sim_time_s=round(execution.sim_time_s, 4),
         wall_time_s=round(wall_time, 3),
         versions=versions(),
+        not_judged=_why_not_judged(config, execution) if verdict is None else "",
     )
+
+
+def _why_not_judged(config: RunConfig, execution: Execution) -> str:
+    if not config.task.predicates:
+        return NO_GOAL
+    if execution.ending is Ending.CANCELLED:
+        return "not judged: it was cancelled"
+    return "not judged: nobody knows what is true here"
 
 
 def _failure(
@@ -266,7 +295,7 @@ def _failure(
     if not execution.succeeded:
         told: list[Failure] = session.skills.failures
         if told:
-            return FailureReport(told[-1].node, told[-1].error_code, told[-1].why)
+            return FailureReport(told[-1].node, told[-1].error_code, told[-1].why, told[-1].where)
         return FailureReport("", "tree_failed", "the tree failed and no skill has told why")
     if verdict is not None and not verdict.holds:
         return FailureReport("judge", "predicate", verdict.why)

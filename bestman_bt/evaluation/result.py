@@ -10,6 +10,10 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+DERIVED = ("judged", "real_time_factor")
+"""Keys of ``result.json`` that follow from others."""
+NO_GOAL = "not judged: the tree names no goal"
+
 
 class Outcome(StrEnum):
     """How a run ended."""
@@ -22,18 +26,20 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class FailureReport:
-    """The leaf at fault: its path in the tree, its error code, and why, in words."""
+    """The leaf at fault: its path in the tree, its error code, why, in words, and its name with file and line."""
 
     node: str
     error_code: str
     why: str
+    where: str = ""
 
 
 @dataclass(frozen=True)
 class RunResult:
     """One run, judged.
 
-    ``success``: the tree succeeded and the predicate holds. ``predicate``: None where the run was not judged.
+    ``success``: the tree succeeded, the audit is clean and, where the run was judged, the predicate holds.
+    ``predicate``: None where it was not; ``not_judged``: why not, in words.
     ``audit``: see ``evaluation.audit``. ``metrics``: name → value, for example ``place_error_mm``.
     ``durations``: simulated seconds by kind of work (``evaluation.durations``); of kinds that overlap, in both.
     """
@@ -51,6 +57,12 @@ class RunResult:
     wall_time_s: float
     versions: dict[str, str] = field(default_factory=dict)
     durations: dict[str, float] = field(default_factory=dict)
+    not_judged: str = ""
+
+    @property
+    def judged(self) -> bool:
+        """Whether somebody has compared what is true with a goal."""
+        return self.predicate is not None
 
     @property
     def real_time_factor(self) -> float:
@@ -59,7 +71,8 @@ class RunResult:
 
     def to_document(self) -> dict[str, Any]:
         """The JSON document; no NaN or infinity in it."""
-        document = {**asdict(self), "outcome": str(self.outcome), "real_time_factor": round(self.real_time_factor, 3)}
+        document = {**asdict(self), "outcome": str(self.outcome)}
+        document |= {"judged": self.judged, "real_time_factor": round(self.real_time_factor, 3)}
         versions = document.pop("versions")
         plain: dict[str, Any] = _plain({**document, "versions": versions})
         return plain
@@ -67,7 +80,7 @@ class RunResult:
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> RunResult:
         """The result that ``to_document`` told; KeyError or TypeError for anything else."""
-        fields = {key: value for key, value in document.items() if key != "real_time_factor"}
+        fields = {key: value for key, value in document.items() if key not in DERIVED}
         failure = fields["failure"]
         return cls(
             **{

@@ -18,6 +18,7 @@ from bestman_bt.manipulation.collision import (
 )
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics, link_hulls
+from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, RRTConnectParameters
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
 from bestman_bt.robot_model import CameraModel, RobotModel, joints_above
 
@@ -33,8 +34,9 @@ class PostureSearchParameters:
     ``carry_box``, ``beside_box``: (x, y, z) half extents around their middle, in shares of the reach, where the tool
     may be; ``hidden_weight``: metres of radius that a table hidden in full counts for; ``table``: its corners in the
     base frame; ``held``: radius and length of the upright thing that the hand holds by its upper third in postures for
-    carrying; ``overhang_weight``: metres of radius per metre beyond the base's outline; ``travel_weight``: metres of
-    radius per radian that the farthest joint is away from home.
+    carrying; ``tries``: of the best of them, to which a motion from home is sought, and ``motion_weight``: metres of
+    radius per radian of its length; ``overhang_weight``: metres of radius per metre beyond the base's outline;
+    ``travel_weight``: metres of radius per radian that the farthest joint is away from home.
     """
 
     samples: int = 150
@@ -46,6 +48,8 @@ class PostureSearchParameters:
     beside_box: tuple[float, float, float] = (0.15, 0.1, 0.15)
     hidden_weight: float = 1.0
     held: tuple[float, float] = (0.04, 0.15)
+    tries: int = 20
+    motion_weight: float = 0.05
     overhang_weight: float = 2.0
     travel_weight: float = 0.03
     table: tuple[tuple[float, float, float], ...] = (
@@ -80,6 +84,7 @@ class PostureSearch:
         scene = PlanningScene(positions=self._hands, self_padding=self.parameters.clearance)
         collision = CoalCollisionModel(robot)
         self._empty, self._holding = (collision.world(s, arm) for s in (scene, scene.holding(self._held(arm))))
+        self._planner = RRTConnect(RRTConnectParameters(max_checks=5000, attempts=2))
         self._shoulder, self._reach = self._kinematics.reach
 
     def home(self, rng: np.random.Generator) -> Array:
@@ -102,13 +107,13 @@ class PostureSearch:
         """
         middle = np.array([0.0, 0.0, self._shoulder[2] + 0.35 * self._reach])
         tools = self._around(middle, self.parameters.carry_box, rng)
-        return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry", self._holding)
+        return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry", self._holding, home)
 
     def carry_beside(self, rng: np.random.Generator, home: Array, head: dict[str, float]) -> Array:
         """The hand beside the base, looking down, lower than above it: for what is large."""
         middle = self._shoulder + np.array([0.0, -0.38, 0.05]) * self._reach
         tools = self._around(middle, self.parameters.beside_box, rng)
-        return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry_beside", self._holding)
+        return self._best(tools, lambda q: self._cost(q, home, head), rng, "carry_beside", self._holding, home)
 
     def radius(self, positions: Array) -> float:
         """How far arm and hand reach from the base's axis, metres."""
@@ -156,20 +161,39 @@ class PostureSearch:
         rng: np.random.Generator,
         name: str,
         world: CollisionWorld,
+        home: Array | None = None,
     ) -> Array:
+        """The free configuration of least ``cost``; with ``home``, one that a motion leads to from there."""
         middle = np.clip(0.0, self.arm.lower + 0.1, self.arm.upper - 0.1)
-        best, lowest = None, np.inf
+        free: list[tuple[float, Array]] = []
         for tool in tools:
             found = self._kinematics.solve(
                 tool, middle, rng, count=self.parameters.branches, is_valid=world.is_free, attempts=20
             )
             for solution in found.solutions:
                 positions = self._unwound(solution)
-                if (value := cost(positions)) < lowest and world.is_free(positions):
-                    best, lowest = positions, value
-        if best is None:
-            raise ManipulationError(f"robot {self.robot.name!r}: no free configuration found for the posture {name!r}")
-        return best
+                if world.is_free(positions):
+                    free.append((cost(positions), positions))
+        free.sort(key=lambda found: found[0])
+        if home is not None and free:
+            free = self._reached(free[: self.parameters.tries], home, world, rng)
+        if not free:
+            why = "no free configuration" + (" that a motion from home leads to" if home is not None else "")
+            raise ManipulationError(f"robot {self.robot.name!r}: {why} found for the posture {name!r}")
+        return min(free, key=lambda found: found[0])[1]
+
+    def _reached(
+        self, postures: list[tuple[float, Array]], home: Array, world: CollisionWorld, rng: np.random.Generator
+    ) -> list[tuple[float, Array]]:
+        """Those to which there is a motion from ``home``, its length added to what they cost."""
+        reached = []
+        for value, positions in postures:
+            try:
+                motion = self._planner.plan(home, [positions], world, self.arm, rng)
+            except PlanningError:
+                continue
+            reached.append((value + self.parameters.motion_weight * motion.length, positions))
+        return reached
 
     def _unwound(self, positions: Array) -> Array:
         """Joints that turn more than once, brought within half a turn of zero where their limits allow it."""

@@ -16,6 +16,7 @@ from py_trees.behaviour import Behaviour
 
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
+from behaviours.localise import KNOWN_POSITION_STD
 from bestman_bt.configuration import RunConfig, find_data, load_run
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
@@ -93,6 +94,7 @@ class Session:
         """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
         configured one.
 
+        Its root blackboard has what the task tells and, where that is known, ``start``: the pose of the base now.
         Raises TreeLoadError with everything that is wrong.
         """
         return self._filled(self._loaded(tree))
@@ -148,6 +150,9 @@ class Session:
     def _filled(self, tree: Tree) -> Tree:
         for key, value in self.entries.items():
             tree.blackboard.set(key, value)
+        believed = self.skills.world.base
+        if believed.position_std <= KNOWN_POSITION_STD:
+            tree.blackboard.set("start", believed.pose)
         return tree
 
     def telemetry(self, executor: Executor, folder: Path | None = None) -> Telemetry:

@@ -125,7 +125,7 @@ def _contact_problems(config: RunConfig, world: World, things: list[str], model:
     walls = [f"wall_{index}" for index in range(len(world.walls))]
     names = [*things, "floor", *walls, "fingers", "robot"]
     links = [link.get("name", "") for link in robot.iter("link")]
-    for index, pair in enumerate(config.task.allowed_contacts):
+    for index, pair in enumerate(config.task.allowed_contacts or ()):
         for side, name in enumerate(pair):
             if name not in names and name not in links:
                 close = get_close_matches(name, [*names, *links], n=1)

@@ -124,12 +124,17 @@ class Telemetry:
         """A line of the log."""
         self.tell(LogEvent(self.now(), level, message, logger=__name__))
 
-    def end(self, outcome: str, tree_status: str, why: str = "") -> None:
-        """How the run has ended, for whoever judges it; without it the execution's own end is told."""
+    def end(self, outcome: str, tree_status: str, why: str = "", time: float | None = None) -> None:
+        """How the run has ended, for whoever judges it; without it the execution's own end is told.
+
+        ``time``: when its tree ended, seconds since the start; by default now.
+        """
         self._ended = True
+        time = self.now() if time is None else round(time, TIME_DECIMALS)
         level: Level = "info" if outcome == "success" else "error"
-        self.say(level, f"{self.run.task} ends: {outcome}" + (f": {why}" if why else ""))
-        self.tell(EndEvent(self.now(), outcome, tree_status, why))
+        message = f"{self.run.task} ends: {outcome}" + (f": {why}" if why else "")
+        self.tell(LogEvent(time, level, message, logger=__name__))
+        self.tell(EndEvent(time, outcome, tree_status, why))
 
     def end_as(self, execution: Execution) -> None:
         """How the run has ended where nobody judges it."""

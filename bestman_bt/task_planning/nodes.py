@@ -133,7 +133,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
         """What the last skill that failed said, and how the plan stands now."""
         _, problem = self.domain_and_problem()
         failed = [failure for failure in self.skills.failures[self._told :] if failure.error_code not in ANSWERS]
-        said = [f"{failure.node}: {failure.why}" for failure in failed[-1:]]
+        said = [f"{failure.where or failure.node}: {failure.why}" for failure in failed[-1:]]
         return "; ".join([*said, str(self._monitor.outlook(problem.state))])
 
 

@@ -17,9 +17,9 @@ def describe_tree(tree: Tree) -> list[DescribedNode]:
     return nodes
 
 
-def describe_changes(tree: Tree, changes: StateChanges) -> list[NodeTransition]:
-    """The state changes of one tick; a node that is not idle tells its ``feedback_message``."""
+def describe_changes(tree: Tree, changes: StateChanges, start: float = 0.0) -> list[NodeTransition]:
+    """The state changes of one tick, in seconds since ``start``; what is not idle tells its ``feedback_message``."""
     return [
-        NodeTransition(uid, state, changes.stamp, "" if state == IDLE else tree.nodes[uid - 1].feedback_message)
+        NodeTransition(uid, state, changes.stamp - start, "" if state == IDLE else tree.nodes[uid - 1].feedback_message)
         for uid, state in changes
     ]

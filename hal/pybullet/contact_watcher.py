@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
+from dataclasses import replace
 
 from hal.pybullet.approach_watcher import ApproachWatcher
-from hal.pybullet.honesty_record import FINGERS, ContactIncident, Penetration
+from hal.pybullet.honesty_record import Body, ContactIncident, Penetration
 from hal.pybullet.observation import Observation
 from hal.pybullet.simulation import Simulation
 
@@ -23,6 +24,15 @@ class ContactWatcher:
         self._objects = frozenset(built.objects.values())
         self._minded = self._objects | {built.robot}
         self._names = built.body_names
+        kinds: dict[Body, Iterable[int]] = {
+            "floor": [built.floor],
+            "wall": built.walls.values(),
+            "furniture": built.furniture.values(),
+            "object": built.objects.values(),
+            "walker": [body for body, _ in built.walkers.values()],
+        }
+        self._kinds = {body: kind for kind, bodies in kinds.items() for body in bodies}
+        self._leaves = {place: name for name, place in built.articulations.items()}
         self._link_names = {index: name for name, index in built.links.items()}
         self._fingers = frozenset(built.links[link] for hand in model.grippers.values() for link in hand.finger_links)
         self._rolling = frozenset(
@@ -37,7 +47,7 @@ class ContactWatcher:
         self._walkers = frozenset(body for body, _ in built.walkers.values()) | simulation.moving_doors.bodies
         self._approach = ApproachWatcher(built.robot)
         self._period = simulation.parameters.monitor_every * simulation.parameters.time_step
-        self._running: dict[tuple[str, str], ContactIncident] = {}
+        self._running: dict[tuple[str, str, str], ContactIncident] = {}
         self._ended: list[ContactIncident] = []
         self._deepest: dict[tuple[int, int, int, int], tuple[float, float]] = {}
         self.robot_forces: defaultdict[int, float] = defaultdict(float)
@@ -106,25 +116,36 @@ class ContactWatcher:
                 by_walker = (
                     body_b in self._walkers and body_a == self._robot and not self._approach.ours(link_a, body_b)
                 )
-                names = self._name(body_a, link_a), self._name(body_b, link_b)
-                self._note_incident(names, link_a, body_a, stamp, force, by_walker)
+                seen = ContactIncident(
+                    self._name(body_a, link_a),
+                    self._name(body_b, link_b),
+                    (self._kind(body_a, link_a), self._kind(body_b, link_b)),
+                    stamp,
+                    stamp,
+                    force,
+                    by_walker,
+                    self._leaves.get((body_b, link_b), ""),
+                )
+                self._note_incident(seen)
         for pair in [pair for pair, incident in self._running.items() if stamp - incident.end > GAP]:
             self._ended.append(self._running.pop(pair))
 
-    def _note_incident(
-        self, pair: tuple[str, str], link: int, body: int, stamp: float, force: float, by_walker: bool
-    ) -> None:
-        first, second = pair
+    def _note_incident(self, seen: ContactIncident) -> None:
+        pair = seen.first, seen.second, seen.leaf
         running = self._running.get(pair)
-        if running is None:
-            role = first
-            if body == self._robot:
-                role = FINGERS if link in self._fingers else "robot"
-            self._running[pair] = ContactIncident(first, second, (role, second), stamp, stamp, force, by_walker)
-        else:
-            peak = max(running.peak_force, force)
-            by_walker = by_walker and running.by_walker
-            self._running[pair] = ContactIncident(first, second, running.roles, running.start, stamp, peak, by_walker)
+        if running is not None:
+            seen = replace(
+                running,
+                end=seen.end,
+                peak_force=max(running.peak_force, seen.peak_force),
+                by_walker=seen.by_walker and running.by_walker,
+            )
+        self._running[pair] = seen
+
+    def _kind(self, body: int, link: int) -> Body:
+        if body == self._robot:
+            return "fingers" if link in self._fingers else "robot"
+        return self._kinds.get(body, "other")
 
     def _name(self, body: int, link: int) -> str:
         if body == self._robot:

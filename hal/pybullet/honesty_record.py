@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-FINGERS = "fingers"
+Body = Literal["fingers", "robot", "object", "furniture", "floor", "wall", "walker", "other"]
+"""``fingers``: links of a gripper that take things; ``robot``: any other link."""
 
 
 @dataclass(frozen=True)
 class ContactIncident:
     """Two bodies pressed on each other with more than 1 N, with gaps of less than a quarter of a second.
 
-    ``first``: the robot's link, or the object that it held. ``second``: the other body. ``roles``: the same two by the
-    names that tasks use: ``fingers`` for a finger link, ``robot`` for any other link. Times in simulated seconds,
+    ``first``: the robot's link, or the object that it held. ``second``: the other body. ``kinds``: what these two are.
+    ``leaf``: the door or drawer, ``furniture/name``, where the second is one. Times in simulated seconds,
     ``peak_force`` in newtons.
     ``by_walker``: a walker, or a door that a script moves, came into the robot, whose body did not move towards it
     faster than 2 cm/s just before they touched, nor by more than 1 cm as long as they did; every other contact is the
@@ -23,11 +24,12 @@ class ContactIncident:
 
     first: str
     second: str
-    roles: tuple[str, str]
+    kinds: tuple[Body, Body]
     start: float
     end: float
     peak_force: float
     by_walker: bool = False
+    leaf: str = ""
 
 
 @dataclass(frozen=True)

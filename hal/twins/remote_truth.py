@@ -34,6 +34,10 @@ class RemoteTruth(GroundTruth):
         """The judge was there before time ran."""
         return True
 
+    def now(self) -> float:
+        """Seconds of the twins' world."""
+        return float(self._ask("time")["time"])
+
     @property
     def object_names(self) -> tuple[str, ...]:
         """The movable objects."""
@@ -82,7 +86,7 @@ class RemoteTruth(GroundTruth):
         record = self._ask("honesty_record")
         for name in FINDINGS:
             record[name] = tuple(Finding(**finding) for finding in record[name])
-        record["contacts"] = tuple(ContactIncident(**_tupled(contact, "roles")) for contact in record["contacts"])
+        record["contacts"] = tuple(ContactIncident(**_tupled(contact, "kinds")) for contact in record["contacts"])
         record["penetrations"] = tuple(Penetration(**penetration) for penetration in record["penetrations"])
         record["deeds"] = tuple(Deed(**_tupled(deed, "pose")) for deed in record["deeds"])
         return HonestyRecord(**record)

@@ -117,3 +117,15 @@ def test_a_goal_that_somebody_stands_on_is_waited_for_and_then_told(kitchen_with
     assert "something that the map does not have is in the way" in why
     assert np.hypot(*(truth.base_pose().position[:2] - [0.1, 0.0])) > 0.5
     assert audited(session).collisions == ()
+
+
+def test_the_robot_returns_to_where_its_tree_began(kitchen_with) -> None:
+    session, truth = kitchen_with()
+    began = truth.base_pose().to_pose2d()
+    tree = f"""<root BTCPP_format="4" main_tree_to_execute="Main">
+    <BehaviorTree ID="Main"><Sequence>{to("-1.0;0.3;1.0")}<SubTree ID="Back"/></Sequence></BehaviorTree>
+    <BehaviorTree ID="Back"><ReturnToStart/></BehaviorTree></root>"""
+    assert tick(session.load(tree), 2000) == SUCCESS
+    ended = truth.base_pose().to_pose2d()
+    assert ended.distance_to(began) < 0.06, "the robot is told to 5 cm where it starts"
+    assert abs(ended.theta - began.theta) < 0.1

@@ -47,6 +47,7 @@ def answer(*arguments: str, folder: Path) -> tuple[str, set[str]]:
         (("domain",), "PickUp(object: object, place: place)"),
         (("show", "fetch_cup"), "PickAndPlace"),
         (("show", "fetch_cup", "--ports"), "goal"),
+        (("show", "fetch_cup", "--tree", "PutAside"), "Sequence 'put_aside'"),
         (("validate", *data_names("tree")), "fetch_cup.xml: ok"),
         (("stop",), ""),
     ],

@@ -23,6 +23,15 @@ def test_a_report_of_a_run_is_written_where_it_is_asked_for(bestman_bt: Command,
     assert "fetch_cup, seed 1: success" in (folder / "one.html").read_text()
 
 
+def test_a_report_of_one_run_is_written_into_its_folder(bestman_bt: Command, folder: Path) -> None:
+    run = write_run(folder / "runs" / "one")
+
+    answer = bestman_bt("report", "runs/one")
+
+    assert (answer.code, answer.out.strip()) == (0, str((run / "report.html").resolve()))
+    assert "fetch_cup, seed 1: success" in (run / "report.html").read_text()
+
+
 def test_runs_below_a_folder_come_into_one_report(bestman_bt: Command, folder: Path) -> None:
     for seed in (1, 2, 3):
         write_run(folder / "runs" / str(seed), seed=seed, success=seed != 2)
@@ -94,6 +103,6 @@ def test_a_run_that_was_killed_is_reported_as_interrupted_up_to_its_last_moments
 
     assert bestman_bt("report", "runs").code == 0
 
-    page = (folder / "report.html").read_text()
+    page = (log.parent / "report.html").read_text()
     assert "Interrupted." in page
     assert "NavigateTo" in page

@@ -7,11 +7,13 @@ import stat
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from bestman_bt.cli.run_command import no_faster_than_real_time
 from bestman_bt.configuration import load_run
-from bestman_bt.engine import Tree
+from bestman_bt.engine import ManualClock, Tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.monitor.control_client import request
 from bestman_bt.runtime import Session
@@ -212,3 +214,16 @@ def test_a_stop_leaves_the_robot_at_rest(folder: Path, monkeypatch: pytest.Monke
     assert run_episode(config, folder, watch=stop_when_it_drives).outcome == "cancelled"
     assert driven
     assert rested[0] < 0.01
+
+
+def test_a_run_in_real_time_waits_for_the_wall_clock_and_does_not_catch_up() -> None:
+    simulated, wall = ManualClock(), ManualClock()
+    session = SimpleNamespace(robot=SimpleNamespace(clock=simulated))
+    after_tick = no_faster_than_real_time(session, None, wall.now, wall.sleep)  # type: ignore[arg-type]
+    ended = []
+    for computing in (0.0, 0.25, 0.0, 0.0):
+        simulated.sleep(0.125)
+        wall.sleep(computing)
+        after_tick()
+        ended.append(wall.now())
+    assert ended == [0.125, 0.375, 0.5, 0.625]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -339,3 +340,23 @@ def test_a_synchronous_action_that_returns_running_says_what_to_do() -> None:
     text = '<root BTCPP_format="4"><BehaviorTree ID="M"><Sequence><Wrong/></Sequence></BehaviorTree></root>'
     with pytest.raises(NodeError, match="must not return RUNNING; derive it from StatefulAction"):
         load_tree(text, registry).tick_exactly_once()
+
+
+def test_a_failing_node_is_named_with_file_and_line(tmp_path: Path) -> None:
+    file = tmp_path / "drive.xml"
+    file.write_text(
+        """<root BTCPP_format="4" main_tree_to_execute="Main">
+        <BehaviorTree ID="Main"><SubTree ID="Inner" name="inner"/></BehaviorTree>
+        <BehaviorTree ID="Inner"><Sequence>
+          <AlwaysSuccess/><Sleep msec="{missing}"/>
+        </Sequence></BehaviorTree></root>"""
+    )
+    with pytest.raises(NodeError, match=r"^node Sleep \(drive\.xml:4\) \[Sleep\]: port 'msec'") as caught:
+        load_tree(file).tick_once()
+    assert caught.value.node == "inner/Sleep::4"
+    python = tmp_path / "drive.py"
+    python.write_text(
+        "from bestman_bt.engine import Sequence, Sleep\n"
+        "def build():\n    return Sequence('go', [Sleep(msec='{missing}')])\n"
+    )
+    assert load_tree(python).nodes[1].where == "Sleep (drive.py)"

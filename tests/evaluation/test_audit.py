@@ -12,9 +12,9 @@ from hal.pybullet import ContactIncident, Deed, Finding, HonestyRecord
 from hal.pybullet.honesty_record import Penetration
 
 NOTHING = HonestyRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), (), ())
-CONTACT = ContactIncident("panda_hand", "cup", ("robot", "cup"), 1.0, 1.25, 40.0)
-FINGER = ContactIncident("panda_leftfinger", "cup", ("fingers", "cup"), 1.0, 2.0, 40.0)
-WALKER = ContactIncident("base_link", "walker_1", ("robot", "walker_1"), 2.0, 3.0, 12.0, by_walker=True)
+CONTACT = ContactIncident("panda_hand", "cup", ("robot", "object"), 1.0, 1.25, 40.0)
+FINGER = ContactIncident("panda_leftfinger", "cup", ("fingers", "object"), 1.0, 2.0, 40.0)
+WALKER = ContactIncident("base_link", "walker_1", ("robot", "walker"), 2.0, 3.0, 12.0, by_walker=True)
 PUT = Deed(1.0, 1.0, "put", "cup", "somebody moves the cup")
 SLIP = Deed(2.0, 4.0, "slip", "can", "the can slips")
 
@@ -84,9 +84,9 @@ def test_what_was_forgiven_must_be_what_the_script_has_done() -> None:
 def test_allowed_pairs_are_no_collisions_in_either_order() -> None:
     contacts = (
         FINGER,
-        ContactIncident("cup", "table", ("cup", "table"), 1.0, 1.1, 2.0),
+        ContactIncident("cup", "table", ("object", "furniture"), 1.0, 1.1, 2.0),
         CONTACT,
-        ContactIncident("cup", "can", ("cup", "can"), 1.5, 1.6, 3.0),
+        ContactIncident("cup", "can", ("object", "object"), 1.5, 1.6, 3.0),
     )
     record = replace(NOTHING, contacts=contacts)
     judged = audit(record, [("cup", "fingers"), ("table", "cup")])

@@ -9,6 +9,7 @@ import pytest
 
 from bestman_bt.manipulation.collision import AttachedObject, CoalCollisionModel, PlanningScene, hand_links
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
+from bestman_bt.manipulation.motion_planning import RRTConnect
 from bestman_bt.manipulation.posture_search import PostureSearch, PostureSearchParameters
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
 from bestman_bt.robot_model import load_robot_model
@@ -60,6 +61,20 @@ def test_a_posture_for_carrying_has_room_for_what_is_carried(
     held = AttachedObject("held", shapes, search.robot.arms["arm"].tool_frame, Pose(), touched)
     world = CoalCollisionModel(search.robot).world(PlanningScene(positions=HEAD).holding(held))
     assert world.colliding_pairs(carrying) == ()
+
+
+@pytest.mark.slow
+def test_a_motion_leads_from_home_to_a_posture_for_carrying_and_a_short_one_is_preferred(
+    search: PostureSearch, home: np.ndarray
+) -> None:
+    world = CoalCollisionModel(search.robot).world(PlanningScene(positions={}))
+    lengths = []
+    for weight in (0.0, 1.0):
+        other = PostureSearch(search.robot, parameters=replace(search.parameters, motion_weight=weight))
+        carry = other.carry(np.random.default_rng(4), home, HEAD)
+        plan = RRTConnect().plan(home, [carry], world, search.robot.arms["arm"], np.random.default_rng(0))
+        lengths.append(plan.length)
+    assert lengths[1] < lengths[0] - 0.2
 
 
 @pytest.mark.slow

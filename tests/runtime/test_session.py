@@ -56,6 +56,15 @@ def test_the_robot_is_told_roughly_where_it_starts_by_the_seed() -> None:
         assert 0.0 < pose.distance_to(setup.world.robot_start) < 0.05
 
 
+def test_a_tree_is_told_where_the_robot_stands_where_that_is_known() -> None:
+    back = '<root BTCPP_format="4"><BehaviorTree ID="Main"><ReturnToStart/></BehaviorTree></root>'
+    with session(seed=3) as opened:
+        assert opened.load(back).blackboard["start"] == opened.skills.world.base.pose
+    with session(task="navigate_from_anywhere", seed=3) as opened:
+        assert not opened.run(back).succeeded
+        assert opened.skills.failures[-1].error_code == "no_start"
+
+
 def test_what_one_session_believes_the_next_does_not_know() -> None:
     setup = prepare(load_run("fetch_cup", seed=3))
     with open_session(setup) as first:

@@ -28,7 +28,7 @@ from bestman_bt.evaluation.report.story import (
     StoryNode,
     StoryPicture,
 )
-from bestman_bt.evaluation.result import RunResult
+from bestman_bt.evaluation.result import DERIVED, RunResult
 from bestman_bt.monitor.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent, TreeEvent
 from bestman_bt.monitor.run_log import EVENTS_FILE, LOG_FILE, STATES_FILE, read_events, read_log
 
@@ -189,7 +189,7 @@ def _read_result(path: Path, parts: _Parts) -> None:
     document = json.loads(path.read_bytes())
     if not isinstance(document, dict):
         raise ReportError("it is no JSON object")
-    document.pop("real_time_factor", None)
+    document = {key: value for key, value in document.items() if key not in DERIVED}
     metrics = document.get("metrics")
     if isinstance(metrics, dict):
         document["metrics"] = {key: math.nan if value is None else value for key, value in metrics.items()}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
@@ -41,6 +41,17 @@ class LiveTree:
         events = self._events.of(transitions)
         self._recent.extend(events)
         return events
+
+    def events_of(self, nodes: Sequence[DescribedNode]) -> Callable[[Sequence[NodeTransition]], list[NodeEvent]]:
+        """``apply`` for a tree that a leaf of this one ticks: its events are shown, it is not drawn."""
+        events = NodeEvents(TreeDescription(nodes))
+
+        def apply(transitions: Sequence[NodeTransition]) -> list[NodeEvent]:
+            new = events.of(transitions)
+            self._recent.extend(new)
+            return new
+
+        return apply
 
     def tell(self, uid: int, message: str) -> None:
         """Replace the message of a node, as when a running leaf reports progress."""

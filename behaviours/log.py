@@ -1,0 +1,44 @@
+"""Log: a line of text that tells how the tree comes along."""
+
+from __future__ import annotations
+
+import logging
+import re
+from typing import Any, ClassVar
+
+from py_trees.ports import PortInformation
+
+from bestman_bt.engine import SUCCESS, ConversionError, SyncAction
+from bestman_bt.engine.conversion import text_of
+
+logger = logging.getLogger(__name__)
+
+_KEY = re.compile(r"\{([^{}]+)\}")
+
+
+class Log(SyncAction):
+    """Say ``text``, in which ``{key}`` stands for an entry of the blackboard; one without a value stays as written.
+
+    The line is the node's feedback and a record of Python's ``logging``: it is shown wherever these are.
+    """
+
+    INPUT_PORTS: ClassVar = {"text": PortInformation(object, True, "what to say, such as: the {object} is at {pose}")}
+
+    def on_tick(self) -> int:
+        """Put the text together and say it."""
+        written = self.attributes["text"]
+        text = _KEY.sub(self._value, written) if isinstance(written, str) else _text(written)
+        self.feedback_message = text
+        logger.info("%s", text)
+        return SUCCESS
+
+    def _value(self, key: re.Match[str]) -> str:
+        value = self.board.get(key[1])
+        return key[0] if value is None else _text(value)
+
+
+def _text(value: Any) -> str:
+    try:
+        return text_of(value)
+    except ConversionError:
+        return str(value)

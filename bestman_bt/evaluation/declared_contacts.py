@@ -1,0 +1,142 @@
+"""Which contacts of a run are no collisions: what skills declared, checked against what monitor and scene know.
+
+A skill says which contact it is about to make (``behaviours.contacts``). The evaluation notes when, and decides itself
+what a declaration can cover: finger links on one object or on one door or drawer, and an object in the hand on
+furniture or floor. Whatever a skill declares, other links, other bodies and harder contacts stay collisions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from behaviours.contacts import Contact
+
+if TYPE_CHECKING:
+    from hal.pybullet import ContactIncident
+
+BEFORE = 0.1
+"""Seconds before the tick after which a declaration is seen at which it may have been made: two ticks at 20 Hz."""
+AFTER = 0.25
+"""Seconds by which a contact may be interrupted and still count as the same, as the monitor counts."""
+MOST_FORCE = 600.0
+"""Newtons that no skill can raise its limit beyond."""
+
+
+@dataclass(frozen=True)
+class Declared:
+    """A contact that was declared from ``start`` to ``end``, seconds on the monitor's clock."""
+
+    contact: Contact
+    start: float
+    end: float = math.inf
+
+
+class ContactLog:
+    """Notes after each tick which contacts are declared.
+
+    ``active``: those of now. ``now``: seconds on the monitor's clock. ``hands``: one handles one object, or one door or
+    drawer, at a time; what is declared beyond that is not noted.
+    """
+
+    def __init__(self, active: Callable[[], Sequence[Contact]], now: Callable[[], float], hands: int) -> None:
+        self._active, self._now, self._hands = active, now, hands
+        self._ended: list[Declared] = []
+        self._open: dict[Contact, Declared] = {}
+
+    def after_tick(self) -> None:
+        """Take in what is declared now."""
+        active = self._within_hands(self._active())
+        if active == list(self._open):
+            return
+        now = self._now()
+        for contact in [contact for contact in self._open if contact not in active]:
+            self._ended.append(replace(self._open.pop(contact), end=now))
+        for contact in active:
+            self._open.setdefault(contact, Declared(contact, now - BEFORE))
+
+    @property
+    def declared(self) -> tuple[Declared, ...]:
+        """All up to now, by start."""
+        return tuple(sorted([*self._ended, *self._open.values()], key=lambda declared: declared.start))
+
+    def _within_hands(self, contacts: Sequence[Contact]) -> list[Contact]:
+        things = list(dict.fromkeys(contact.thing for contact in contacts if contact.kind != "support"))
+        return [c for c in contacts if c.kind == "support" or c.thing in things[: self._hands]]
+
+
+@dataclass
+class _Use:
+    """A declaration and the contacts that it covers."""
+
+    declared: Declared
+    incidents: list[ContactIncident] = field(default_factory=list)
+
+    def covers(self, incident: ContactIncident, models: Mapping[str, str]) -> bool:
+        """Whether it is the declared contact, by kinds, names and time."""
+        contact, kinds = self.declared.contact, incident.kinds
+        if contact.kind == "handle":
+            fits = kinds == ("fingers", "furniture") and incident.leaf == contact.thing != ""
+        elif contact.kind == "support":
+            on = kinds[1] in ("furniture", "floor") and incident.second == contact.on
+            fits = on and kinds[0] == "object" and self._is(incident.first, models)
+        else:
+            fits = kinds == ("fingers", "object") and self._is(incident.second, models)
+        return fits and self._in_time(incident)
+
+    def _is(self, name: str, models: Mapping[str, str]) -> bool:
+        """Whether the declared thing may be that object: by name, else by looks; after the first contact it is one."""
+        contact = self.declared.contact
+        if self.incidents:
+            return name == (self.incidents[0].first if contact.kind == "support" else self.incidents[0].second)
+        thing = contact.thing
+        return thing == name or thing not in models or models[thing] == models.get(name)
+
+    def _in_time(self, incident: ContactIncident) -> bool:
+        """It began while it was declared, or while such a contact went on: all fingers that hold a thing hold it."""
+        spans = [(self.declared.start, self.declared.end), *((other.start, other.end) for other in self.incidents)]
+        return any(start <= incident.start <= end + AFTER for start, end in spans)
+
+
+class DeclaredContacts:
+    """Judges contacts by declarations.
+
+    ``models``: object of the scene → model: the robot knows a thing by its looks. ``allowed``: whether the task allows
+    a contact that was declared.
+    """
+
+    def __init__(
+        self, declared: Iterable[Declared], models: Mapping[str, str], allowed: Callable[[ContactIncident], bool]
+    ) -> None:
+        self._uses = [_Use(one) for one in declared]
+        self._models, self._allowed = models, allowed
+
+    def objection(self, incident: ContactIncident) -> str:
+        """Why a contact is a collision, in words; empty if it is none. To be asked in the order of their starts."""
+        use = next((use for use in self._uses if use.covers(incident, self._models)), None)
+        if use is None:
+            return "no skill declared it"
+        if not self._allowed(incident):
+            return "the task does not allow it"
+        use.incidents.append(incident)
+        most = min(use.declared.contact.max_force, MOST_FORCE)
+        return "" if incident.peak_force <= most else f"{most:g} N were declared"
+
+    def made(self) -> list[dict[str, Any]]:
+        """The contacts that were made as declared, for ``result.json``: by whom, when, how hard (times in s, N)."""
+        return [_told(use.declared.contact, use.incidents) for use in self._uses if use.incidents]
+
+
+def _told(contact: Contact, incidents: Sequence[ContactIncident]) -> dict[str, Any]:
+    first = incidents[0]
+    return {
+        "skill": contact.skill,
+        "kind": contact.kind,
+        "pair": [first.first if contact.kind == "support" else "fingers", first.leaf or first.second],
+        "start_s": round(min(one.start for one in incidents), 3),
+        "end_s": round(max(one.end for one in incidents), 3),
+        "peak_force_n": round(max(one.peak_force for one in incidents), 2),
+        "max_force_n": round(min(contact.max_force, MOST_FORCE), 2),
+    }
