@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import astuple, replace
 from itertools import pairwise
 
 import pytest
@@ -12,6 +13,7 @@ from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import RobotModel
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.hardware import BaseChannel, BaseReading, DrivenBase, Fault, StopLatch
+from hal.hardware.course import Course
 
 PERIOD = 0.02
 
@@ -271,3 +273,26 @@ def test_a_base_that_is_pushed_aside_steers_back_to_its_heading(base: DrivenBase
     assert motion.status is MotionStatus.SUCCEEDED
     assert wrap_angle(channel.pose.theta - start.theta) == pytest.approx(0.0, abs=0.01)
     assert (start.inverse() @ channel.pose).x == pytest.approx(1.5, abs=0.003)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_along_aside_and_about_it_keeps_the_limits_of_each(
+    robot_model: RobotModel, channel: Unicycle, latch: StopLatch, sign: float
+) -> None:
+    model = replace(robot_model.bases["base"], max_vy=0.4, max_acceleration=0.5, max_angular_acceleration=2.0)
+    base = DrivenBase("base", model, channel, latch)
+    base.attach()
+    base.set_velocity(sign * 0.2, sign * 0.3, sign * 0.8)
+    base.cycle(PERIOD)
+    assert astuple(channel.sent[-1]) == pytest.approx((sign * 0.01, sign * 0.01, sign * 0.04))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_course_brakes_by_the_acceleration_of_what_it_does(robot_model: RobotModel, sign: float) -> None:
+    base = robot_model.bases["base"]
+    model = replace(base, max_vx=1.0, max_wz=1.5, max_acceleration=0.5, max_angular_acceleration=2.0)
+    start = Pose2D(1.0, 2.0, 3.0)
+    turning = Course(model, start, turn=sign * 1.0).velocity(start @ Pose2D(theta=sign * 0.7), PERIOD)
+    assert turning.wz == pytest.approx(sign * math.sqrt(1.4 * 2.0 * 0.3))
+    driving = Course(model, start, distance=sign * 1.0).velocity(start @ Pose2D(sign * 0.7, 0.0, 0.0), PERIOD)
+    assert driving.vx == pytest.approx(sign * math.sqrt(1.4 * 0.5 * 0.3))

@@ -130,6 +130,20 @@ def test_equal_calls_give_equal_drives(costmap, kitchen):
     assert np.array_equal(drives[0].commands, drives[1].commands)
 
 
+def test_before_what_comes_suddenly_it_brakes_as_hard_as_it_can_at_once(costmap, footprint):
+    """Whatever its jerk: 0.6 m/s² at the first command."""
+    follower, path = DWA(), GridAStar().plan(START, GOAL, costmap)
+    follower.configure(limits(footprint))
+    follower.reset(path, costmap)
+    wall = START @ Pose2D(0.55, 0.0, 0.0)
+    across = (wall @ Pose2D(0.0, 0.3, 0.0)).xy, (wall @ Pose2D(0.0, -0.3, 0.0)).xy
+    ranges, _ = cast_rays(np.array([np.concatenate(across)]), START, ANGLES)
+    for stamp in (0.0, 0.1, 0.2, 0.3):
+        follower.observe(LaserScan(ranges, -math.pi, 2 * math.pi / BEAMS, 0.1, 8.0, stamp), START)
+    command = follower.compute(START, Twist2D(0.6), DT)
+    assert command.twist.vx == pytest.approx(0.6 - 0.6 * DT)
+
+
 def test_a_path_that_is_closed_off_makes_the_base_stand(costmap, kitchen):
     door = box(1.45, -0.05, 0.2, 1.05)
     drive = Drive(MPPI(), costmap, kitchen.walls, START, GOAL, lambda _: door, seconds=9.0)
