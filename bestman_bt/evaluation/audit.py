@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import asdict, dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from bestman_bt.evaluation.declared_contacts import Declared, DeclaredContacts
 
 if TYPE_CHECKING:
     from hal.pybullet import ContactIncident, Deed, Finding, HonestyRecord
 
+    T = TypeVar("T", ContactIncident, Deed, Finding, Declared)
+
+TIMES = ("stamp", "start", "end", "until")
+"""What times are called in records."""
 LISTED = 20
 """How many details of a kind are listed; the counters count them all."""
 
@@ -100,6 +104,7 @@ def audit(
     script: Collection[Deed] = (),
     declared: Sequence[Declared] | None = None,
     models: Mapping[str, str] | None = None,
+    began: float = 0.0,
 ) -> Audit:
     """Judge a record.
 
@@ -107,8 +112,11 @@ def audit(
     robot, or ``robot`` for all its links. ``declared``: what skills declared; only that may be touched, and where
     ``allowed_contacts`` are given, only what is in both. Without skills, what is in ``allowed_contacts``. ``models``:
     object of the scene → model. ``script``: what the evaluation itself has done to the world of the run; whatever else
-    the monitor was told to forgive is tampering.
+    the monitor was told to forgive is tampering. ``began``: when the run did, seconds on the monitor's clock; times are
+    told from then on.
     """
+    record, script = _since(record, began), [_shifted(deed, began) for deed in script]
+    declared = None if declared is None else [_shifted(one, began) for one in declared]
     pairs = None if allowed_contacts is None else {frozenset(pair) for pair in allowed_contacts}
     judged = DeclaredContacts(declared or (), models or {}, lambda one: pairs is None or _is_allowed(one, pairs))
     collisions: list[Collision] = []
@@ -160,6 +168,19 @@ def audit(
         disturbances=tuple(f"{event.stamp:.2f} s: {event.text}" for event in record.disturbances[:LISTED]),
         declared_contacts=tuple(judged.made()),
     )
+
+
+def _since(record: HonestyRecord, began: float) -> HonestyRecord:
+    """The record with all times but those of penetrations, which nobody is told, counted from ``began`` on."""
+    lists = {field.name: getattr(record, field.name) for field in fields(record) if field.name != "penetrations"}
+    shifted: dict[str, Any] = {
+        name: tuple(_shifted(one, began) for one in seen) for name, seen in lists.items() if type(seen) is tuple
+    }
+    return replace(record, **shifted)
+
+
+def _shifted(seen: T, began: float) -> T:
+    return replace(seen, **{name: getattr(seen, name) - began for name in TIMES if hasattr(seen, name)})
 
 
 def _deeds_of_others(forgiven: Collection[Deed], script: Collection[Deed]) -> list[Finding]:

@@ -48,6 +48,7 @@ class _Observers:
         self.pictures: Pictures | None = None
         self.driven: DrivenPath | None = None
         self.contacts: ContactLog | None = None
+        self.began = 0.0
         self.disturber: Disturber | None = None
         self.disturbances: Disturbances | None = None
 
@@ -72,7 +73,7 @@ class _Observers:
         """Note what skills declare to touch, on the clock of what watches them; returns what to call after a tick."""
         now = self.truth.now if isinstance(self.truth, RemoteTruth) else session.robot.clock.now
         skills, hands = session.skills, len(session.setup.robot_model.grippers)
-        self.contacts = ContactLog(lambda: skills.contacts, now, hands)
+        self.contacts, self.began = ContactLog(lambda: skills.contacts, now, hands), now()
         return self.contacts.after_tick
 
     @property
@@ -242,7 +243,7 @@ def _audit(setup: Setup, observers: _Observers) -> Audit | None:
         return None
     declared = observers.contacts.declared if observers.contacts is not None else ()
     models = {thing.name: thing.model.name for thing in setup.world.objects}
-    return audit(record, setup.config.task.allowed_contacts, observers.script, declared, models)
+    return audit(record, setup.config.task.allowed_contacts, observers.script, declared, models, observers.began)
 
 
 def _object(setup: Setup) -> str | None:

@@ -185,3 +185,13 @@ def test_details_come_in_the_order_of_time_and_calls_first_and_no_more_than_a_pa
     assert document["teleports"] == LISTED + 9
     assert len(document["disturbances"]) == LISTED
     assert document["collision_details"][0]["pair"] == ["panda_hand", "cup"]
+
+
+def test_times_are_told_from_the_begin_of_the_run_on() -> None:
+    record = replace(NOTHING, jumps=findings(1.5), contacts=(CONTACT,), deeds=(PUT,), disturbances=findings(1.0))
+    judged = audit(record, script=(PUT,), began=0.5)
+    assert judged.findings == ("1.00 s: seen at 1.5",)
+    assert judged.disturbances == ("0.50 s: seen at 1",)
+    (collision,) = judged.collisions
+    assert (collision.start, collision.end) == (0.5, 0.75)
+    assert judged.tampering == 0

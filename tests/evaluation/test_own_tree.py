@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,10 @@ def test_the_first_tree_that_a_user_writes_is_a_success_and_says_that_nobody_jud
     assert "not judged: the tree names no goal" in answer.err
     (folder,) = (tmp_path / "runs").iterdir()
     assert "not judged: the tree names no goal" in (folder / "log.jsonl").read_text()
+    assert "[   0.00 s]" in answer.err, "terminal and log count from the begin of the run"
+    ended = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()][-1]
+    assert (ended["event"], ended["time"]) == ("end", pytest.approx(result["sim_time_s"], abs=1e-3))
+    assert max(one["end_s"] for one in declared) < result["sim_time_s"]
     report = Program("report", folder, "-o", tmp_path / "report.html", folder=tmp_path).answer()
     assert report.code == 0
     assert "not judged: the tree names no goal" in (tmp_path / "report.html").read_text()
