@@ -51,6 +51,7 @@ from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.extras import require_extra
 from bestman_bt.runtime import Session, Setup
+from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.hardware import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
@@ -103,7 +104,8 @@ def command(
         if judge is not None:
             _ask_judge(judge, config.driver)
         setup = prepare_episode(config)
-        for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=setup.entries):
+        filled = (*setup.entries, *ALWAYS_FILLED)
+        for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=filled):
             print(warning, file=sys.stderr)
         if monitor:
             show_in_monitor(monitor_port)

@@ -11,7 +11,7 @@ from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, find_data
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.tree_checks import TASK_ENTRIES
+from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES
 
 
 def command(
@@ -28,7 +28,7 @@ def command(
             print(error, file=sys.stderr)
             errors += 1
             continue
-        problems = validate_file(path, registry, given=TASK_ENTRIES)
+        problems = validate_file(path, registry, given=(*TASK_ENTRIES, *ALWAYS_FILLED))
         for problem in problems:
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)

@@ -22,9 +22,12 @@ if TYPE_CHECKING:
 TASK_ENTRIES = (
     *("object", "source", "target", "goal", "goals", "objects", "region_x", "region_y"),
     *("articulation", "furniture", "at_least", "at_most", "front", "top", "inside", "views"),
-    *("planner", "builder", "limits", "replans", "start"),
+    *("planner", "builder", "limits", "replans"),
 )
-"""Root entries that a task, or ``bestman-bt look``, fills before the first tick; ``start`` is always there."""
+"""Root entries that a task, or ``bestman-bt look``, fills before the first tick."""
+
+ALWAYS_FILLED = ("start",)
+"""Root entries that a session fills, whatever the task."""
 
 _IDENTITY = re.compile(r"(.+)_\d+")
 """What the robot calls one of several objects of a name, and things that it has no model of: ``can_2``, ``thing_1``."""
@@ -107,7 +110,7 @@ def unfilled_entries(tree: Tree, given: Collection[str], task: str | None) -> li
     """
     unseen = any(may_write_unseen(node) for node in tree.nodes)
     problems = []
-    for read in unwritten_reads(tree, [*given, "start"]):
+    for read in unwritten_reads(tree, [*given, *ALWAYS_FILLED]):
         why = ""
         if read.key in TASK_ENTRIES and read.later is None and not read.suggestion:
             why = "which tasks fill, but no task is given" if task is None else f"which the task {task} does not fill"

@@ -136,6 +136,12 @@ def test_unknown_names_and_empty_entries_are_told_together_in_the_order_of_lines
     assert [(problem.line, problem.field) for problem in error.value.problems] == [(4, "object"), (5, "surface")]
 
 
+def test_the_start_is_always_filled(tmp_path: Path) -> None:
+    path = tmp_path / "my.xml"
+    path.write_text(text_of('<NavigateTo goal="{start}"/>'))
+    assert prepare_episode(load_run(None, tree=path, scene="kitchen", robot="diff_panda"))
+
+
 def test_where_code_may_write_unseen_an_empty_entry_is_a_warning(tmp_path: Path) -> None:
     tree = tmp_path / "my.py"
     tree.write_text(
