@@ -135,6 +135,7 @@ class ObstacleAwareFollower(PathFollower):
         self._handing_over = self._turning = False
         self._smooth.reset(Twist2D())
         self._fresh = True
+        self._to_go = None  # it led along the path before
         self._restart()
         self._progress = PathProgress(path.points[self._backwards :])
         self._all_exactly = costmap is None or self._progress.remaining <= self._common.hand_over

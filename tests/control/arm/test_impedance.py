@@ -144,6 +144,18 @@ def test_an_arm_that_is_thrown_about_is_braked(pushed, side: float) -> None:
     assert np.abs(it.arm.velocities()).max() < 0.05, "it holds where it is"
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_one_joint_that_is_too_fast_is_named(pushed, monkeypatch: pytest.MonkeyPatch, side: float) -> None:
+    it = pushed(ImpedanceParameters(speed_share=0.5))
+    speeds = 0.4 * np.array([limits.velocity for limits in it.arm.limits])
+    speeds[3] *= 1.5 * side
+    monkeypatch.setattr(it.arm, "velocities", lambda: speeds)
+    handle = it.controller.hold()
+    assert handle.error is not None
+    assert handle.error.code is ControlErrorCode.TRACKING
+    assert it.arm.joint_names[3] in handle.error.text
+
+
 def test_a_spring_that_pulls_harder_than_the_joints_can_is_cut_off_at_their_limits(pushed) -> None:
     it = pushed(ImpedanceParameters(stiffness=6000.0, turn_stiffness=600.0))
     here = it.controller.hold()

@@ -431,10 +431,10 @@ def test_a_base_at_rest_scans_seldom_and_often_again_when_it_is_pushed_drives_or
 
     it.wait(it.controller.park())
     assert 3 <= scans(4.0) <= 5
-    it.base.speed = np.array([0.0, 0.0, 0.5])  # pushed, once
-    it.base.held = False
-    assert 6 <= scans(1.0) <= 11
-    it.wait(it.controller.park())
+    for push in ((0.0, 0.0, 0.5), (0.0, 0.0, -0.5), (-0.2, 0.0, 0.0)):
+        it.base.speed = np.array(push)  # once
+        assert 6 <= scans(1.0) <= 11
+        it.wait(it.controller.park())
     it.controller.drive(2.0, speed=0.2)
     assert 9 <= scans(1.0) <= 11
     it.controller.stop()

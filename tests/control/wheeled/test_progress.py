@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 from bestman_bt.control.wheeled.progress import ProgressWatch
 from bestman_bt.messages import Pose2D
 
@@ -17,3 +19,10 @@ def test_slow_progress_is_progress():
 def test_turning_on_the_spot_is_progress():
     watch = ProgressWatch(0.03, 0.05, 3.0)
     assert not any(watch.is_stuck(Pose2D(0.0, 0.0, 0.03 * second), second) for second in range(20))
+
+
+def test_trembling_about_half_a_turn_is_no_progress():
+    watch = ProgressWatch(0.03, 0.05, 3.0)
+    headings = [math.pi - 0.01, 0.01 - math.pi] * 3
+    stuck = [watch.is_stuck(Pose2D(0.0, 0.0, heading), second) for second, heading in enumerate(headings)]
+    assert stuck == [False] * 4 + [True] * 2

@@ -144,6 +144,18 @@ def test_before_what_comes_suddenly_it_brakes_as_hard_as_it_can_at_once(costmap,
     assert command.twist.vx == pytest.approx(0.6 - 0.6 * DT)
 
 
+def test_a_path_after_another_is_driven_as_if_it_was_the_first(costmap):
+    ahead, back = (GridAStar().plan(START, goal, costmap) for goal in (GOAL, Pose2D(0.5, 1.5, math.pi / 2)))
+    used, fresh = DWA(), DWA()
+    for follower in (used, fresh):
+        follower.configure(limits(costmap.footprint))
+    used.reset(ahead, costmap)
+    used.compute(START, Twist2D(), DT)
+    for follower in (used, fresh):
+        follower.reset(back, costmap)
+    assert used.compute(START, Twist2D(), DT) == fresh.compute(START, Twist2D(), DT)
+
+
 def test_a_path_that_is_closed_off_makes_the_base_stand(costmap, kitchen):
     door = box(1.45, -0.05, 0.2, 1.05)
     drive = Drive(MPPI(), costmap, kitchen.walls, START, GOAL, lambda _: door, seconds=9.0)
