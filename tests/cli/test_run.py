@@ -12,8 +12,9 @@ from types import SimpleNamespace
 import pytest
 
 from bestman_bt.cli.run_command import no_faster_than_real_time
+from bestman_bt.cli.run_view import RunView
 from bestman_bt.configuration import load_run
-from bestman_bt.engine import ManualClock, Tree
+from bestman_bt.engine import RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
 from bestman_bt.evaluation.episode import run_episode
 from bestman_bt.monitor.control_client import request
 from bestman_bt.runtime import Session
@@ -227,3 +228,36 @@ def test_a_run_in_real_time_waits_for_the_wall_clock_and_does_not_catch_up() -> 
         after_tick()
         ended.append(wall.now())
     assert ended == [0.125, 0.375, 0.5, 0.625]
+
+
+class _Plans(StatefulAction):
+    """Ticks a tree of its own, as ExecutePlan does."""
+
+    def on_start(self) -> int:
+        self.inner = load_tree(
+            '<root BTCPP_format="4"><BehaviorTree ID="Plan"><AlwaysSuccess name="open"/></BehaviorTree></root>',
+            clock=self.clock,
+        )
+        self.owner.announce_inner(self.inner, self)
+        return RUNNING
+
+    def on_running(self) -> int:
+        return self.inner.tick_once()
+
+
+def test_the_terminal_tells_what_a_tree_within_a_leaf_does_in_seconds_of_the_run(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    registry, clock = NodeRegistry(), ManualClock()
+    registry.register(_Plans, "Plans")
+    clock.sleep(7.5)
+    tree = load_tree(
+        '<root BTCPP_format="4"><BehaviorTree ID="M"><Plans name="plans"/></BehaviorTree></root>', registry, clock=clock
+    )
+    with RunView("a run") as view:
+        view.watch(SimpleNamespace(robot=SimpleNamespace(clock=clock)), tree)  # type: ignore[arg-type]
+        tree.tick_once()
+        clock.sleep(0.25)
+        tree.tick_once()
+    told = capsys.readouterr().err.splitlines()
+    assert told == ["[   0.00 s] ▶ plans running", "[   0.25 s] ✓ open success", "[   0.25 s] ✓ plans success"]
