@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.options import Plugins
-from bestman_bt.configuration import ConfigurationError, Problem, find_data
+from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
 from bestman_bt.engine import load_tree, render_dot, render_ports, render_svg, render_text
 from bestman_bt.runtime.plugins import node_registry
 
@@ -26,7 +26,7 @@ def command(
     path = Path(find_data("tree", tree))
     if tree_id is not None and path.suffix == ".py":
         raise ConfigurationError([Problem("--tree", None, "", f"{path} is a Python file, which defines one tree")])
-    loaded = load_tree(path, registry, main_tree=tree_id)
+    loaded = load_tree(path, registry, main_tree=tree_id, search_path=shipped_trees())
     if svg is not None:
         svg.write_text(render_svg(loaded), encoding="utf-8")
         print(svg)

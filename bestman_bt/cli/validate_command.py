@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from bestman_bt.cli.options import Plugins
-from bestman_bt.configuration import ConfigurationError, find_data
+from bestman_bt.configuration import ConfigurationError, find_data, shipped_trees
 from bestman_bt.engine.validation import validate_file
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES
@@ -28,7 +28,7 @@ def command(
             print(error, file=sys.stderr)
             errors += 1
             continue
-        problems = validate_file(path, registry, given=(*TASK_ENTRIES, *ALWAYS_FILLED))
+        problems = validate_file(path, registry, search_path=shipped_trees(), given=(*TASK_ENTRIES, *ALWAYS_FILLED))
         for problem in problems:
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)

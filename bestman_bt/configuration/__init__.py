@@ -16,6 +16,7 @@ from bestman_bt.configuration.data import (
     own_parts,
     own_pybullet_data,
     pybullet_data,
+    shipped_trees,
     user_folders,
 )
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
@@ -95,6 +96,7 @@ __all__ = [
     "read_document",
     "read_run",
     "salvage",
+    "shipped_trees",
     "task_of_tree",
     "user_folders",
 ]

@@ -35,6 +35,11 @@ def data_root() -> Path:
     return package / "_data"
 
 
+def shipped_trees() -> tuple[Path, ...]:
+    """The folders from which any tree may include: that of the shipped trees."""
+    return (data_root() / _FOLDERS["tree"][0],)
+
+
 def own_objects() -> Path:
     """Where users keep objects of their own: the checkout's, else ``$XDG_DATA_HOME/bestman-bt/objects``."""
     if (data_root() / "pyproject.toml").is_file():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, find_data
+from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, find_data, shipped_trees
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
@@ -204,6 +204,7 @@ def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options
     source = setup.config.task.tree if tree is None else tree
     if isinstance(source, Behaviour):
         return build_tree(source, registry=setup.registry, **options)
+    options.setdefault("search_path", shipped_trees())
     if isinstance(source, str) and source.lstrip().startswith("<"):
         return load_tree(source, setup.registry, **options)
     return load_tree(find_data("tree", source), setup.registry, **options)

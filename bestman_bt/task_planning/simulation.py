@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, TypeGuard
 
-from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import (
     FAILURE,
     RUNNING,
@@ -155,7 +155,7 @@ def load_simulated(source: str | Path, world: SymbolicWorld, registry: NodeRegis
         simulated.register(_leaf_of(operator), f"{operator.name}Simulated")
     text = _with_stubs(source, subtrees)
     folder = [Path(source).resolve().parent] if not _is_text(source) else []
-    search_path = [*folder, data_root() / "trees"]
+    search_path = [*folder, *shipped_trees()]
     return load_tree(text, simulated, context=world, clock=ManualClock(), search_path=search_path)
 
 

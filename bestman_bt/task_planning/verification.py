@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import (
     RUNNING,
     SUCCESS,
@@ -51,7 +51,7 @@ def verify(
     ``source``: a file or XML text. ``robot``: whose capabilities count; ``world``: what it believes, for hints.
     """
     try:
-        tree = load_tree(source, registry, search_path=[data_root() / "trees"])
+        tree = load_tree(source, registry, search_path=shipped_trees())
     except TreeLoadError as error:
         return list(error.problems)
     check = _Check(tree, problem, robot)

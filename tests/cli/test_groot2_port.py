@@ -29,7 +29,7 @@ def test_a_port_that_is_taken_is_told_before_anything_starts(taken: int) -> None
 @pytest.mark.parametrize("missing", ["zmq", "msgpack"])
 def test_without_the_extra_it_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
-    with pytest.raises(ConfigurationError, match=r"bestman-bt\[groot2\]"), Groot2View(free_ports()):
+    with pytest.raises(ConfigurationError, match=r"pip install .*\[groot2\]"), Groot2View(free_ports()):
         pass
 
 

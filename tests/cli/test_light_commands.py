@@ -70,3 +70,13 @@ def test_pybullet_tells_nothing_of_itself_when_a_command_imports_it(tmp_path: Pa
     program = "import hal.pybullet, sys; sys.exit('pybullet' not in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_any_tree_may_include_the_shipped_subtrees(tmp_path: Path) -> None:
+    tree = tmp_path / "mine.xml"
+    tree.write_text(
+        '<root BTCPP_format="4" main_tree_to_execute="Mine"><include path="subtrees/pick_and_place.xml"/>'
+        '<BehaviorTree ID="Mine"><SubTree ID="Pick" object="cup" surface="table"/></BehaviorTree></root>'
+    )
+    assert "mine.xml: ok" in answer("validate", str(tree), folder=tmp_path)[0]
+    assert "PlanGrasp" in answer("show", str(tree), folder=tmp_path)[0]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from string import ascii_lowercase
 from typing import Any
 
-from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeRegistry, Tree, XmlDocument, XmlElement, load_tree, tree_to_xml
 from bestman_bt.engine.xml.document import XmlItem, XmlText
 from bestman_bt.task_planning.builders.steps import Step
@@ -34,7 +34,7 @@ class PlanTree:
 
     def load(self, registry: NodeRegistry, **options: Any) -> Tree:
         """Nodes that can be ticked; ``options`` as of ``engine.load_tree``. Raises TreeLoadError."""
-        return load_tree(self.document().to_xml(), registry, search_path=[data_root() / "trees"], **options)
+        return load_tree(self.document().to_xml(), registry, search_path=shipped_trees(), **options)
 
     def xml(self, registry: NodeRegistry) -> str:
         """A file of its own, with everything in it that it calls. Raises TreeLoadError."""

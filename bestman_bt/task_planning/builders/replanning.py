@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from bestman_bt.configuration.data import data_root
+from bestman_bt.configuration.data import shipped_trees
 from bestman_bt.engine import NodeRegistry, XmlElement, load_tree, tree_to_xml
 from bestman_bt.task_planning.builders.plan_tree import TREE_ID, PlanTree
 from bestman_bt.task_planning.limits import PlanLimits
@@ -37,4 +37,4 @@ def with_replanning(
     document.root.attributes["main_tree_to_execute"] = RUN_ID
     document.root.content.insert(0, XmlElement("include", {"path": PLAN_AND_EXECUTE_FILE}))
     document.root.content.append(XmlElement("BehaviorTree", {"ID": RUN_ID}, [either]))
-    return tree_to_xml(load_tree(document.to_xml(), registry, search_path=[data_root() / "trees"]))
+    return tree_to_xml(load_tree(document.to_xml(), registry, search_path=shipped_trees()))
