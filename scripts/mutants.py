@@ -267,7 +267,8 @@ def seed_all(
     state, known = fingerprint(files, options.quick), {}
     for line in journal.read_text().splitlines() if journal.exists() else ():
         if (entry := json.loads(line)).pop("state") == state:
-            known[entry.pop("key")] = Verdict(**entry)
+            key = entry.pop("key")
+            known[key] = Verdict(**entry)
     keys = {fault: hashlib.sha256(repr(fault).encode()).hexdigest()[:16] for fault in faults}
     waiting = [fault for fault in faults if keys[fault] not in known]
     with tempfile.TemporaryDirectory(prefix="mutants-") as temporary:

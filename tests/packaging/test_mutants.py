@@ -98,12 +98,17 @@ def test_a_fault_is_found_and_a_change_without_effect_survives(mutants: ModuleTy
         entry.format("double adds three", "3 + x") + entry.format("nothing changes", "x + x")
     )
     (copy / "tests/test_registry.py").unlink()
+    (copy / ".gitignore").write_text("runs/\n__pycache__/\n.pytest_cache/\n")
     for command in (["init", "-q"], ["add", "."]):
         subprocess.run(["git", *command], cwd=copy, check=True)
-    done = subprocess.run(
-        [sys.executable, "scripts/mutants.py"], cwd=copy, capture_output=True, text=True, timeout=120, check=False
-    )
-    assert done.returncode == 1, done.stderr
+    seeded = []
+    for _ in range(2):  # the second time it goes by its journal
+        done = subprocess.run(
+            [sys.executable, "scripts/mutants.py"], cwd=copy, capture_output=True, text=True, timeout=120, check=False
+        )
+        assert done.returncode == 1, done.stderr
+        seeded.append(done.stdout.count("numbers: "))
+    assert seeded == [2, 0]
     summary = json.loads((copy / "runs/mutants/summary.json").read_text())
     assert summary["packages"] == {"numbers": {"found": 1, "of": 2}}
     assert summary["survived"] == ["nothing changes"]
