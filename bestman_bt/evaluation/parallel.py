@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 import time
 from collections.abc import Generator, Sequence
 from multiprocessing.connection import Connection, wait
@@ -120,6 +121,7 @@ class _Worker:
 
 def _serve(connection: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # interrupts are the parent's
+    threading.Thread(target=_end_with_the_parent, daemon=True).start()
     connection.send("ready")
     while True:
         try:
@@ -127,6 +129,14 @@ def _serve(connection: Connection) -> None:
         except EOFError:
             return
         connection.send(run_or_tell(config, folder))
+
+
+def _end_with_the_parent() -> None:
+    """An episode that nobody waits for any more is not run to its end."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _broken(config: RunConfig, why: str, wall_time: float) -> RunResult:

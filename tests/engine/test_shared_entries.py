@@ -34,6 +34,7 @@ from bestman_bt.engine.validation import tree_warnings
 
 @pytest.fixture(autouse=True)
 def _own_py_trees_blackboard() -> Iterator[None]:
+    PyTreesBlackboard.clear()  # trees of other tests may still be there
     yield
     PyTreesBlackboard.clear()
     PyTreesBlackboard.metadata.clear()
@@ -61,7 +62,8 @@ def test_what_a_native_leaf_writes_is_in_the_trees_blackboard_and_told() -> None
     assert tree.blackboard["steps"] == 2
     assert tree.blackboard.entry("steps").sequence == 2
     assert told == [("steps", None, 1), ("steps", 1, 2)]
-    assert PyTreesBlackboard.storage == {"/steps": 2}
+    assert PyTreesBlackboard.storage["/steps"] == 2
+    assert [key for key in PyTreesBlackboard.storage if key.endswith("/steps")] == ["/steps"]
 
 
 def test_setting_it_from_outside_reaches_the_leaf() -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -50,3 +53,39 @@ def test_an_episode_that_kills_its_process_or_hangs_costs_only_itself(tmp_path: 
     told = [results[i].failure.why for i in (0, 2) if results[i].failure is not None]
     assert told[0] == "the process ended with code 3"
     assert told[1].startswith("given up after 1")
+
+
+def test_workers_end_with_the_process_that_they_work_for(tmp_path: Path) -> None:
+    (tmp_path / "deadly.py").write_text(DEADLY)
+    (tmp_path / "hang.xml").write_text(TREE.format(leaf="Hang"))
+    program = f"""
+from bestman_bt.configuration import load_run
+from bestman_bt.evaluation.parallel import run_episodes
+if __name__ == "__main__":
+    config = load_run("fetch_cup", tree={str(tmp_path / "hang.xml")!r}, plugins=[{str(tmp_path / "deadly.py")!r}])
+    list(run_episodes([config], 2, wall_limit=300.0))
+"""
+    (tmp_path / "program.py").write_text(program)
+    parent = subprocess.Popen([sys.executable, str(tmp_path / "program.py")])
+    children = Path(f"/proc/{parent.pid}/task/{parent.pid}/children")
+    workers: list[str] = []
+    deadline = time.monotonic() + 60.0
+    while not workers and time.monotonic() < deadline:
+        started = children.read_text().split()
+        workers = [pid for pid in started if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+        time.sleep(0.05)
+    assert workers
+    time.sleep(2.0)  # they are at work, or on the way to it
+    parent.kill()
+    parent.wait()
+    while any(is_running(pid) for pid in workers):
+        assert time.monotonic() < deadline, "workers are still there"
+        time.sleep(0.05)
+
+
+def is_running(pid: str) -> bool:
+    """Whether a process has not ended, be it that nobody has asked how yet."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False

@@ -52,7 +52,7 @@ def test_without_the_sdk_the_extra_is_named(model: RobotModel, monkeypatch: pyte
         raise ImportError(name)
 
     monkeypatch.setattr("hal.hardware.connection.import_module", missing)
-    with pytest.raises(ConnectionFailedError, match=r"bestman-bt\[xarm\]"):
+    with pytest.raises(ConnectionFailedError, match=r"pip install .*\[xarm\]"):
         HardwareRobot(model).connect()
 
 
