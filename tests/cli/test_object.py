@@ -65,6 +65,7 @@ def test_an_added_object_stands_in_scenes_and_is_found_there(bestman_bt: Command
         assert abs(math.remainder(pose.yaw - yaw, 2 * math.pi)) < math.radians(4.0)
 
 
+@pytest.mark.slow
 def test_an_object_is_replaced_only_by_force(bestman_bt: Command, folder: Path) -> None:
     trimesh.creation.box((0.04, 0.05, 0.06)).export(folder / "a.stl")
     add = ("object", "add", "a.stl", "--name", "a", "--into", ".")
@@ -140,6 +141,7 @@ def test_show_draws_an_object_with_its_axes(bestman_bt: Command, folder: Path) -
     assert ((red > blue + 100) & (green > blue)).sum() > 5000  # the orange mug
 
 
+@pytest.mark.slow
 def test_grasps_are_found_anew_and_named_in_the_file(bestman_bt: Command, folder: Path) -> None:
     (folder / "brick.yaml").write_text("mass: 1 kg\ncolor: [1, 0, 0]\ncollision: [{box: [10 cm, 5 cm, 5 cm]}]\n")
     assert bestman_bt("object", "grasps", "brick.yaml", "--json").document["grasps"] > 10

@@ -71,6 +71,7 @@ def test_names_that_are_given_twice_can_be_gathered_and_the_later_counts() -> No
         parse_document("a: &a [*a]\n", "x.yaml", faults)
 
 
+@pytest.mark.slow
 def test_a_value_of_the_command_line_is_yaml_or_refused_in_a_line() -> None:
     assert [parse_value(text) for text in ("3", "1e-3", "yes", "[a, 2]", "")] == [3, 0.001, "yes", ["a", 2], None]
     for text in ("[1", "\x00", "[" * 5000):

@@ -247,6 +247,7 @@ def elements(draw, depth: int = 3) -> str:
 @given(
     main=elements(), other=elements(), noise=st.sampled_from(["", "<!-- c -->", "<", "&", "]]>", "<include path='x'/>"])
 )
+@pytest.mark.slow
 def test_any_arrangement_of_elements_loads_or_is_refused(main: str, other: str, noise: str) -> None:
     loads_or_refuses(TREE.format(main, f'<BehaviorTree ID="S">{other}</BehaviorTree>{noise}'))
 

@@ -237,6 +237,7 @@ def test_a_disturbance_of_a_thing_that_the_seed_has_left_out_is_none() -> None:
     assert {name for _, name, _ in stage.disturber.asked} == {"can"}
 
 
+@pytest.mark.slow
 def test_things_are_put_near_enough_on_their_surface_and_clear_of_others_and_of_goals() -> None:
     end = ScriptedEnd("pick_place_table", "scene.furniture.table.at=[2.6, -0.4, 50 deg]")
     session: Any = end.session

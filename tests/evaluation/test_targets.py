@@ -87,6 +87,7 @@ def test_a_control_that_fails_for_another_cause_than_it_should_is_missed() -> No
     assert (target.what, target.found) == ("causes", "2 no_stand")
 
 
+@pytest.mark.slow
 def test_every_shipped_control_names_the_causes_that_it_may_fail_with() -> None:
     controls = [entry for entry in load_suite("manipulation").entries if entry.control]
     assert len(controls) == 7

@@ -132,6 +132,7 @@ def test_a_wheel_of_something_else_leaves_nothing(no_pybullet: Path, tmp_path: P
         assert not list(no_pybullet.iterdir())
 
 
+@pytest.mark.slow
 def test_a_download_that_fails_says_why_and_leaves_nothing(no_pybullet: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(descriptions, "SHA256", "0" * 64)
     monkeypatch.setenv("PIP_NO_INDEX", "1")

@@ -54,6 +54,7 @@ def test_the_same_seed_draws_the_same_world(scenes: dict[str, SceneConfig]) -> N
         assert all(a == b for (_, a), (_, b) in zip(first, second, strict=True))
 
 
+@pytest.mark.slow
 def test_other_seeds_draw_other_worlds(worlds: dict[str, list[World]]) -> None:
     assert len({tuple(dict(summary(world))["cup"]) for world in worlds["kitchen"]}) == len(SEEDS)
     assert len({tuple(sorted(o.name for o in world.objects)) for world in worlds["kitchen"]}) >= 8

@@ -144,7 +144,7 @@ def panda() -> RobotModel:
     return load_robot_model("diff_panda")
 
 
-@pytest.fixture(params=["urcap", "modbus"])
+@pytest.fixture(params=["urcap", pytest.param("modbus", marks=pytest.mark.slow)])
 def bench(request: pytest.FixtureRequest, panda: RobotModel) -> Iterator[Bench]:
     if request.param == "modbus":
         pytest.importorskip("pymodbus", reason="the extra ur is not installed")

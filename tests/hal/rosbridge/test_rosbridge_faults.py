@@ -73,7 +73,10 @@ def test_a_pulled_cable_is_noticed_in_time_and_no_velocity_acts_when_it_is_back(
     works_again(robot, turn)
 
 
-@pytest.mark.parametrize(("fault", "words"), [("stale_odometry", "/odom"), ("silent_odometry", "/odom is .* old")])
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [pytest.param("stale_odometry", "/odom", marks=pytest.mark.slow), ("silent_odometry", "/odom is .* old")],
+)
 def test_odometry_that_stays_behind_stops_the_robot(
     robot: HardwareRobot, twin: TwinProcess, fault: str, words: str
 ) -> None:
@@ -110,6 +113,7 @@ def test_a_rosbridge_that_is_started_anew_stops_the_robot_until_it_is_connected_
     works_again(robot, turn)
 
 
+@pytest.mark.slow
 def test_a_base_that_does_not_move_fails_its_motion_in_words(robot: HardwareRobot, twin: TwinProcess) -> None:
     twin.fault(PLATFORM, "stuck")
     motion = robot.part("base", MobileBase).move_backward(0.1)
@@ -120,6 +124,7 @@ def test_a_base_that_does_not_move_fails_its_motion_in_words(robot: HardwareRobo
     assert not robot.stopped
 
 
+@pytest.mark.slow
 def test_a_blind_camera_says_what_did_not_come_and_the_robot_goes_on(robot: HardwareRobot, twin: TwinProcess) -> None:
     twin.fault(PLATFORM, "blind")
     with pytest.raises(NoDataError, match="no image on /head_camera/color"):

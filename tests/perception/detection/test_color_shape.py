@@ -100,6 +100,7 @@ def test_things_of_two_colours_are_told_from_things_of_one() -> None:
         assert [d.name for d in detect(scene, models).detections] == [model.name]
 
 
+@pytest.mark.slow
 def test_an_object_that_was_taken_away_is_not_found() -> None:
     scene = crowd(0)
     assert detect(scene, shipped()).find(scene.objects[0].model.name) is not None
