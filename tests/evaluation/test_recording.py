@@ -60,6 +60,7 @@ def entities_of(task: str, path: Path) -> set[str]:
     return {chunk.entity_path for chunk in RrdReader(path).stream()}
 
 
+@pytest.mark.slow
 def test_the_pictures_of_each_camera_are_recorded_when_a_skill_takes_one(tmp_path: Path) -> None:
     scenes: list[SceneRecorder] = []
     path = tmp_path / "run.rrd"

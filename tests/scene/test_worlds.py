@@ -67,6 +67,7 @@ def test_objects_leave_room_for_a_hand(worlds: dict[str, list[World]]) -> None:
             assert gap >= planar_radius(a.model) + planar_radius(b.model) + 0.08
 
 
+@pytest.mark.slow
 def test_objects_never_overlap_even_where_they_are_packed(worlds: dict[str, list[World]]) -> None:
     for world in worlds["kitchen_covered_counter"]:
         outlines = [rectangle(o.pose.to_pose2d(), (o.model.size[0], o.model.size[1])) for o in world.objects]

@@ -89,6 +89,7 @@ def test_equal_seeds_make_equal_noise(empty_world: World) -> None:
     assert said[0] != said[2]
 
 
+@pytest.mark.slow
 def test_wheel_odometry_comes_late_and_noisy_and_does_not_run_away(empty_world: World) -> None:
     told = []
     for block in ({}, {"latency": "0.2 s"}, {"noise": "0.005 rad", "noise_speed": "0.05 rad/s"}):

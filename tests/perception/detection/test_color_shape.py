@@ -68,6 +68,7 @@ def test_the_shipped_objects_are_named_and_few_models_are_tried(seed: int) -> No
     assert estimator.tried <= 2 * len(scene.objects)
 
 
+@pytest.mark.slow
 def test_equal_colours_are_told_apart_by_shape() -> None:
     models = [replace(recolored(model, GREY), visual_colors=()) for model in shipped()]
     scene = crowded_table(1, models, count=(6, 6))

@@ -175,6 +175,7 @@ def test_a_target_without_a_model_is_refused() -> None:
         ModelBased().plan(GraspTarget(PlacedShape(Box((0.05, 0.05, 0.1)), Pose())), GRIPPER, 0.0)
 
 
+@pytest.mark.slow
 def test_equal_input_gives_equal_output() -> None:
     for one, other in zip(plan(TUB), plan(TUB), strict=True):
         np.testing.assert_array_equal(one.grasp.matrix, other.grasp.matrix)

@@ -76,6 +76,7 @@ def test_neither_do_the_yaw_and_the_place_that_a_mesh_is_given_in(turn: float) -
     assert symmetry_order(mesh_of(create.cylinder(0.03, 0.1, sections=24).apply_transform(placed))) == 0
 
 
+@pytest.mark.slow
 def test_round_things_are_round() -> None:
     ring = create.torus(0.04, 0.01)
     lying = ring.copy().apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
