@@ -1,4 +1,4 @@
-"""Log: a line of text that tells how the tree comes along."""
+"""Log: a line of text with values of the blackboard, to log, page and terminal."""
 
 from __future__ import annotations
 

@@ -5,18 +5,15 @@ Run it after a skill was added or changed: `.venv/bin/python scripts/skill_catal
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
+from bestman_bt.engine import NodeInfo, Port
+from bestman_bt.runtime.plugins import node_registry
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 PAGE = CHECKOUT / "docs" / "skills.md"
-sys.path.insert(0, str(CHECKOUT))
-
-from bestman_bt.engine import NodeInfo, Port  # noqa: E402
-from bestman_bt.runtime.plugins import node_registry  # noqa: E402
-
 FAMILIES = {
     "Driving": "navigate stand localise explore",
     "Looking": "look scan search perceive second_look look_into",

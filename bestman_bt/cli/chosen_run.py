@@ -21,7 +21,7 @@ Run = Annotated[
 
 
 def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
-    """The socket of each running executor and how it stands; one that does not answer is told, and left out."""
+    """Socket and status of each running executor; one that does not answer is reported and left out."""
     found = []
     for path in running_executors():
         try:
@@ -47,7 +47,7 @@ def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
 
 
 def ask(path: Path, message: dict[str, Any]) -> dict[str, Any]:
-    """The answer to a request; a refusal is told, and ends the program with code 1."""
+    """The answer to a request; a refusal is printed and ends the program with exit code 1."""
     try:
         return request(path, message)
     except ControlError as error:

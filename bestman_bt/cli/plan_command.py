@@ -84,7 +84,7 @@ def command(
     if text is not None and not text.strip():
         raise _wrong_input("bestman-bt plan", "the text is empty; say what is wanted")
     if goal is not None:
-        goal = goal_as_facts(goal)  # a slip in it is told before a world is built
+        goal = goal_as_facts(goal)  # an error in it is reported before a world is built
     if run and world is not None:
         raise _wrong_input(f"--world {world}", "is for planning; --run has its own beliefs")
     if run and text is not None and not yes and not sys.stdin.isatty():

@@ -148,7 +148,7 @@ def make_algorithm(config: RunConfig, slot: str, *needs: Any, name: str = "", **
         return algorithm(*needs, **given)
     try:
         return algorithm(*needs, **given)
-    except Exception as error:
+    except Exception as error:  # a user's class may raise anything
         source = inspect.getsourcefile(algorithm) or algorithm.__module__
         file, line, words = described(error, Path(source))
         field, message = f"algorithms.{slot}", f"{algorithm.__name__} cannot be made: {words}"

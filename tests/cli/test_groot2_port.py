@@ -36,7 +36,7 @@ def test_without_the_extra_it_is_named(missing: str, monkeypatch: pytest.MonkeyP
 def test_the_tree_of_a_run_is_served_until_the_run_ends(capsys: pytest.CaptureFixture[str]) -> None:
     port, tree = free_ports(), load_tree(XML)
     with Groot2View(port) as view, groot2_client(port) as client:
-        after_tick = view.watch(SimpleNamespace(), tree)  # type: ignore[arg-type]
+        after_tick = view.watch(SimpleNamespace(), tree)
         tree.tick_exactly_once()
         after_tick()
         assert client.states() == {1: RUNNING}

@@ -220,7 +220,7 @@ def test_a_stop_leaves_the_robot_at_rest(folder: Path, monkeypatch: pytest.Monke
 def test_a_run_in_real_time_waits_for_the_wall_clock_and_does_not_catch_up() -> None:
     simulated, wall = ManualClock(), ManualClock()
     session = SimpleNamespace(robot=SimpleNamespace(clock=simulated))
-    after_tick = no_faster_than_real_time(session, None, wall.now, wall.sleep)  # type: ignore[arg-type]
+    after_tick = no_faster_than_real_time(session, None, wall.now, wall.sleep)
     ended = []
     for computing in (0.0, 0.25, 0.0, 0.0):
         simulated.sleep(0.125)
@@ -255,7 +255,7 @@ def test_the_terminal_tells_what_a_tree_within_a_leaf_does_in_seconds_of_the_run
         '<root BTCPP_format="4"><BehaviorTree ID="M"><Plans name="plans"/></BehaviorTree></root>', registry, clock=clock
     )
     with RunView("a run") as view:
-        view.watch(SimpleNamespace(robot=SimpleNamespace(clock=clock)), tree)  # type: ignore[arg-type]
+        view.watch(SimpleNamespace(robot=SimpleNamespace(clock=clock)), tree)
         tree.tick_once()
         clock.sleep(0.25)
         tree.tick_once()

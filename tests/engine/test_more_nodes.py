@@ -353,7 +353,7 @@ def test_a_coroutine_pauses_between_ticks_and_cleans_up_on_halt() -> None:
 def test_a_coroutine_that_returns_no_status_is_an_error() -> None:
     class Nothing(CoroutineAction):
         async def run_async(self) -> int:
-            return None  # type: ignore[return-value]
+            return None
 
     with pytest.raises(NodeError, match=r"run_async\(\) returned None"):
         build_tree(Nothing()).tick_exactly_once()

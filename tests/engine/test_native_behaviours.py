@@ -235,7 +235,7 @@ def test_setup_comes_once_before_the_first_tick_with_context_and_clock_and_shutd
 
 def test_setup_can_be_called_with_arguments_and_a_signature_without_them_is_respected() -> None:
     class Plain(Device):
-        def setup(self) -> None:  # type: ignore[override]
+        def setup(self) -> None:
             self.log.append("plain")
 
     log: list[Any] = []

@@ -202,7 +202,7 @@ def test_odd_arguments_are_a_type_error() -> None:
     with pytest.raises(TypeError, match="takes a name and children but got 3"):
         Sequence(3)
     with pytest.raises(TypeError, match="SubTree takes a node, a function"):
-        SubTree(3)  # type: ignore[arg-type]
+        SubTree(3)
 
 
 def test_a_tree_that_contains_itself_is_refused() -> None:

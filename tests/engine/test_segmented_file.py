@@ -75,7 +75,7 @@ def test_of_a_segment_that_was_being_compressed_the_whole_one_is_read(tmp_path: 
 def test_a_damaged_segment_ends_early(tmp_path: Path, damage: object) -> None:
     path = tmp_path / "log.0001.jsonl.xz"
     data = "".join(f"line {number * number}\n" for number in range(3000)).encode()
-    path.write_bytes(damage(lzma.compress(data)))  # type: ignore[operator]
+    path.write_bytes(damage(lzma.compress(data)))
     found = read_segment(path, 1 << 20)
     assert len(found) < len(data)
 

@@ -33,7 +33,7 @@ def judged(
 
 def collisions(*arguments: Contact | Sequence[Declared] | ContactIncident) -> list[str]:
     """Why each contact is a collision."""
-    return [collision.why for collision in judged(*arguments).collisions]  # type: ignore[arg-type]
+    return [collision.why for collision in judged(*arguments).collisions]
 
 
 @pytest.mark.parametrize(

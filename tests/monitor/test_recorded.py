@@ -82,7 +82,7 @@ def test_a_finished_run_is_read_whole(folder: Path) -> None:
     assert [history.states.at(time).tick for time in (0.0, 0.5)] == [1, 9], "at 20 Hz; the first tick is number 1"
     assert history.states.at(0.25).nodes.statistics([5], 0.25) == {"5": [1, 0, 0, 0.25]}
     assert [line["message"] for line in history.lines_since(-1, 10)] == [EVIL]
-    assert (history.last, history.about["task"], history.end["outcome"]) == (0.5, "fetch", "success")  # type: ignore[index]
+    assert (history.last, history.about["task"], history.end["outcome"]) == (0.5, "fetch", "success")
 
 
 def test_a_run_that_has_only_its_btlog_is_shown(folder: Path) -> None:

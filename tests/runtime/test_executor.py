@@ -80,7 +80,7 @@ def tree_of(body: str, clock: ManualClock | None = None) -> Tree:
 
 def executor_of(body: str, **options: object) -> Executor:
     tree = tree_of(body)
-    return Executor(tree, tree.clock, **options)  # type: ignore[arg-type]
+    return Executor(tree, tree.clock, **options)
 
 
 def at_tick(number: int, act: Callable[[Executor], None], body: str = '<Work name="work"/>', **options) -> Executor:

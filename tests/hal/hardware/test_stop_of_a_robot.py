@@ -146,7 +146,7 @@ def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot:
 def test_after_a_fault_the_other_controllers_are_watched_on(robot: HardwareRobot) -> None:
     for name in ("platform", "hand"):
         controller(robot, name).told = Fault(MotionErrorCode.FAULT, "broken")
-        until(lambda name=name: name in robot.faults)  # type: ignore[misc]
+        until(lambda name=name: name in robot.faults)
     assert list(robot.faults) == ["platform", "hand"]
 
 

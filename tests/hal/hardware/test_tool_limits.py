@@ -16,7 +16,7 @@ def home(robot_model: RobotModel) -> np.ndarray:
 
 
 def limits(model: RobotModel, **safety: object) -> ToolLimits:
-    return ToolLimits(model, "arm", SafetyConfig(**safety))  # type: ignore[arg-type]
+    return ToolLimits(model, "arm", SafetyConfig(**safety))
 
 
 def test_without_limits_nothing_is_outside_and_nothing_too_fast(robot_model: RobotModel, home: np.ndarray) -> None:

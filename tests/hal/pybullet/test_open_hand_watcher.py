@@ -36,7 +36,7 @@ def simulation() -> Iterator[Simulation]:
 def findings(simulation: Simulation, touches: str, drawer_step: float) -> list[str]:
     """What is found where the cup, which touches the named drawer, and a finger move alike for half a second."""
     built, slide = simulation.built, Slide()
-    watcher = OpenHandWatcher(simulation, simulation.client, slide)  # type: ignore[arg-type]
+    watcher = OpenHandWatcher(simulation, simulation.client, slide)
     cup, finger = built.objects["cup"], built.links["panda_leftfinger"]
     body, joint = built.articulations["drawer_chest/drawer_3"]
     contacts = [(0, cup, body, -1, joint, 0.0)] if touches == "drawer" else [(0, cup, body, -1, -1, 0.0)]

@@ -84,7 +84,7 @@ class Ros:
         settings = replace(model.connections["platform"], parts=("base", "lidar"))
         limits = SafetyConfig(watchdog=0.25)
         self.connection = RosbridgeConnection("platform", settings, model, limits, self.clock, StopLatch())
-        self.link: Link = self.connection._link  # type: ignore[assignment]
+        self.link: Link = self.connection._link
         self.link.told = self.told
         self.connection.connect()
         self.base, self.lidar = self.connection.parts["base"], self.connection.parts["lidar"]
@@ -104,7 +104,7 @@ class Ros:
             if topics:
                 self.link.come(*topics)
             for loop in self.connection.loops:
-                loop.step(PERIOD)  # type: ignore[attr-defined]
+                loop.step(PERIOD)
 
 
 @pytest.fixture

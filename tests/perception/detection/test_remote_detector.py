@@ -52,7 +52,7 @@ def picture() -> RGBDImage:
 
 def detector(url: str, **changed: object) -> RemoteImageDetector:
     settings = {"timeout": 0.5, "connect_timeout": 0.5, "retries": 0, "backoff": 0.01, **changed}
-    return RemoteImageDetector(RemoteDetectorParameters(url=url, **settings))  # type: ignore[arg-type]
+    return RemoteImageDetector(RemoteDetectorParameters(url=url, **settings))
 
 
 def test_names_and_pictures_arrive_as_they_were_sent(server: Server) -> None:
