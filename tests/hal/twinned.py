@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from hal.twins import TwinProcess
 
 SLACK = 0.4
 """Seconds that a test gives on top of what is promised, because the machine is shared."""
+WATCHDOG = 0.25 + SLACK
+"""The robots' watchdog, seconds: a busy machine may leave a twin without a processor for a while."""
 PATIENCE = 60.0
 """Seconds after which a test gives up on what has to come about, however busy the machine is."""
 
@@ -41,7 +44,8 @@ def fixtures_of(robot_file: Path, sdk: str, extra: str, faults: dict[str, tuple[
 
     @pytest.fixture(scope="module")
     def twin_model(twin: TwinProcess) -> RobotModel:
-        return load_robot_model(robot_file, twin.settings)
+        model = load_robot_model(robot_file, twin.settings)
+        return replace(model, safety=replace(model.safety, watchdog=WATCHDOG))
 
     @pytest.fixture(scope="module")
     def make_robot(twin_model: RobotModel) -> MakeRobot:

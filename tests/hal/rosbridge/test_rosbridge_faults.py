@@ -25,6 +25,7 @@ from hal.api import (
 from hal.hardware import HardwareRobot, IsolatedRobot
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
+    WATCHDOG,
     ended,
     stays_stopped_while_away,
     stopped_within,
@@ -65,7 +66,7 @@ def test_a_pulled_cable_is_noticed_in_time_and_no_velocity_acts_when_it_is_back(
 ) -> None:
     motion = turn(robot)
     since = strike(robot, twin, PLATFORM, "drop")
-    assert stopped_within(robot, motion, since, 0.3) is MotionErrorCode.DISCONNECTED
+    assert stopped_within(robot, motion, since, WATCHDOG + 0.05) is MotionErrorCode.DISCONNECTED
     stays_stopped_while_away(robot, twin, PLATFORM, "base", robot.part("base", MobileBase).odometry)
     stands(twin)
     twin.fault(PLATFORM, "restore")

@@ -16,6 +16,7 @@ from hal.api import Arm, MotionErrorCode
 from hal.hardware import ConnectionFailedError, HardwareRobot
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
+    WATCHDOG,
     arm_comes_to_rest,
     fails_with_its_number,
     stays_stopped_while_away,
@@ -103,7 +104,7 @@ def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
 ) -> None:
     motion = swing(robot)
     since = strike(robot, twin, CONTROLLER, "drop")
-    assert stopped_within(robot, motion, since, 0.3) is MotionErrorCode.DISCONNECTED
+    assert stopped_within(robot, motion, since, WATCHDOG + 0.05) is MotionErrorCode.DISCONNECTED
     stays_stopped_while_away(robot, twin, CONTROLLER, "arm", robot.part("arm", Arm).positions)
     twin.fault(CONTROLLER, "restore")
     works_again(robot, swing)

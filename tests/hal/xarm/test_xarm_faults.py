@@ -15,6 +15,7 @@ from hal.api import Arm, Gripper, MotionErrorCode, MotionStatus
 from hal.hardware import HardwareRobot
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
+    WATCHDOG,
     arm_comes_to_rest,
     disconnected,
     ended,
@@ -51,7 +52,7 @@ def test_a_pulled_cable_is_noticed_in_time_and_the_stop_stays_until_it_is_back(
 ) -> None:
     motion = swing(robot)
     since = strike(robot, twin, CONTROLLER, "drop")
-    assert stopped_within(robot, motion, since, 0.3) is MotionErrorCode.DISCONNECTED
+    assert stopped_within(robot, motion, since, WATCHDOG + 0.05) is MotionErrorCode.DISCONNECTED
     stays_stopped_while_away(robot, twin, CONTROLLER, "arm", robot.part("arm", Arm).positions)
     twin.fault(CONTROLLER, "restore")
     works_again(robot, swing)
