@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,7 +86,8 @@ class SkillContext:
     ``contacts``: those that skills declare now. ``handled``: the object that the fingers have touched last.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
     oldest first. ``policies``: from the name or file of a learned policy to it. ``planners``, ``followers``: from the
-    name of a global and of a local planner to it; they raise LookupError.
+    name of a global and of a local planner to it; they raise LookupError. All three take the folders from which paths
+    are counted, too: ``Node.folders``.
     """
 
     clock: TimeSource
@@ -105,9 +107,9 @@ class SkillContext:
     computation: Computation
     costs: Mapping[str, float]
     rng: np.random.Generator
-    planners: Callable[[str], GlobalPlanner]
-    followers: Callable[[str], PathFollower]
-    policies: Callable[[str], Policy]
+    planners: Callable[[str, tuple[Path, ...]], GlobalPlanner]
+    followers: Callable[[str, tuple[Path, ...]], PathFollower]
+    policies: Callable[[str, tuple[Path, ...]], Policy]
     failures: list[Failure] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     handled: str | None = None

@@ -76,7 +76,7 @@ class RunPolicy(Skill):
 
     def execute(self) -> Steps:
         """Ask, check, move, look again while it moves."""
-        policy = self.skills.policies(self.get_input("policy"))
+        policy = self.skills.policies(self.get_input("policy"), self.folders)
         try:
             timeout, goal = self._timeout(), self._goal()
             box = self._check(policy.specification, goal)

@@ -67,10 +67,10 @@ def run(case: str, seed: int) -> tuple[RunResult, int]:
     def watch(session: Session, tree: Tree) -> Callable[[], None]:
         find = session.skills.policies
 
-        def policies(name: str) -> Policy:
+        def policies(name: str, folders: tuple[Path, ...]) -> Policy:
             nonlocal attempts
             attempts += 1
-            return changed(session, find(name))
+            return changed(session, find(name, folders))
 
         session.skills.policies = policies
         return lambda: None

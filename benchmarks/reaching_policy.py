@@ -94,7 +94,7 @@ def simulated(opened: Session, policy: Policy, wrong: bool) -> Callable[[Task], 
     def run(task: Task) -> tuple[bool, float, float]:
         start, goal, other = task
         skills = opened.skills
-        skills.policies = lambda name: policy
+        skills.policies = lambda name, folders: policy
         handle = skills.arm.move_to(start)
         while not handle.done:
             skills.clock.sleep(0.05)

@@ -47,11 +47,11 @@ class Frames:
         skills, find = session.skills, session.skills.policies
         leaf = next(node for node in tree.root.iterate() if isinstance(node, RunPolicy))
 
-        def policies(name: str) -> Policy:
+        def policies(name: str, folders: tuple[Path, ...]) -> Policy:
             # Whatever was recorded of an attempt before has failed.
             self._recorder.discard()
             robot = session.setup.robot_model
-            return find(name) if self._learned else ExpertPolicy(picking_expert(robot, OBJECT), robot.name)
+            return find(name, folders) if self._learned else ExpertPolicy(picking_expert(robot, OBJECT), robot.name)
 
         def after_tick() -> None:
             motion = leaf.motion

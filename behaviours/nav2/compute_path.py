@@ -29,7 +29,7 @@ class _ComputePath(Skill):
             PlannerName,
             required=False,
             default_value="",
-            description="a global planner, as grid_astar; the configured one",
+            description="a global planner, as grid_astar or file.py:Class; the configured one",
         ),
     }
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path; empty on failure")}
@@ -45,7 +45,7 @@ class _ComputePath(Skill):
 
         skills = self.skills
         name = self.get_input("planner_id")
-        planner = skills.planners(name) if name else skills.algorithms.global_planning
+        planner = skills.planners(name, self.folders) if name else skills.algorithms.global_planning
         begin = skills.world.base.pose if start is None else start
         legs: list[Path2D]
         legs, failure = yield self.compute("global_planning", _legs, planner, begin, goals, skills.seen_costmap())

@@ -33,7 +33,7 @@ class FollowPath(Skill):
             FollowerName,
             required=False,
             default_value="",
-            description="a local planner, as pure_pursuit; the configured one",
+            description="a local planner, as pure_pursuit or file.py:Class; the configured one",
         ),
     }
 
@@ -61,7 +61,7 @@ class FollowPath(Skill):
         skills, controller = self.skills, self.get_input("controller_id")
         self._path, self._controller = path, controller
         self.feedback_message = f"driving {path.length:.1f} m"
-        follower = skills.followers(controller) if controller else None
+        follower = skills.followers(controller, self.folders) if controller else None
         return skills.base.follow(path, skills.costmap(), follower)
 
     def _is_new(self, path: Path2D) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from py_trees.ports import PortInformation
@@ -23,8 +24,22 @@ def _followers() -> list[str]:
     return ["", *ALGORITHMS.of_kind("local_planning", PathFollower)]
 
 
-PlannerName = Annotated[str, OneOf(_planners)]
-FollowerName = Annotated[str, OneOf(_followers)]
+@dataclass(frozen=True)
+class AlgorithmName(OneOf):
+    """A registered algorithm, or one's own as ``file.py:Class`` or ``module:Class``: whoever runs the tree finds it.
+
+    ``slot``: the slot of the configuration whose algorithms these are.
+    """
+
+    slot: str
+
+    def refusal(self, value: Any) -> str:
+        """Return why ``value`` is not accepted, in words, or an empty text."""
+        return "" if ":" in value else super().refusal(value)
+
+
+PlannerName = Annotated[str, AlgorithmName(_planners, "global_planning")]
+FollowerName = Annotated[str, AlgorithmName(_followers, "local_planning")]
 SmootherName = Annotated[str, OneOf(lambda: ("", "simple_smoother"))]
 """Names of algorithms; an empty one is what is configured, or the only one that there is."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -117,6 +118,13 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
 def beside(file: Path, kind: str, name: str) -> str:
     """What ``name`` means where ``file`` says it: a path is counted from that file's folder, a bare name is kept."""
     return str(file.parent / name) if _is_path(kind, name) else name
+
+
+def in_folders(name: str, folders: Iterable[Path]) -> str:
+    """The path of a file in the first of ``folders`` that has it, else ``name``; a name without a suffix is kept."""
+    if not Path(name).suffix:
+        return name
+    return next((str(found) for folder in folders if (found := folder / name).is_file()), name)
 
 
 def user_folders() -> dict[str, Path]:

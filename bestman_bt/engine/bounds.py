@@ -19,6 +19,10 @@ class OneOf:
 
     names: Callable[[], Collection[str]]
 
+    def refusal(self, value: Any) -> str:
+        """Return why ``value`` is not accepted, in words, or an empty text."""
+        return _unknown(value, self.names())
+
 
 @dataclass(frozen=True)
 class Named:
@@ -59,7 +63,7 @@ def refusal(value: Any, bounds: Iterable[Any]) -> str:
     wrong = isinstance(value, float) and not math.isfinite(value)
     for bound in bounds:
         if isinstance(bound, OneOf):
-            return _unknown(value, bound.names())
+            return bound.refusal(value)
         if isinstance(bound, Named):
             continue
         holds, words = _condition(value, bound)

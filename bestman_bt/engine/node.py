@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from py_trees.behaviour import Behaviour
@@ -222,6 +223,12 @@ class Node(PyTreesFace):
             return ""
         file = os.path.basename(self.place.file)
         return f"{self.name} ({file}:{self.line})" if self.line else f"{self.place.prefix}{self.name} ({file})"
+
+    @property
+    def folders(self) -> tuple[Path, ...]:
+        """The folders of the file that defines the node and of its tree's file; none for a tree that has no file."""
+        files = () if self.place is None else (self.place.file, self.place.tree.file)
+        return tuple(dict.fromkeys(Path(file).resolve().parent for file in files if not file.startswith("<")))
 
     @property
     def type_id(self) -> str:

@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from behaviours.context import Algorithms
-from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, algorithm_parameters
-from bestman_bt.engine.own_files import described, load_file, module_of, plugin_module
+from behaviours.nav2.ports import AlgorithmName
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    RunConfig,
+    algorithm_parameters,
+    in_folders,
+)
+from bestman_bt.engine import Tree
+from bestman_bt.engine.errors import Problem as TreeProblem
+from bestman_bt.engine.own_files import described, importable, load_file, module_of, plugin_module
+from bestman_bt.engine.unwritten import problem_at
 from bestman_bt.manipulation.collision import CollisionModel
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.manipulation.motion_planning import MotionPlanner, TimedMotionPlanner
@@ -28,6 +41,7 @@ from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, suggestion
 from bestman_bt.robot_model import RobotModel
+from bestman_bt.runtime.tree_checks import literals
 from bestman_bt.world_model import SemanticMap
 
 _SLOTS: dict[str, tuple[type[Any], str]] = {
@@ -115,34 +129,49 @@ def make_local_planner(config: RunConfig) -> PathFollower:
     return follower
 
 
-def planner_by_name(config: RunConfig, name: str) -> GlobalPlanner:
-    """A global planner that a tree names; raises UnknownNameError."""
-    planner: GlobalPlanner = _by_name(config, "global_planning", name)
-    return planner
+def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Path, ...] = ()) -> Any:
+    """The algorithm that a tree names, as it is configured where that is the same one, else with its own defaults.
 
-
-def follower_by_name(config: RunConfig, name: str) -> PathFollower:
-    """A local planner that a tree names; raises UnknownNameError."""
-    follower: PathFollower = _by_name(config, "local_planning", name)
-    return follower
-
-
-def _by_name(config: RunConfig, slot: str, name: str) -> Any:
-    """As the configuration has it where that names the same one, else with its own defaults."""
+    ``folders``: where ``file.py:Class`` and ``module:Class`` are looked for first. Raises UnknownNameError.
+    """
     try:
-        return make_algorithm(config, slot, name=name)
+        return make_algorithm(config, slot, name=name, folders=folders)
     except ConfigurationError as error:
-        raise UnknownNameError(error.problems[0].message) from error
+        problem = error.problems[0]
+        where = f"{problem.source}:{problem.line}: " if problem.line and ":" in name else ""
+        raise UnknownNameError(where + problem.message) from error
 
 
-def make_algorithm(config: RunConfig, slot: str, *needs: Any, name: str = "", **parts: Any) -> Any:
+def algorithm_problems(tree: Tree, config: RunConfig) -> Iterator[TreeProblem]:
+    """Own algorithms (``file.py:Class``, ``module:Class``) that a tree names and that cannot be made, each where the
+    tree says it."""
+    told: set[tuple[int, str]] = set()
+    for node in tree.nodes:
+        for port, information in tree.info_of(node).ports.items():
+            slot = next((bound.slot for bound in information.bounds or () if isinstance(bound, AlgorithmName)), "")
+            if not slot or port not in node.attributes:
+                continue
+            for place, where, name in literals(node, port, tree):
+                if ":" not in name or (place.uid, where) in told:
+                    continue
+                try:
+                    algorithm_by_name(config, slot, name, node.folders)
+                except UnknownNameError as error:
+                    told.add((place.uid, where))
+                    yield problem_at(place, where, str(error), "")
+
+
+def make_algorithm(
+    config: RunConfig, slot: str, *needs: Any, name: str = "", folders: tuple[Path, ...] = (), **parts: Any
+) -> Any:
     """The algorithm in ``slot``, made as ``Class(*needs, parameters=…, **parts)``.
 
-    ``name``: another one than the configured, which then has its own default parameters. ``parts``: other algorithms
-    that it stands on. Its parameters are checked against the dataclass ``<Class>Parameters`` of the class's module.
+    ``name``: another one than the configured, which then has its own default parameters. ``folders``: where files and
+    modules that it names are looked for first. ``parts``: other algorithms that it stands on. Its parameters are
+    checked against the dataclass ``<Class>Parameters`` of the class's module.
     Raises ConfigurationError that names the slot, the field and what would be right.
     """
-    algorithm, parameters = _choose(config, slot, name)
+    algorithm, parameters = _choose(config, slot, name, folders)
     given = parts if parameters is None else {"parameters": parameters, **parts}
     if algorithm.__module__.startswith("bestman_bt."):
         return algorithm(*needs, **given)
@@ -155,7 +184,7 @@ def make_algorithm(config: RunConfig, slot: str, *needs: Any, name: str = "", **
         raise ConfigurationError([Problem(file, line or None, field, message)]) from error
 
 
-def _choose(config: RunConfig, slot: str, name: str = "") -> tuple[type[Any], Any]:
+def _choose(config: RunConfig, slot: str, name: str = "", folders: tuple[Path, ...] = ()) -> tuple[type[Any], Any]:
     """The class in a slot and its parameters, None where it takes none; raises as ``make_algorithm``."""
     configured, values = config.task.algorithm(slot)
     if name and name != configured:
@@ -164,7 +193,7 @@ def _choose(config: RunConfig, slot: str, name: str = "") -> tuple[type[Any], An
     algorithms = _in_slot(slot)
     name = name.removeprefix(f"{_SLOTS[slot][1]}/")
     if ":" in name:
-        algorithms = {name: _class_at(config, slot, name)}
+        algorithms = {name: _class_at(config, slot, name, folders)}
     if name not in algorithms:
         message = f"unknown algorithm {name!r}; {suggestion(name, list(algorithms))}"
         if "known: " not in message:
@@ -204,16 +233,16 @@ def _in_slot(slot: str) -> dict[str, type[Any]]:
     }
 
 
-def _class_at(config: RunConfig, slot: str, name: str) -> type[Any]:
+def _class_at(config: RunConfig, slot: str, name: str, folders: tuple[Path, ...]) -> type[Any]:
     """The class that ``file.py:Class`` or ``module:Class`` names; ConfigurationError where there is none."""
     place, _, attribute = name.rpartition(":")
-    path = Path(place)
+    path = Path(in_folders(place, folders))
     is_file = path.suffix == ".py"
     field = ("algorithms", slot, "algorithm")
     if is_file and not path.is_file():
         raise ConfigurationError([config.problem(field, f"no such file: {place}")])
     try:
-        module = load_file(path, plugin_module(path)) if is_file else import_module(place)
+        module = load_file(path, plugin_module(path)) if is_file else _module_at(place, folders)
     except (Exception, SystemExit) as error:
         if not is_file:
             message = f"{place} cannot be imported: {type(error).__name__}: {error}"
@@ -226,6 +255,16 @@ def _class_at(config: RunConfig, slot: str, name: str) -> type[Any]:
         message = f"{place} has no class {attribute!r}; {suggestion(attribute, classes)}"
         raise ConfigurationError([config.problem(field, message)])
     return found
+
+
+def _module_at(name: str, folders: tuple[Path, ...]) -> ModuleType:
+    """The module of that name in the first of ``folders`` that has it, else as Python finds it."""
+    top = name.partition(".")[0]
+    for folder in folders:
+        if (folder / f"{top}.py").is_file() or (folder / top).is_dir():
+            with importable(folder):
+                return import_module(name)
+    return import_module(name)
 
 
 def _refuse_unfinished(config: RunConfig, slot: str, algorithm: type[Any]) -> None:

@@ -17,7 +17,7 @@ from py_trees.behaviour import Behaviour
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.localise import KNOWN_POSITION_STD
-from bestman_bt.configuration import RunConfig, find_data, load_run
+from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
@@ -28,12 +28,11 @@ from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
 from bestman_bt.robot_model import RobotModel, joints_above
 from bestman_bt.runtime.algorithms import (
-    follower_by_name,
+    algorithm_by_name,
     make_algorithms,
     make_local_planner,
     make_localizer,
     make_odometry_filter,
-    planner_by_name,
 )
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor
@@ -43,7 +42,7 @@ from bestman_bt.runtime.robot_source import RobotSource
 from bestman_bt.runtime.run_facts import describe_run
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
-from bestman_bt.runtime.tree_checks import unfilled_entries, unknown_names
+from bestman_bt.runtime.tree_checks import unfilled_entries
 from bestman_bt.sensing.force_torque import WristWrench
 from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
 from bestman_bt.sensing.joint_state import JointStateSensor
@@ -95,9 +94,12 @@ class Session:
         configured one.
 
         Its root blackboard has what the task tells and, where that is known, ``start``: the pose of the base now.
-        Raises TreeLoadError with everything that is wrong.
+        Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears;
+        warns of entries that are read and that nobody has filled yet.
         """
-        return self._filled(self._loaded(tree))
+        loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
+        self.check(loaded, own=tree is not None and tree != self.setup.config.task.tree)
+        return self._filled(loaded)
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
         """An executor with the configured tick rate and time limit."""
@@ -111,29 +113,14 @@ class Session:
     ) -> Execution:
         """Load a tree and tick it to its end, for others to watch and control; the robot rests afterwards.
 
-        Raises TreeLoadError, before anything moves, also where the tree names what is not there.
+        Raises as ``load``, before anything moves.
         """
-        loaded = self._loaded(tree)
-        self.check(loaded, own=tree is not None and tree != self.setup.config.task.tree)
-        executor = self.executor(self._filled(loaded), after_tick)
+        executor = self.executor(self.load(tree), after_tick)
         telemetry = self.telemetry(executor)
         with telemetry, self.control_channel(executor, telemetry).serving():
             execution = executor.run()
             telemetry.end_as(execution)
         return execution
-
-    def check(self, tree: Tree, own: bool = True) -> None:
-        """Compare what a tree without entries asks for with scene, map and robot; warns of entries that nobody fills.
-
-        ``own``: whether it is another tree than the configured one. Raises TreeLoadError with all names that nothing
-        bears.
-        """
-        unknown = unknown_names(tree, self.setup.names)
-        if unknown:
-            raise TreeLoadError(unknown)
-        given = self.entries if self.task_given or not own else ()
-        for problem in unfilled_entries(tree, given, self.setup.config.name if self.task_given else None):
-            _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
     def control_channel(self, executor: Executor, telemetry: Telemetry) -> ControlChannel:
         """Through which others watch and control an execution."""
@@ -144,8 +131,14 @@ class Session:
         told, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
         return {"parts": {name: told.get(name, usual) for name in self.robot.parts}, "robot": told}
 
-    def _loaded(self, tree: str | Path | Behaviour | None) -> Tree:
-        return load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
+    def check(self, tree: Tree, own: bool = True) -> None:
+        """As ``load`` says; ``own``: whether it is another tree than the configured one."""
+        unknown = self.setup.unknown_in(tree)
+        if unknown:
+            raise TreeLoadError(unknown)
+        given = self.entries if self.task_given or not own else ()
+        for problem in unfilled_entries(tree, given, self.setup.config.name if self.task_given else None):
+            _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
     def _filled(self, tree: Tree) -> Tree:
         for key, value in self.entries.items():
@@ -258,9 +251,9 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         computation=InlineComputation(clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),
-        planners=cache(partial(planner_by_name, config)),
-        followers=cache(partial(follower_by_name, config)),
-        policies=partial(find_policy, tree=find_data("tree", config.task.tree)),
+        planners=cache(partial(algorithm_by_name, config, "global_planning")),
+        followers=cache(partial(algorithm_by_name, config, "local_planning")),
+        policies=find_policy,
     )
 
 

@@ -14,11 +14,18 @@ from py_trees.behaviour import Behaviour
 
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, find_data, shipped_trees
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
+from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
-from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner, make_localizer, make_odometry_filter
+from bestman_bt.runtime.algorithms import (
+    algorithm_problems,
+    make_algorithms,
+    make_local_planner,
+    make_localizer,
+    make_odometry_filter,
+)
 from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
 from bestman_bt.runtime.plugins import node_registry
@@ -116,6 +123,11 @@ class Setup:
             del names["object"]
         return names
 
+    def unknown_in(self, tree: Tree) -> list[TreeProblem]:
+        """Things, policies and algorithms that a tree names and that are not there; its entries are not filled yet."""
+        found = [*unknown_names(tree, self.names), *policy_problems(tree), *algorithm_problems(tree, self.config)]
+        return sorted(found, key=lambda one: (one.file, one.line))
+
 
 def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
     """Load and check everything that a run needs; nothing is started.
@@ -165,8 +177,7 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
         world_model.told.update(told_of_plan(config, world_model.map))
     try:
         tree = load_for(setup)
-        faults.problems += policy_problems(tree, find_data("tree", config.task.tree))
-        wrong = unknown_names(tree, setup.names)
+        wrong = setup.unknown_in(tree)
         if all_entries and not faults.problems:
             task = config.name if setup.entries or config.task.predicates else None
             wrong += [one for one in unfilled_entries(tree, setup.entries, task) if one.severity == "error"]

@@ -57,7 +57,7 @@ class Scripted(Policy):
         self._specification = PolicySpecification(**(fields | other))
         self._answer = answer
         self.closed = False
-        session.skills.policies = lambda name: self
+        session.skills.policies = lambda name, folders: self
 
     @property
     def specification(self) -> PolicySpecification:
@@ -80,7 +80,7 @@ def deltas(step: float, joint: int = 0, count: int = 10) -> Callable[[Observatio
 
 
 def load(robot: Session, goal: Pose | None = GOAL, **ports: object):
-    given = " ".join(f'{name}="{value}"' for name, value in ({"policy": "scripted"} | ports).items())
+    given = " ".join(f'{name}="{value}"' for name, value in ({"policy": "reach_diff_panda"} | ports).items())
     bound = "" if goal is None else 'goal="{goal}"'
     tree = robot.load(tree_of(f"<RunPolicy {given} {bound}/>"))
     if goal is not None:
@@ -199,7 +199,7 @@ def test_a_server_that_is_gone_is_told_by_its_code(robot: Session) -> None:
         ({}, Pose.from_xyz_rpy((0.55, 0.0, 2.5)), {}, "workspace"),
         ({}, None, {}, "no_goal"),
         ({}, GOAL, {"success": "luck"}, "bad_input"),
-        ({}, GOAL, {"object": "unicorn"}, "object_not_found"),
+        ({}, GOAL, {"object": "can"}, "object_not_found"),
         ({}, GOAL, {"workspace": "1;2;3"}, "bad_input"),
         ({"workspace": None}, GOAL, {}, "no_workspace"),
         ({"robot": "another"}, GOAL, {}, "other_robot"),
@@ -216,7 +216,10 @@ def test_what_cannot_go_well_is_refused_with_its_reason(
 
 
 def test_an_unknown_policy_is_answered_by_the_closest(robot: Session) -> None:
-    code, why = refused(robot, policy="reach_dif_panda")
+    tree = load(robot, policy="{which}")
+    tree.blackboard.set("which", "reach_dif_panda")
+    assert tick(tree, 800) == FAILURE
+    code, why = failures_of(robot)[0]
     assert code == "policy_unusable"
     assert "did you mean 'reach_diff_panda'" in why
 

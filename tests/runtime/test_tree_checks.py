@@ -10,7 +10,8 @@ import pytest
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
-from bestman_bt.runtime import Session, Setup, load_for, prepare
+from bestman_bt.runtime import Session, Setup, load_for, prepare, session
+from bestman_bt.runtime.algorithms import algorithm_by_name
 from bestman_bt.runtime.policies import policy_problems
 from bestman_bt.runtime.tree_checks import unfilled_entries, unknown_names
 
@@ -123,7 +124,7 @@ def test_a_policy_that_a_subtree_is_given_is_told_in_the_subtrees_line(kitchen: 
     leaf = '<RunPolicy policy="{which}" goal="1;0;1"/>'
     inner = f'<BehaviorTree ID="Try"><Fallback>{leaf}{leaf}</Fallback></BehaviorTree>'
     tree = load_for(kitchen, text_of('<Sequence>\n<SubTree ID="Try" which="policy_rech"/></Sequence>', inner))
-    (problem,) = policy_problems(tree, Path("my.xml"))
+    (problem,) = policy_problems(tree)
     assert (problem.line, problem.field) == (4, "which")
     assert "unknown policy 'policy_rech'" in problem.message
 
@@ -177,3 +178,83 @@ def test_a_session_refuses_names_that_nothing_bears(kitchen: Setup) -> None:
     session = Session(kitchen, None, None, dict(kitchen.entries))
     with pytest.raises(TreeLoadError, match="there is no surface 'countr'"):
         session.check(load_for(kitchen, text_of('<LookAt surface="countr"/>')))
+
+
+OWN_PLANNER = """
+from bestman_bt.messages import Path2D
+from bestman_bt.navigation.global_planning import GlobalPlanner
+from words import WORD
+
+
+class Mine(GlobalPlanner):
+    word = WORD
+
+    def plan(self, start, goal, costmap):
+        return Path2D([start.xy, goal.xy], goal)
+"""
+
+
+def tree_beside_planners(folder: Path, name: str) -> Path:
+    """A tree in ``folder``, and one that it includes from a folder below, each beside planners.py and words.py."""
+    inner = folder / "parts"
+    inner.mkdir(parents=True)
+    for place in (folder, inner):
+        (place / "planners.py").write_text(OWN_PLANNER)
+        (place / "words.py").write_text(f"WORD = {'/'.join(place.parts[-2:])!r}")
+    leaf = f'<ComputePathToPose goal="0;0;0" path="{{path}}" planner_id="{name}"/>'
+    (inner / "inner.xml").write_text(text_of(leaf).replace('"M"', '"Inner"'))
+    included = text_of(f'<Sequence>{leaf}<SubTree ID="Inner"/></Sequence>').replace(
+        '"M">', '"M">\n<include path="parts/inner.xml"/>', 1
+    )
+    (folder / "my.xml").write_text(included)
+    return folder / "my.xml"
+
+
+@pytest.mark.parametrize("name", ["planners.py:Mine", "planners:Mine"])
+def test_trees_and_what_they_include_find_the_planners_beside_them_and_no_others(
+    name: str, kitchen: Setup, tmp_path: Path
+) -> None:
+    words = []
+    for folder in ("one", "two"):
+        tree = load_for(kitchen, tree_beside_planners(tmp_path / folder, name))
+        assert kitchen.unknown_in(tree) == []
+        leaves = [node for node in tree.nodes if node.type_id == "ComputePathToPose"]
+        words += [algorithm_by_name(kitchen.config, "global_planning", name, leaf.folders).word for leaf in leaves]
+    base = tmp_path.name
+    assert words == [f"{base}/one", "one/parts", f"{base}/two", "two/parts"]
+    alone = tmp_path / "alone.xml"
+    alone.write_text((tmp_path / "one/parts/inner.xml").read_text())
+    (problem,) = kitchen.unknown_in(load_for(kitchen, alone))
+    assert (problem.file, problem.line, problem.field) == (str(alone), 3, "planner_id")
+
+
+def test_an_own_planner_that_fails_is_told_with_its_line_and_the_trees(kitchen: Setup, tmp_path: Path) -> None:
+    tree = tree_beside_planners(tmp_path / "one", "planners.py:Mine")
+    (tmp_path / "one/planners.py").write_text("import math\nmath.sqrt(-1)\n")
+    (problem,) = kitchen.unknown_in(load_for(kitchen, tree))
+    assert str(problem).startswith(f"{tree}:4: <ComputePathToPose> port 'planner_id': {tmp_path}/one/planners.py:2: it")
+
+
+@pytest.mark.parametrize(
+    ("node", "told"),
+    [
+        ('<LookAt surface="countr"/>', "there is no surface 'countr' (did you mean 'counter'?)"),
+        ('<RunPolicy policy="policy_rech" goal="1;0;1"/>', "unknown policy 'policy_rech'"),
+    ],
+)
+def test_loading_in_a_session_checks_names_as_a_run_does(node: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "my.xml"
+    path.write_text(text_of(node))
+    with pytest.raises(TreeLoadError) as by_run:
+        prepare(load_run(None, tree=path, scene="kitchen", robot="diff_panda"))
+    with session() as opened, pytest.raises(TreeLoadError) as by_session:
+        opened.load(path)
+    assert str(by_session.value) == str(by_run.value)
+    assert f"{path}:3: <{node[1:].split()[0]}>" in str(by_session.value)
+    assert told in str(by_session.value)
+
+
+def test_loading_in_a_session_warns_of_keys_that_nobody_fills(caplog: pytest.LogCaptureFixture) -> None:
+    with session() as opened, caplog.at_level(logging.WARNING):
+        opened.load(text_of('<CheckHeld object="{objct}"/>'))
+    assert "reads '{objct}', which nothing in the tree writes" in caplog.text

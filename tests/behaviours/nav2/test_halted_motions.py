@@ -120,7 +120,7 @@ def test_the_drive_along_the_last_path_decides(skills: Any) -> None:
 
 
 def test_who_follows_is_asked_by_name_and_may_be_changed_on_the_way(skills: Any) -> None:
-    skills.followers = lambda name: f"follower {name}"
+    skills.followers = lambda name, folders: f"follower {name}"
     skills.base.ends["follow"] = [UNDER_WAY, UNDER_WAY]
     tree = load(skills, FOLLOW, path=path_to(2.0), controller="")
     assert run(skills, tree, 2) == RUNNING
@@ -248,7 +248,7 @@ def test_a_motion_that_was_stopped_or_taken_over_by_another_command_has_failed(
 
 
 def test_a_follower_that_nobody_knows_given_on_the_way_ends_the_drive_too(skills: Any) -> None:
-    skills.followers = lambda name: f"follower {name}"
+    skills.followers = lambda name, folders: f"follower {name}"
     skills.base.ends["follow"] = [UNDER_WAY]
     tree = load(skills, FOLLOW, path=path_to(2.0), controller="")
     assert run(skills, tree, 2) == RUNNING
