@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from bestman_bt.configuration import RunConfig, load_run
 from bestman_bt.engine import SUCCESS
 from bestman_bt.evaluation.audit import Audit, audit
-from bestman_bt.runtime import Session, open_session
+from bestman_bt.runtime import Session, load_for, open_session
 from hal.pybullet import GroundTruth, PyBulletRobot
 from tests.behaviours.at_the_table import failures_of, standing_at_a_table, tick, tree_of
 
@@ -60,8 +60,9 @@ def table_with(
 
 
 def succeeds(session: Session, body: str, ticks: int = 2000) -> bool:
-    """Whether a tree succeeds."""
-    return tick(session.load(tree_of(body)), ticks) == SUCCESS
+    """Whether a tree succeeds, whatever it names: skills tell, too, what is not there."""
+    tree = load_for(session.setup, tree_of(body), context=session.skills, clock=session.robot.clock)
+    return tick(tree, ticks) == SUCCESS
 
 
 def why_not(session: Session, body: str) -> tuple[str, str]:
