@@ -50,7 +50,7 @@ class EvaluationView:
     def told(self, entry: Entry, result: RunResult) -> None:
         """One more episode is done."""
         if not result.success and not entry.control:
-            why = f"{result.failure.node}: {result.failure.why}" if result.failure else str(result.outcome)
+            why = f"{result.failure.named}: {result.failure.why}" if result.failure else str(result.outcome)
             self._print(f"{entry.name}, seed {result.seed}: {why}")
         elif self._live is None or (result.success and entry.control):
             self._print(f"{entry.name}, seed {result.seed}: {result.outcome}")

@@ -88,7 +88,7 @@ def summary(result: RunResult, setup: Setup, folder: Path) -> None:
     for goal in goals if result.success and result.judged else ():
         table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
     if result.failure is not None:
-        named = result.failure.where or result.failure.node
+        named = result.failure.named
         where = f"{named}: " if named else ""
         table.add_row("why", f"{where}{result.failure.why} ({result.failure.error_code})")
     if result.not_judged:

@@ -33,6 +33,11 @@ class FailureReport:
     why: str
     where: str = ""
 
+    @property
+    def named(self) -> str:
+        """What people call the node; its path where no file defines it."""
+        return self.where or self.node
+
 
 @dataclass(frozen=True)
 class RunResult:

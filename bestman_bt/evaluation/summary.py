@@ -82,7 +82,7 @@ def _failure(result: RunResult) -> dict[str, Any]:
     failure = result.failure
     return {
         "seed": result.seed,
-        "node": failure.node if failure else "",
+        "node": failure.named if failure else "",
         "error_code": failure.error_code if failure else str(result.outcome),
         "why": failure.why if failure else "the run was not judged a success",
     }

@@ -200,7 +200,10 @@ class ImageEvent:
 
 @dataclass(frozen=True)
 class LogEvent:
-    """A line of the log; one a failure, with the path of the node, its code and its words."""
+    """A line of the log; one a failure, with the path of the node, its code and its words.
+
+    ``where``: what people call the node, its name with file and line; empty where no file defines it.
+    """
 
     time: float
     level: Level
@@ -208,6 +211,7 @@ class LogEvent:
     node: str = ""
     code: str = ""
     logger: str = "tree"
+    where: str = ""
     event: Literal["log"] = "log"
 
 

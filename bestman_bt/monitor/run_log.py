@@ -137,6 +137,7 @@ def read_log(folder: Path) -> Iterator[LogEvent]:
                 str(document.get("node", "")),
                 str(document.get("code", "")),
                 str(document.get("logger", "tree")),
+                str(document.get("where", "")),
             )
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
             raise EventError(f"{folder / LOG_FILE}: line {number}: no line of a log: {error!r}") from error

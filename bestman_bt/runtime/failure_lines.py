@@ -12,11 +12,12 @@ from bestman_bt.monitor.described_tree import category_of
 
 @dataclass(frozen=True)
 class FailureLine:
-    """``code`` is empty for a leaf that tells none."""
+    """``node``: its path. ``code`` is empty for a leaf that tells none. ``where``: as of ``Node.where``."""
 
     node: str
     code: str
     words: str
+    where: str = ""
 
 
 class FailureLines:
@@ -38,9 +39,9 @@ class FailureLines:
             node = tree.nodes[uid - 1]
             failure = new.get(node.path)
             if failure is not None:
-                lines.append(FailureLine(node.path, failure.error_code, failure.why))
+                lines.append(FailureLine(node.path, failure.error_code, failure.why, node.where))
             else:
-                lines.append(FailureLine(node.path, "", node.feedback_message or f"{node.type_id} failed"))
+                lines.append(FailureLine(node.path, "", node.feedback_message or f"{node.type_id} failed", node.where))
         return lines
 
 

@@ -232,6 +232,6 @@ class Telemetry:
         time = self.now()
         for line in self._failures.of(tree, uids):
             self.last_failure = line
-            self.tell(LogEvent(time, "warning", line.words, line.node, line.code))
+            self.tell(LogEvent(time, "warning", line.words, line.node, line.code, where=line.where))
             for source in self._sources:
                 source.failed(time, line.node)

@@ -489,10 +489,15 @@ def test_status_tells_the_last_failure_of_an_action() -> None:
     clock = ManualClock()
     executor = Executor(load_tree(SHORT, clock=clock), clock)
     telemetry = Telemetry(executor, described("failing"))
-    telemetry.last_failure = FailureLine("Main/grasp", "no_grasp", "nothing to hold")
+    telemetry.last_failure = FailureLine("Main/grasp", "no_grasp", "nothing to hold", "grasp (my.xml:4)")
     channel = ControlChannel(executor, lambda: None, telemetry, lambda: {"parts": {"arm": "ok"}, "robot": {}})
     answer = channel.answer({"do": "status"})
-    assert answer["last_failure"] == {"node": "Main/grasp", "code": "no_grasp", "words": "nothing to hold"}
+    assert answer["last_failure"] == {
+        "node": "Main/grasp",
+        "code": "no_grasp",
+        "words": "nothing to hold",
+        "where": "grasp (my.xml:4)",
+    }
     assert answer["parts"] == {"arm": "ok"}
 
 

@@ -270,3 +270,17 @@ def test_an_execution_that_nobody_has_ended_has_broken_or_was_cancelled(
     assert (end.outcome, end.tree_status) == (outcome, "IDLE")
     assert [line.message for line in read_log(tmp_path)][-1].startswith(f"broken ends: {outcome}")
     assert why in [line.message for line in read_log(tmp_path)][-1]
+
+
+def test_a_failure_is_told_with_the_nodes_name_file_and_line(tmp_path: Path) -> None:
+    (tmp_path / "my.xml").write_text(
+        '<root BTCPP_format="4">\n<BehaviorTree ID="M">\n<AlwaysFailure/></BehaviorTree></root>'
+    )
+    tree = load_tree(tmp_path / "my.xml")
+    executor = Executor(tree, ManualClock())
+    (tmp_path / "run").mkdir()
+    run = RunEvent("failing", "M", "", "", 0, str(tmp_path), os.getpid(), 1000.0, 20.0, "simulated")
+    with Telemetry(executor, run, tmp_path / "run"):
+        executor.run()
+    (line,) = (line for line in read_log(tmp_path / "run") if line.level == "warning")
+    assert (line.node, line.where) == ("AlwaysFailure::1", "AlwaysFailure (my.xml:3)")

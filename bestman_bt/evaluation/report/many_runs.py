@@ -116,7 +116,7 @@ def causes(stories: Sequence[RunStory]) -> list[Cause]:
     told = []
     for (task, code), mine in found.items():
         example = mine[0].result.failure if mine[0].result is not None else None
-        node, why = (example.node, example.why) if example is not None else ("", "")
+        node, why = (example.named, example.why) if example is not None else ("", "")
         told.append(Cause(task, code, len(mine), node, why, tuple(sorted(s.seed for s in mine))))
     return sorted(told, key=lambda cause: -cause.count)
 

@@ -274,7 +274,7 @@ def _failures(folder: Path, parts: _Parts) -> Iterator[StoryFailure]:
     """Of the log; without one, the failure that the result tells."""
     if not parts.logged and parts.result is not None and parts.result.failure is not None:
         failure = parts.result.failure
-        yield StoryFailure(parts.result.sim_time_s, failure.node, failure.error_code, failure.why)
+        yield StoryFailure(parts.result.sim_time_s, failure.named, failure.error_code, failure.why)
     counts = Counter(parts.logged)  # a leaf that is tried again at once may fail alike within one tick
     if len(counts) > MAX_FAILURES:
         parts.notes.append(f"of {len(counts)} failures the last {MAX_FAILURES} are shown")
@@ -286,7 +286,7 @@ def _failures(folder: Path, parts: _Parts) -> Iterator[StoryFailure]:
             taken += 1
             nearest = min(reversed(seen), key=lambda image: abs(image.time - event.time))
             picture = _picture(folder, nearest.file, f"{nearest.camera} at {nearest.time:.2f} s", parts)
-        yield StoryFailure(event.time, event.node, event.code, event.message, counts[event], picture)
+        yield StoryFailure(event.time, event.where or event.node, event.code, event.message, counts[event], picture)
 
 
 def _pictures(folder: Path, parts: _Parts) -> Iterator[StoryPicture]:

@@ -48,7 +48,10 @@ class StoryPicture:
 
 @dataclass(frozen=True)
 class StoryFailure:
-    """A leaf failed: when (seconds since the start), which, why, how often at that moment, and what the robot saw."""
+    """A leaf failed: when (seconds since the start), which, why, how often at that moment, and what the robot saw.
+
+    ``node``: what people call it, its name with file and line, or its path where no file defines it.
+    """
 
     time: float
     node: str

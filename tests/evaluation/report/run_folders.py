@@ -102,7 +102,9 @@ def write_run(
 def failure_with_picture(file: str = "pictures/1.jpg") -> tuple[Event, ...]:
     """The events of a failure that a picture was taken of."""
     return (
-        LogEvent(1.4, "warning", f"out of reach {HOSTILE}", "work/Grasp::7", "no_grasp"),
+        LogEvent(
+            1.4, "warning", f"out of reach {HOSTILE}", "work/Grasp::7", "no_grasp", where=f"Grasp {HOSTILE} (my.xml:9)"
+        ),
         ImageEvent(1.4, "head_camera", 32, 24, file=file, node="work/Grasp::7"),
     )
 

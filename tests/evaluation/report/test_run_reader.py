@@ -88,7 +88,7 @@ def test_a_failure_comes_with_the_picture_of_that_moment(tmp_path: Path) -> None
 
     (failure,) = read_story(folder).failures
 
-    assert (failure.time, failure.node, failure.code) == (1.4, "work/Grasp::7", "no_grasp")
+    assert (failure.time, failure.node, failure.code) == (1.4, f"Grasp {HOSTILE} (my.xml:9)", "no_grasp")
     assert failure.picture is not None
     assert failure.picture.jpeg.startswith(b"\xff\xd8")
 

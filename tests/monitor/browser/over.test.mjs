@@ -13,7 +13,8 @@ function over(id, outcome, { failure = null, ...about } = {}) {
   run.marks = run.marks.filter((mark) => mark.kind === "end");
   if (failure !== null) {
     run.marks.unshift({ time: 1, kind: "error", text: failure });
-    run.log.push({ time: 1, level: "error", node: leaf(run).path, code: "not_held", message: failure, logger: "tree" });
+    run.log.push({ time: 1, level: "error", node: leaf(run).path, code: "not_held", message: failure, logger: "tree",
+      where: "grasp (fetch.xml:12)" });
   }
   return run;
 }
@@ -31,7 +32,7 @@ test("a run that failed opens at its first failure, and says how it came out and
   const told = page.getByRole("region", { name: "How it came out" });
   await told.getByText("failure", { exact: true }).waitFor();
   await told.getByText("the cup slipped").waitFor();
-  await told.getByRole("button", { name: `Show ${leaf(run).path.split("/").at(-1)}` }).click();
+  await told.getByRole("button", { name: "Show grasp (fetch.xml:12)" }).click();
   await page.locator(".node-name", { hasText: leaf(run).name }).waitFor();
 });
 

@@ -145,6 +145,8 @@ export interface LogLine {
   code?: string | null;
   message: string;
   logger?: string | null;
+  /** What people call the node: its name with file and line. */
+  where?: string | null;
 }
 
 export interface Span {

@@ -56,7 +56,7 @@ function Ending({ run, tree }: { run: Run; tree: Tree }) {
           <button type="button" class="button" onClick={() => {
             seek(run, failure.time);
             run.show(tree.find(failure.node));
-          }}>Show {String(failure.node).split("/").at(-1)}</button>
+          }}>Show {failure.where || String(failure.node).split("/").at(-1)}</button>
         </div>
       )}
     </section>
