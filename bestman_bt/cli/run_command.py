@@ -53,7 +53,7 @@ from bestman_bt.extras import require_extra
 from bestman_bt.runtime import Session, Setup
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED
 from bestman_bt.visualization.rerun import RECORDING_NAME
-from hal.hardware import ConnectionFailedError
+from hal.parts import ConnectionFailedError
 from hal.twins.remote_truth import RemoteTruth
 
 

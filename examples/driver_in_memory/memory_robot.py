@@ -17,21 +17,21 @@ from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import GripperModel, RobotModel
 from bestman_bt.scene import World
 from hal.api import Part, Robot
-from hal.hardware import (
+from hal.parts import (
     BaseChannel,
     BaseReading,
+    CommandedGripper,
     DrivenBase,
     GripperChannel,
     GripperReading,
-    HardwareGripper,
     JointChannel,
     JointReading,
+    SimulatedClock,
     StopLatch,
     StreamedArm,
     StreamedJointGroup,
     ToolLimits,
 )
-from hal.parts.simulated_clock import SimulatedClock
 
 PERIOD = 0.01
 
@@ -86,9 +86,10 @@ class Wheels(BaseChannel):
         """Odometry without any drift."""
         return BaseReading(self._pose, self._velocity)
 
-    def send(self, velocity: Twist2D) -> None:
+    def send(self, velocity: Twist2D) -> bool:
         """Drive."""
         self._velocity = velocity
+        return True
 
     def move(self, dt: float) -> None:
         """What happens in ``dt`` seconds."""
@@ -105,7 +106,7 @@ class MemoryRobot(Robot):
         self._model, self._latch, self._clock = model, StopLatch(), SimulatedClock(PERIOD)
         home = model.postures["home"]
         self._channels: list[Fingers | Wheels] = []
-        self._moving: list[StreamedJointGroup | HardwareGripper | DrivenBase] = []
+        self._moving: list[StreamedJointGroup | CommandedGripper | DrivenBase] = []
         for name, group in (model.arms | model.joint_groups).items():
             at = np.array([home.get(joint, 0.0) for joint in group.joint_names])
             channel = Joints(np.clip(at, group.lower, group.upper))
@@ -117,7 +118,7 @@ class MemoryRobot(Robot):
         for name, gripper in model.grippers.items():
             fingers = Fingers(gripper)
             self._channels.append(fingers)
-            self._moving.append(HardwareGripper(name, gripper, fingers, self._latch))
+            self._moving.append(CommandedGripper(name, gripper, fingers, self._latch))
         for name, base in model.bases.items():
             wheels = Wheels()
             self._channels.append(wheels)

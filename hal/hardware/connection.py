@@ -14,10 +14,8 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from hal.api import Clock, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
-from hal.hardware.fault import ConnectionFailedError, Fault
-from hal.hardware.hardware_part import HardwarePart
 from hal.hardware.only_client import OnlyClient
-from hal.hardware.stop_latch import StopLatch
+from hal.parts import ConnectionFailedError, ControlledPart, Fault, StopLatch
 
 LONGEST_BRAKING = 0.6
 """Seconds that parts get to come to rest before their wire is closed."""
@@ -203,8 +201,8 @@ class Connection(ABC):
     def _crashed(self, error: Exception) -> None:
         self._crash = Fault(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")
 
-    def _moving(self) -> list[HardwarePart]:
-        return [part for part in self._parts.values() if isinstance(part, HardwarePart)]
+    def _moving(self) -> list[ControlledPart]:
+        return [part for part in self._parts.values() if isinstance(part, ControlledPart)]
 
     def _shut(self) -> None:
         for loop in self._loops:

@@ -27,9 +27,9 @@ from hal.api import (
     Robot,
 )
 from hal.hardware.clock import RealTimeClock
-from hal.hardware.fault import Fault
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, Call, MotionNumber, MotionReport, Setup
+from hal.parts import Fault
 
 END_TIME = 5.0
 PROGRAM = "from hal.hardware.robot_process import main; main()"

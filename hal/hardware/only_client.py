@@ -9,7 +9,7 @@ import time
 from contextlib import suppress
 
 from bestman_bt.runtime_folder import runtime_folder
-from hal.hardware.fault import ConnectionFailedError
+from hal.parts import ConnectionFailedError
 
 PATIENCE = 3.0
 """Seconds that a new client waits: the robot process of a program that was killed brings the robot to rest first."""

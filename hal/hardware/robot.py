@@ -15,8 +15,7 @@ from hal.api import Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
-from hal.hardware.fault import ConnectionFailedError, Fault
-from hal.hardware.stop_latch import StopLatch
+from hal.parts import ConnectionFailedError, Fault, StopLatch
 
 WATCH_RATE = 100.0
 """Hertz: how often the watchdog looks at each controller."""

@@ -7,26 +7,23 @@ from collections.abc import Callable
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
 from bestman_bt.robot_model import BatteryModel, CameraModel, ForceTorqueModel, ImuModel, LidarModel
 from hal.api import Battery, BatteryReading, Camera, ForceTorque, Imu, ImuReading, Lidar
-from hal.hardware.fault import Fault
-from hal.hardware.hardware_part import HardwarePart
-from hal.hardware.part_line import PartLine
-from hal.hardware.stop_latch import StopLatch
+from hal.parts import ControlledPart, Fault, PartConnection, StopLatch
 
 
-class HardwareSensor(HardwarePart):
+class HardwareSensor(ControlledPart):
     """A sensor behind a controller; nothing of it moves, and nothing is read of a controller that was lost."""
 
     def __init__(self, name: str, latch: StopLatch) -> None:
         super().__init__(name)
-        self._line = PartLine(name, latch)
+        self._connection = PartConnection(name, latch)
 
     def attach(self) -> None:
         """The controller has connected."""
-        self._line.open()
+        self._connection.open()
 
     def detach(self) -> None:
         """The controller disconnects."""
-        self._line.close()
+        self._connection.close()
 
     @property
     def resting(self) -> bool:
@@ -35,7 +32,7 @@ class HardwareSensor(HardwarePart):
 
     def fail(self, fault: Fault) -> None:
         """There is no motion to fail; readings do."""
-        self._line.fail_motion(fault)
+        self._connection.fail_motion(fault)
 
     def stop(self) -> None:
         """A sensor has nothing to stop."""
@@ -60,7 +57,7 @@ class HardwareCamera(HardwareSensor, Camera):
 
     def capture(self) -> RGBDImage:
         """Take one image now."""
-        self._line.check_reading()
+        self._connection.check_reading()
         return self._take()
 
 
@@ -78,7 +75,7 @@ class HardwareLidar(HardwareSensor, Lidar):
 
     def scan(self) -> LaserScan:
         """The latest scan."""
-        self._line.check_reading()
+        self._connection.check_reading()
         return self._read()
 
 
@@ -96,7 +93,7 @@ class HardwareForceTorque(HardwareSensor, ForceTorque):
 
     def wrench(self) -> Wrench:
         """The latest wrench."""
-        self._line.check_reading()
+        self._connection.check_reading()
         return self._read()
 
 
@@ -114,7 +111,7 @@ class HardwareImu(HardwareSensor, Imu):
 
     def read(self) -> ImuReading:
         """The latest reading."""
-        self._line.check_reading()
+        self._connection.check_reading()
         return self._read()
 
 
@@ -127,5 +124,5 @@ class HardwareBattery(HardwareSensor, Battery):
 
     def read(self) -> BatteryReading:
         """The latest reading."""
-        self._line.check_reading()
+        self._connection.check_reading()
         return self._read()

@@ -1,29 +1,68 @@
-"""What parts of any make are built from: motions with an end, courses of set-points, checks of commands."""
+"""What parts of any make are built from: the laws of joints, grippers and bases over channels, motions, checks."""
 
 from hal.parts.base_command_checks import BaseCommandChecks
+from hal.parts.channels import (
+    BaseChannel,
+    BaseReading,
+    GripperChannel,
+    GripperReading,
+    JointChannel,
+    JointReading,
+)
 from hal.parts.command_checks import JointCommandChecks
+from hal.parts.controlled_part import ControlledPart, StoppablePart
+from hal.parts.driven_base import DrivenBase, DrivingParameters, MotionProfile, MotionProfileParameters
+from hal.parts.fault import ConnectionFailedError, Fault
+from hal.parts.gripper import CommandedGripper, GripperParameters
 from hal.parts.gripper_command_checks import GripperCommandChecks
 from hal.parts.interface import Interface, interface_of
 from hal.parts.motion import MotionOwner, PartMotion
+from hal.parts.part_connection import PartConnection
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Follow, Hold, Reach, Setpoints, Stream, Trapezoid
 from hal.parts.simulated_clock import SimulatedClock
+from hal.parts.stop_latch import StopLatch
+from hal.parts.streamed_arm import StreamedArm
+from hal.parts.streamed_joints import StreamedJointGroup, StreamingParameters
+from hal.parts.tool_limits import ToolLimits
 
 __all__ = [
+    "BaseChannel",
     "BaseCommandChecks",
+    "BaseReading",
     "Brake",
     "BrakeThenMove",
+    "CommandedGripper",
+    "ConnectionFailedError",
+    "ControlledPart",
     "Drift",
+    "DrivenBase",
+    "DrivingParameters",
+    "Fault",
     "Follow",
+    "GripperChannel",
     "GripperCommandChecks",
+    "GripperParameters",
+    "GripperReading",
     "Hold",
     "Interface",
+    "JointChannel",
     "JointCommandChecks",
+    "JointReading",
     "MotionOwner",
+    "MotionProfile",
+    "MotionProfileParameters",
+    "PartConnection",
     "PartMotion",
     "Reach",
     "Setpoints",
     "SimulatedClock",
+    "StopLatch",
+    "StoppablePart",
     "Stream",
+    "StreamedArm",
+    "StreamedJointGroup",
+    "StreamingParameters",
+    "ToolLimits",
     "Trapezoid",
     "interface_of",
 ]

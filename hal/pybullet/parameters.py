@@ -10,8 +10,7 @@ from dataclasses import dataclass
 class PhysicsParameters:
     """SI units. Rates are whole fractions of ``step_rate``: a control period is ``control_every`` physics steps.
 
-    ``stop_time``: in which a stop takes all speed away; legs (``legged_stop_time``) need the rest of half a second to
-    set their feet down and come to rest on them. Gripper speeds are rates of the opening width.
+    ``gripper_holding_force``: newtons at most with which fingers hold their width while nothing is asked of them.
     ``odometry_calibration``: standard deviation of the relative errors of the wheel radii and the track that odometry
     believes, drawn once from the robot's seed.
     ``object_sleep_speed``: objects that stay slower (m/s, rad/s) for two seconds are left out of the solver until
@@ -27,14 +26,8 @@ class PhysicsParameters:
 
     joint_position_gain: float = 0.3
     joint_velocity_gain: float = 1.0
-    tracking_tolerance: float = 0.1
-    tracking_time: float = 0.1
-    settle_tolerance: float = 0.004
-    stop_time: float = 0.35
-    legged_stop_time: float = 0.08
 
-    gripper_force: float = 40.0
-    gripper_speed: float = 0.2
+    gripper_holding_force: float = 40.0
     finger_stiffness: float = 3e5
     finger_damping: float = 1e4
     finger_spinning_friction: float = 0.02
@@ -49,7 +42,6 @@ class PhysicsParameters:
     caster_friction: float = 0.0
     floor_friction: float = 1.0
     odometry_calibration: float = 0.005
-    command_timeout: float = 0.25
 
     object_spinning_friction: float = 0.01
     object_sleep_speed: float = 0.01

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from functools import partial
 from types import MappingProxyType
 from zlib import crc32
 
@@ -12,43 +13,50 @@ import numpy as np
 from bestman_bt.robot_model import RobotModel, payload
 from bestman_bt.scene import World
 from hal.api import NotConnectedError, Part, Robot
-from hal.parts.simulated_clock import SimulatedClock
-from hal.pybullet.arm import SimulatedArm
-from hal.pybullet.base import SimulatedBase
+from hal.parts import (
+    CommandedGripper,
+    DrivenBase,
+    DrivingParameters,
+    MotionProfileParameters,
+    SimulatedClock,
+    StopLatch,
+    StreamedArm,
+    StreamedJointGroup,
+    ToolLimits,
+)
 from hal.pybullet.battery import SimulatedBattery
 from hal.pybullet.bumper import SimulatedBumper
 from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
+from hal.pybullet.encoders import Encoders
+from hal.pybullet.finger_motors import FingerMotors
 from hal.pybullet.force_torque import SimulatedForceTorque
-from hal.pybullet.gripper import SimulatedGripper
 from hal.pybullet.honesty_record import HonestyRecord
 from hal.pybullet.imu import SimulatedImu
 from hal.pybullet.interference import Interference
-from hal.pybullet.joint_group import SimulatedJointGroup
-from hal.pybullet.legged_base import LEGS_CANNOT, SimulatedLeggedBase
+from hal.pybullet.joint_motors import JointMotors
+from hal.pybullet.leg_drive import LEGS_CANNOT, LegDrive
 from hal.pybullet.lidar import SimulatedLidar
 from hal.pybullet.monitor import HonestyMonitor
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.raw_call_guard import RawCallGuard
 from hal.pybullet.simulation import Simulation
-from hal.pybullet.suction import SimulatedSuction
+from hal.pybullet.suction import SuctionPump
 from hal.pybullet.tactile import SimulatedTactile
+from hal.pybullet.wheel_drive import WheelDrive
 
-SimulatedPart = (
-    SimulatedArm
-    | SimulatedBase
-    | SimulatedBattery
+Channel = FingerMotors | JointMotors | LegDrive | SuctionPump | WheelDrive
+SimulatedSensor = (
+    SimulatedBattery
     | SimulatedBumper
     | SimulatedCamera
     | SimulatedForceTorque
-    | SimulatedGripper
     | SimulatedImu
-    | SimulatedJointGroup
-    | SimulatedLeggedBase
     | SimulatedLidar
-    | SimulatedSuction
     | SimulatedTactile
 )
+LEGS = DrivingParameters(stop_time=0.08, profile=MotionProfileParameters(arrived=0.005))
+"""A base on legs needs most of half a second to set its feet down, and comes to rest less exactly than on wheels."""
 
 
 class PyBulletRobot(Robot):
@@ -73,9 +81,14 @@ class PyBulletRobot(Robot):
         self._simulation: Simulation | None = None
         self._monitor: HonestyMonitor | None = None
         self._guard: RawCallGuard | None = None
-        self._stopped = False
+        self._latch = StopLatch()
         self._lock = threading.RLock()
-        self._parts = MappingProxyType(self._make_parts())
+        self._channels: dict[str, Channel] = {}
+        self._actuators: dict[str, CommandedGripper | DrivenBase | StreamedJointGroup] = {}
+        self._sensors: dict[str, SimulatedSensor] = {}
+        self._make_sensors()
+        self._make_actuators()
+        self._parts = MappingProxyType({**self._actuators, **self._sensors})
 
     # Description
 
@@ -100,6 +113,13 @@ class PyBulletRobot(Robot):
     def parts(self) -> Mapping[str, Part]:
         """All parts by name."""
         return self._parts
+
+    def encoders(self, part: str) -> Encoders:
+        """Those that programs read of a base on wheels, an arm or a group of joints; KeyError for other parts."""
+        channel = self._channels[part]
+        if isinstance(channel, JointMotors | WheelDrive):
+            return channel.encoders
+        raise KeyError(part)
 
     @property
     def simulation(self) -> Simulation:
@@ -143,11 +163,9 @@ class PyBulletRobot(Robot):
         try:
             simulation = Simulation(client, self._model, self._world, self._parameters)
             self._monitor = HonestyMonitor(simulation, self._world)
-            for part in self._parts.values():
-                part.attach(simulation)
+            self._attach(simulation)
         except BaseException:
-            for part in self._parts.values():
-                part.detach()
+            self._detach_all()
             client.disconnect()
             raise
         simulation.epoch = self._clock.now()
@@ -162,8 +180,7 @@ class PyBulletRobot(Robot):
         """End motions and periodic calls and close the physics server; idempotent."""
         if self._simulation is None:
             return
-        for part in self._parts.values():
-            part.detach()
+        self._detach_all()
         self._clock.step = None
         self._clock.cancel_timers()
         if self._guard is not None:
@@ -174,25 +191,25 @@ class PyBulletRobot(Robot):
     def stop(self) -> None:
         """Bring all parts to rest and latch; safe from any thread, at once in effect."""
         with self._lock:
-            self._stopped = True
+            self._latch.set()
             for part in self._parts.values():
                 part.stop()
 
     def clear_stop(self) -> None:
         """Accept commands again; nothing moves by itself."""
-        self._stopped = False
+        self._latch.clear()
 
     @property
     def stopped(self) -> bool:
         """Whether the stop is latched."""
-        return self._stopped
+        return bool(self._latch)
 
     def diagnostics(self) -> dict[str, str]:
         """Short texts by subject."""
         texts = {
             "implementation": "PyBullet",
             "connected": "yes" if self._simulation is not None else "no",
-            "stopped": "yes" if self._stopped else "no",
+            "stopped": "yes" if self._latch else "no",
             "time": f"{self._clock.now():.2f} s",
             "world": f"{self._world.scene}, seed {self._world.seed}",
         }
@@ -202,6 +219,23 @@ class PyBulletRobot(Robot):
         return texts
 
     # Private
+
+    def _attach(self, simulation: Simulation) -> None:
+        """The simulation's loop drives the parts, as a connection's loop does on hardware."""
+        for name, part in self._actuators.items():
+            self._channels[name].attach(simulation)
+            part.attach()
+            simulation.controls.append(partial(part.cycle, self._parameters.control_period))
+        for sensor in self._sensors.values():
+            sensor.attach(simulation)
+
+    def _detach_all(self) -> None:
+        for part in self._actuators.values():
+            part.detach()
+        for channel in self._channels.values():
+            channel.detach()
+        for sensor in self._sensors.values():
+            sensor.detach()
 
     def _step(self) -> None:
         with self._lock:
@@ -213,41 +247,47 @@ class PyBulletRobot(Robot):
         self._clock.step = self._step
         self._step()
 
-    def _is_stopped(self) -> bool:
-        return self._stopped
-
     def _generator(self, part: str) -> np.random.Generator:
         """Noise of a part; its own stream, so that one part's use does not change another's."""
         return np.random.default_rng([self._seed, crc32(part.encode())])
 
-    def _make_parts(self) -> dict[str, SimulatedPart]:
-        model, parameters, stopped = self._model, self._parameters, self._is_stopped
-        parts: dict[str, SimulatedPart] = {}
-        imus = {name: SimulatedImu(name, imu, self._generator(name)) for name, imu in model.imus.items()}
+    def _make_actuators(self) -> None:
+        model, parameters, latch = self._model, self._parameters, self._latch
+        period = parameters.control_period
         for name, base in model.bases.items():
             if base.legs:
+                imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
                 body = payload(model, base.trunk_link, model.postures.get("home"))
-                parts[name] = SimulatedLeggedBase(name, base, parameters, stopped, next(iter(imus.values())), body)
+                legs = self._channels[name] = LegDrive(base, parameters, imu, body)
+                self._actuators[name] = DrivenBase(name, base, legs, latch, LEGS)
             else:
-                parts[name] = SimulatedBase(name, base, parameters, stopped, self._generator(name))
+                wheels = self._channels[name] = WheelDrive(name, base, parameters, self._generator(name))
+                self._actuators[name] = DrivenBase(name, base, wheels, latch)
         for name, arm in model.arms.items():
-            parts[name] = SimulatedArm(name, arm, parameters, stopped, self._generator(name))
+            motors = self._channels[name] = JointMotors(name, arm, parameters, self._generator(name))
+            tool = ToolLimits(model, name, model.safety)
+            self._actuators[name] = StreamedArm(name, arm, motors, latch, period, tool, now=self._clock.now)
         for name, gripper in model.grippers.items():
-            hand = SimulatedSuction if gripper.kind == "suction" else SimulatedGripper
-            parts[name] = hand(name, gripper, parameters, stopped)
+            make = SuctionPump if gripper.kind == "suction" else FingerMotors
+            fingers = self._channels[name] = make(gripper, parameters)
+            self._actuators[name] = CommandedGripper(name, gripper, fingers, latch)
         for name, group in model.joint_groups.items():
-            parts[name] = SimulatedJointGroup(name, group, parameters, stopped, self._generator(name))
+            motors = self._channels[name] = JointMotors(name, group, parameters, self._generator(name))
+            self._actuators[name] = StreamedJointGroup(name, group, motors, latch, period)
+
+    def _make_sensors(self) -> None:
+        model, sensors, rng = self._model, self._sensors, self._generator
         for name, camera in model.cameras.items():
-            parts[name] = SimulatedCamera(name, camera, self._generator(name))
+            sensors[name] = SimulatedCamera(name, camera, rng(name))
         for name, lidar in model.lidars.items():
-            parts[name] = SimulatedLidar(name, lidar, self._generator(name))
-        for name, sensor in model.force_torques.items():
-            parts[name] = SimulatedForceTorque(name, sensor, self._generator(name))
-        parts |= imus
+            sensors[name] = SimulatedLidar(name, lidar, rng(name))
+        for name, wrist in model.force_torques.items():
+            sensors[name] = SimulatedForceTorque(name, wrist, rng(name))
+        for name, imu in model.imus.items():
+            sensors[name] = SimulatedImu(name, imu, rng(name))
         for name, pad in model.tactiles.items():
-            parts[name] = SimulatedTactile(name, pad, self._generator(name))
+            sensors[name] = SimulatedTactile(name, pad, rng(name))
         for name, bumper in model.bumpers.items():
-            parts[name] = SimulatedBumper(name, bumper)
+            sensors[name] = SimulatedBumper(name, bumper)
         for name, battery in model.batteries.items():
-            parts[name] = SimulatedBattery(name, battery, self._generator(name))
-        return parts
+            sensors[name] = SimulatedBattery(name, battery, rng(name))

@@ -1,4 +1,4 @@
-"""Simulated suction cups: air presses what the rim lies on against it, with at most the rated force."""
+"""Suction cups as a channel: air presses what the rim lies on against it, with at most the rated force."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import math
 from collections.abc import Callable
 
 from bestman_bt.robot_model import GripperModel
-from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus
-from hal.parts import GripperCommandChecks, PartMotion
+from hal.parts import GripperChannel, GripperReading
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
-from hal.pybullet.part import Connection
+from hal.pybullet.simulated_channel import SimulatedChannel
 from hal.pybullet.simulation import Simulation
 
 Vector = tuple[float, float, float]
@@ -21,91 +20,61 @@ FLAT = math.cos(math.radians(20.0))
 BUILD_UP = 0.15
 
 
-class SimulatedSuction(Gripper):
+class SuctionPump(SimulatedChannel, GripperChannel):
     """A cup that sucks at width 0 and lets go at any other.
 
     While the rim touches a body, flat, the vacuum presses the two together with equal and opposite forces. No
     constraint ties them: friction at the rim holds sideways, and a pull beyond the rated force tears them apart.
+
+    Its width is nominal: half of the full width where it sucks at something; sucking air, it sinks to 0 in the time
+    in which a vacuum would have been built up twice.
     """
 
-    def __init__(
-        self, name: str, model: GripperModel, parameters: PhysicsParameters, stopped: Callable[[], bool]
-    ) -> None:
-        super().__init__(name)
+    reaction_time = 0.0
+
+    def __init__(self, model: GripperModel, parameters: PhysicsParameters) -> None:
         self._model, self._parameters = model, parameters
-        self._checks = GripperCommandChecks(name, model, least_width=0.0)
-        self._connection = Connection(name, stopped)
         self._reader: Reader | None = None
         self._apply: Callable[..., None] | None = None
         self._cup = -1
         self._force = 0.0  # N, asked for; 0: the pump is off
-        self._asked = model.max_width
+        self._width = model.max_width
         self._sealed_for = 0.0
-        self._left = 0.0
-
-    @property
-    def description(self) -> GripperDescription:
-        """Nominal widths; the force is the vacuum's."""
-        return self._checks.description
-
-    def width(self) -> float:
-        """Nominal: 0 sucking air, half of the full width sucking at something, what was asked for at rest."""
-        sucking = self._connection.simulation is not None and self._force > 0.0
-        if not sucking:
-            return self._asked
-        return self._model.max_width / 2 if self._sealed_for > 0.0 else 0.0
-
-    def state(self) -> GripperState:
-        """What the vacuum sensor says."""
-        moving = self._connection.motion is not None
-        held, on = self._sealed_for >= BUILD_UP, self._force > 0.0
-        return GripperState(moving, not moving, held, on and not held and not moving)
-
-    def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
-        """Switch the pump on (``width`` 0) or off; ``speed`` means nothing here."""
-        self._connection.check_command("move")
-        width, force, _ = self._checks.move(width, force, speed)
-        motion = PartMotion(self)
-        self._connection.begin(motion)
-        self._force = force if width <= 1e-6 else 0.0
-        self._asked = width
-        self._left = 2.0 * BUILD_UP
-        return motion
-
-    def stop(self) -> None:
-        """The pump stays as it is: what is held does not fall."""
-        if self._connection.present:
-            self.brake()
-            self._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
-
-    def brake(self) -> None:
-        """Nothing moves."""
 
     def attach(self, simulation: Simulation) -> None:
         """At rest, the pump off."""
-        self._connection.attach(simulation)
+        super().attach(simulation)
         self._reader = simulation.client.reader(ReadPurpose.SENSOR)
         self._apply = simulation.client.function("applyExternalForce")  # of a declared cup: not the audit's tampering
         self._cup = simulation.built.links[self._model.finger_links[0]]
         self._force = self._sealed_for = 0.0
-        self._asked = self._model.max_width
-        simulation.controls.append(self._control)
+        self._width = self._model.max_width
         simulation.effort_controls.append(self._suck)
 
     def detach(self) -> None:
         """Let go."""
-        self._connection.detach()
+        super().detach()
         self._reader = self._apply = None
 
-    def _control(self) -> None:
-        motion = self._connection.motion
-        if motion is None:
-            return
-        self._left -= self._parameters.control_period
-        if self._force == 0.0 or self._sealed_for >= BUILD_UP or self._left < 0.0:
-            motion.succeed()
+    def read(self) -> GripperReading:
+        """What the vacuum sensor says."""
+        width = self._model.max_width / 2 if self._sealed_for > 0.0 else self._width
+        return GripperReading(width, object_held=self._sealed_for >= BUILD_UP)
+
+    def send(self, width: float, force: float, speed: float) -> None:
+        """Switch the pump on (``width`` 0) or off; ``speed`` means nothing here."""
+        if width > 1e-6:
+            self._force, self._width, self._sealed_for = 0.0, width, 0.0
+        else:
+            self._force = force
+
+    def halt(self) -> None:
+        """The pump stays as it is: what is held does not fall."""
 
     def _suck(self) -> None:
+        if self._force > 0.0:
+            sinking = self._model.max_width * self._parameters.time_step / (2.0 * BUILD_UP)
+            self._width = max(0.0, self._width - sinking)
         touched = self._touched() if self._force > 0.0 else None
         if touched is None or self._apply is None:
             self._sealed_for = 0.0
@@ -113,7 +82,7 @@ class SimulatedSuction(Gripper):
         body, link, point, axis = touched
         self._sealed_for += self._parameters.time_step
         force = self._force * min(1.0, self._sealed_for / BUILD_UP)
-        simulation = self._connection.simulation
+        simulation = self.simulation
         pull = tuple(-force * value for value in axis)
         self._apply(body, link, pull, point, pybullet.WORLD_FRAME)
         self._apply(simulation.built.robot, self._cup, tuple(-value for value in pull), point, pybullet.WORLD_FRAME)
@@ -122,7 +91,7 @@ class SimulatedSuction(Gripper):
         """The body and link that the rim lies flat on, the middle of the contact, and the axis out of the cup."""
         if self._reader is None:
             return None
-        simulation = self._connection.simulation
+        simulation = self.simulation
         robot = simulation.built.robot
         pose = simulation.link_pose(self._reader, self._model.finger_links[0])
         x, y, z = pose.rotation[:, 2].tolist()

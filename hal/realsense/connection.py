@@ -12,7 +12,8 @@ import numpy as np
 
 from bestman_bt.messages import RGBDImage
 from hal.api import NoDataError, Part
-from hal.hardware import Connection, ConnectionFailedError, Fault, HardwareCamera, RemoteTime
+from hal.hardware import Connection, HardwareCamera, RemoteTime
+from hal.parts import ConnectionFailedError, Fault
 from hal.realsense.options import RealSenseOptions
 from hal.realsense.sdk import realsense_sdk
 

@@ -23,8 +23,7 @@ from hal.api import (
     Part,
     Robot,
 )
-from hal.hardware import ConnectionFailedError
-from hal.parts import SimulatedClock, interface_of
+from hal.parts import ConnectionFailedError, SimulatedClock, interface_of
 from hal.replay.encoding import error_from_json, from_json
 from hal.replay.matching import in_words, same_target
 from hal.replay.tape import Readings, RecordedCommand, Tape, read_tape

@@ -15,7 +15,7 @@ from typing import Any
 
 import hal.api
 from hal.api import MotionError, MotionStatus, Part
-from hal.hardware import ConnectionFailedError
+from hal.parts import ConnectionFailedError
 from hal.replay.encoding import from_json
 
 TAPE_NAME = "readings.jsonl.gz"

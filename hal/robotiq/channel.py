@@ -11,7 +11,8 @@ import numpy as np
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Clock, MotionErrorCode, NoDataError
-from hal.hardware import ConnectionFailedError, Fault, GripperChannel, GripperReading, LateWatch
+from hal.hardware import LateWatch
+from hal.parts import ConnectionFailedError, Fault, GripperChannel, GripperReading
 from hal.robotiq.faults import fault_of
 from hal.robotiq.options import RobotiqOptions
 from hal.robotiq.wire import RobotiqStatus, RobotiqWire

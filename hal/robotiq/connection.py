@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from hal.api import Part
-from hal.hardware import Connection, Fault, HardwareGripper
+from hal.hardware import Connection
+from hal.parts import CommandedGripper, Fault
 from hal.robotiq.channel import RobotiqChannel
 from hal.robotiq.options import RobotiqOptions
 from hal.robotiq.wire import MODBUS_PORT, URCAP_PORT, ModbusWire, RobotiqWire, URCapWire
@@ -28,7 +29,7 @@ class RobotiqConnection(Connection):
         (name,) = self.settings.parts
         gripper = self.model.grippers[name]
         self._channel = RobotiqChannel(self.name, gripper, self.options, self.clock)
-        self._gripper = HardwareGripper(name, gripper, self._channel, self.latch)
+        self._gripper = CommandedGripper(name, gripper, self._channel, self.latch)
         return {name: self._gripper}
 
     def open(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hal.api import MotionErrorCode
-from hal.hardware import Fault
+from hal.parts import Fault
 
 WORDS = {
     5: "an action waits for the activation",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from hal.hardware import BaseChannel, BaseReading
+from hal.parts import BaseChannel, BaseReading
 from hal.rosbridge import decoding
 from hal.rosbridge.decoding import Message
 from hal.rosbridge.link import RosLink
@@ -28,7 +28,7 @@ class RosBase(BaseChannel):
         """The newest reading; the connection's watchdog looks at how old it is."""
         return self._odometry.latest()
 
-    def send(self, velocity: Twist2D) -> None:
+    def send(self, velocity: Twist2D) -> bool:
         """Drive at a velocity; it does not wait."""
         twist = {
             "linear": {"x": velocity.vx, "y": velocity.vy, "z": 0.0},
@@ -41,6 +41,7 @@ class RosBase(BaseChannel):
             )
         else:
             self._link.publish(self._topic, twist)
+        return True
 
 
 class TransformOdometry:

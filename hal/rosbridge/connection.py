@@ -10,18 +10,14 @@ from typing import Any, ClassVar
 from hal.api import MotionErrorCode, Part
 from hal.hardware import (
     Connection,
-    ConnectionFailedError,
-    DrivenBase,
-    Fault,
     HardwareBattery,
     HardwareCamera,
     HardwareForceTorque,
     HardwareImu,
     HardwareLidar,
-    JointReading,
     RemoteTime,
-    StreamedJointGroup,
 )
+from hal.parts import ConnectionFailedError, DrivenBase, Fault, JointReading, StreamedJointGroup
 from hal.rosbridge import decoding
 from hal.rosbridge.base import RosBase, TransformOdometry
 from hal.rosbridge.camera import RosCamera

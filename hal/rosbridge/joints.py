@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hal.hardware import JointChannel, JointReading
+from hal.parts import JointChannel, JointReading
 from hal.rosbridge import decoding
 from hal.rosbridge.decoding import Message
 from hal.rosbridge.link import RosLink

@@ -10,8 +10,8 @@ from types import ModuleType
 from typing import Any
 
 from hal.api import Clock
-from hal.hardware import ConnectionFailedError
 from hal.hardware.control_loop import take_real_time_priority
+from hal.parts import ConnectionFailedError
 
 TRANSPORT = "asyncio"
 Handler = Callable[[Mapping[str, Any], float], None]

@@ -11,8 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model import ArmModel
 from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
-from hal.hardware import ConnectionFailedError, Fault, JointChannel, StopLatch, StreamedArm, ToolLimits
-from hal.parts import Hold, PartMotion, Setpoints, Trapezoid
+from hal.parts import (
+    ConnectionFailedError,
+    Fault,
+    Hold,
+    JointChannel,
+    PartMotion,
+    Setpoints,
+    StopLatch,
+    StreamedArm,
+    ToolLimits,
+    Trapezoid,
+)
 from hal.ur.link import URLink
 from hal.ur.sdk_process import Report
 
@@ -65,8 +75,8 @@ class URArm(StreamedArm):
 
     def move_path(self, positions: ArrayLike, speed_scale: float = 1.0, blend: float = 0.0) -> Motion:
         """Through joint positions (N, 6), with a ``blend`` radius in metres around all but the last."""
-        with self._line.lock:
-            self._line.check_command("move_path")
+        with self._connection.lock:
+            self._connection.check_command("move_path")
             rows = [self._checks.positions("move_path", row) for row in np.atleast_2d(np.asarray(positions, float))]
             scale = self._checks.speed_scale("move_path", speed_scale)
             speed, acceleration = scale * float(min(self._checks.speed)), scale * float(min(self._checks.acceleration))
@@ -74,7 +84,7 @@ class URArm(StreamedArm):
             for row in rows:
                 fault = self._tool.outside_on_the_way(start, row)
                 if fault is not None:
-                    raise self._line.refuse("move_path", fault)
+                    raise self._connection.refuse("move_path", fault)
                 course = Trapezoid(start, row, np.full(len(row), speed), np.full(len(row), acceleration))
                 share, start = min(share, self._slow_down(course)), row
             numbers = (speed * share, acceleration * share**2)
@@ -89,11 +99,11 @@ class URArm(StreamedArm):
 
     def speed_joints(self, velocities: ArrayLike, duration: float) -> Motion:
         """Move the joints at velocities (6,), rad/s, for ``duration`` seconds, then come to rest."""
-        with self._line.lock:
-            self._line.check_command("speed_joints")
+        with self._connection.lock:
+            self._connection.check_command("speed_joints")
             wanted = self._checks.velocities("speed_joints", velocities)
             if self._tool.slow_down(self.positions()[None], wanted[None]) < 1.0:
-                raise self._line.refuse("speed_joints", "the tool would be faster than its limit")
+                raise self._connection.refuse("speed_joints", "the tool would be faster than its limit")
             arguments = (wanted.tolist(), float(min(self._checks.acceleration)), float(duration))
             return self._begin_speed("speed_joints", arguments)
 
@@ -102,14 +112,14 @@ class URArm(StreamedArm):
 
         The tool is the controller's: the flange, unless another was set at its teach pendant.
         """
-        with self._line.lock:
-            self._line.check_command("speed_tool")
+        with self._connection.lock:
+            self._connection.check_command("speed_tool")
             wanted = np.asarray(twist, float)
             if wanted.shape != (6,) or not np.all(np.isfinite(wanted)):
-                raise self._line.refuse("speed_tool", "the twist should be six finite numbers")
+                raise self._connection.refuse("speed_tool", "the twist should be six finite numbers")
             limit = self._tool.top_speed
             if limit is not None and float(np.linalg.norm(wanted[:3])) > limit:
-                raise self._line.refuse("speed_tool", "the tool would be faster than its limit")
+                raise self._connection.refuse("speed_tool", "the tool would be faster than its limit")
             # The controller counts x and y of its base the other way round than the URDF does.
             turned = wanted * np.array([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0])
             return self._begin_speed("speed_tool", (turned.tolist(), TOOL_ACCELERATION, float(duration)))
@@ -123,7 +133,7 @@ class URArm(StreamedArm):
 
     def brake(self) -> None:
         """Come to rest."""
-        with self._line.lock:
+        with self._connection.lock:
             if self._own is not None:
                 self._own.stopping = True
             else:
@@ -131,20 +141,20 @@ class URArm(StreamedArm):
 
     def fail(self, fault: Fault) -> None:
         """The motion has failed; the controller has stopped the arm or cannot be reached."""
-        with self._line.lock:
+        with self._connection.lock:
             if self._own is not None:
                 self._own.stopping = True  # a fault of the link leaves the controller moving
             super().fail(fault)
 
     def attach(self) -> None:
         """Hold where the joints are."""
-        with self._line.lock:
+        with self._connection.lock:
             self._own = None
             super().attach()
 
     def cycle(self, elapsed: float) -> None:
         """One control period."""
-        with self._line.lock:  # so that no motion of the controller's begins between the look and the cycle
+        with self._connection.lock:  # so that no motion of the controller's begins between the look and the cycle
             own = self._own
             if own is None:
                 super().cycle(elapsed)
@@ -156,7 +166,7 @@ class URArm(StreamedArm):
     def _begin_speed(self, call: str, arguments: tuple[list[float], float, float]) -> Motion:
         duration = arguments[2]
         if not (np.isfinite(duration) and duration > 0.0):
-            raise self._line.refuse(call, f"duration = {duration} s is not positive")
+            raise self._connection.refuse(call, f"duration = {duration} s is not positive")
         still = self._parameters.settle_speed
         return self._begin_own(
             call,
@@ -174,9 +184,9 @@ class URArm(StreamedArm):
         target: Array | None = None,
     ) -> Motion:
         if not self.resting:
-            raise self._line.refuse(call, "the arm still moves")
+            raise self._connection.refuse(call, "the arm still moves")
         motion = PartMotion(self)
-        self._line.begin(motion)
+        self._connection.begin(motion)
         self._own = _OwnMotion(motion, begin, stop_call, over, target)
         return motion
 
@@ -209,7 +219,7 @@ class URArm(StreamedArm):
         return self._tool.outside(np.array(report.positions))
 
     def _leave(self, own: _OwnMotion) -> None:
-        with self._line.lock:
+        with self._connection.lock:
             if self._own is not own:
                 return
             measured = self._channel.read().positions

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from hal.api import MotionErrorCode, Part
-from hal.hardware import Connection, ConnectionFailedError, Fault, ToolLimits
+from hal.hardware import Connection
+from hal.parts import ConnectionFailedError, Fault, ToolLimits
 from hal.ur.arm import URArm
 from hal.ur.digital_io import URDigitalIO
 from hal.ur.force_torque import URForceTorque

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from hal.api import CommandRefusedError, NoDataError
-from hal.hardware import StopLatch
+from hal.parts import StopLatch
 from hal.ur.link import URLink
 from hal.ur.sdk_process import Report
 

@@ -7,7 +7,8 @@ import numpy as np
 from bestman_bt.messages import Wrench
 from bestman_bt.robot_model import ForceTorqueModel
 from hal.api import NoDataError
-from hal.hardware import HardwareForceTorque, StopLatch
+from hal.hardware import HardwareForceTorque
+from hal.parts import StopLatch
 from hal.ur.link import URLink
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hal.api import NoDataError
-from hal.hardware import JointChannel, JointReading
+from hal.parts import JointChannel, JointReading
 from hal.ur.link import URLink
 from hal.ur.sdk_process import Report
 

@@ -13,7 +13,8 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hal.api import Clock
-from hal.hardware import ConnectionFailedError, LateWatch, RemoteTime
+from hal.hardware import LateWatch, RemoteTime
+from hal.parts import ConnectionFailedError
 from hal.ur import sdk_process
 from hal.ur.sdk_process import Report
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import NoDataError
-from hal.hardware import GripperChannel, GripperReading, JointChannel, JointReading
+from hal.parts import GripperChannel, GripperReading, JointChannel, JointReading
 from hal.xarm.wire import XArmWire
 
 Array = NDArray[np.float64]
@@ -50,11 +50,14 @@ class XArmGripper(GripperChannel):
         self._pulses_per_metre = pulses / (model.max_width - model.min_width)
         self._width: float | None = None
 
-    def read(self) -> GripperReading:
-        """The width; where this reading is not answered, the last one."""
+    def refresh(self) -> None:
+        """Ask for the width; what is not answered leaves the last one."""
         pulses = self._wire.ask(lambda arm: arm.get_gripper_position())
         if pulses is not None:
             self._width = self._model.min_width + float(pulses) / self._pulses_per_metre
+
+    def read(self) -> GripperReading:
+        """The latest width."""
         if self._width is None:
             raise NoDataError("the xArm's gripper has told no position yet")
         return GripperReading(self._width)
@@ -68,6 +71,7 @@ class XArmGripper(GripperChannel):
 
     def halt(self) -> None:
         """Make the present width the target; it is held with what force the gripper has."""
+        self.refresh()
         self.send(self.read().width, 0.0, self._model.max_speed)
 
 

@@ -7,14 +7,8 @@ from typing import ClassVar
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Part
-from hal.hardware import (
-    Connection,
-    ConnectionFailedError,
-    Fault,
-    HardwareGripper,
-    StreamedArm,
-    ToolLimits,
-)
+from hal.hardware import Connection
+from hal.parts import CommandedGripper, ConnectionFailedError, Fault, StreamedArm, ToolLimits
 from hal.xarm.channels import XArmGripper, XArmJoints
 from hal.xarm.lite6_gripper import Lite6Gripper, Lite6GripperWire
 from hal.xarm.options import XArmOptions
@@ -43,7 +37,7 @@ class XArmConnection(Connection):
     def make_parts(self) -> dict[str, Part]:
         """The arm and the gripper of ``settings.parts``."""
         self._wire = XArmWire(self.name, self.clock, self.sdk)
-        self._gripper: HardwareGripper | None = None
+        self._gripper: CommandedGripper | None = None
         self._lite6_gripper: Lite6GripperWire | None = None
         options: XArmOptions = self.options
         parts: dict[str, Part] = {}
@@ -60,13 +54,13 @@ class XArmConnection(Connection):
                 parts[name] = self._gripper
         return parts
 
-    def _make_gripper(self, name: str, model: GripperModel) -> HardwareGripper:
+    def _make_gripper(self, name: str, model: GripperModel) -> CommandedGripper:
         if self.options.arm == "lite6":
             self.declared_missing = {**self.declared_missing, "a gripper opens and closes": BLIND}
             self._lite6_gripper = Lite6GripperWire(self._wire, model, self.clock)
             return Lite6Gripper(name, model, self._lite6_gripper, self.latch)
         channel = XArmGripper(self._wire, model, self.options.gripper_pulses)
-        return HardwareGripper(name, model, channel, self.latch)
+        return CommandedGripper(name, model, channel, self.latch)
 
     @property
     def _speaks_to_gripper(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from types import ModuleType
 
 from hal.api import MotionErrorCode
-from hal.hardware import Fault
+from hal.parts import Fault
 
 COLLISION = frozenset({22, 31})
 """Self-collision, and the current that a collision caused: the controller's protective stop."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Clock, GripperState, Motion
-from hal.hardware import GripperChannel, GripperReading, HardwareGripper
+from hal.parts import CommandedGripper, GripperChannel, GripperReading
 from hal.xarm.wire import XArmWire
 
 AT_END = 1e-6
@@ -49,7 +49,7 @@ class Lite6GripperWire(GripperChannel):
         self._from, self._to, self._since = self.read().width, goal, self._clock.now()
 
 
-class Lite6Gripper(HardwareGripper):
+class Lite6Gripper(CommandedGripper):
     """Knows no widths between open and closed, nor whether anything is between its fingers."""
 
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
@@ -57,7 +57,7 @@ class Lite6Gripper(HardwareGripper):
         model = self._model
         if model.min_width + AT_END < width < model.max_width - AT_END:
             why = f"width = {width} m: a Lite 6's gripper opens ({model.max_width:.4g} m) and closes, nothing between"
-            raise self._line.refuse("move", why)
+            raise self._connection.refuse("move", why)
         return super().move(width, force, speed)
 
     def state(self) -> GripperState:

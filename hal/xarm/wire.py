@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from hal.api import Clock, MotionErrorCode
-from hal.hardware import ConnectionFailedError, Fault
+from hal.parts import ConnectionFailedError, Fault
 from hal.xarm.arm_identity import ArmIdentity
 from hal.xarm.errors import controller_fault, gripper_fault
 from hal.xarm.options import XArmOptions

@@ -144,7 +144,7 @@ def test_a_silent_sensor_fails_whoever_reads_it(bystander: Session, leaf: str) -
 
 
 def test_a_leaf_that_needs_silent_encoders_fails_with_a_code(bystander: Session) -> None:
-    line = bystander.robot.parts["arm"].encoders.line
+    line = bystander.robot.encoders("arm").line
     line.fault = SensorFault.SILENT
     try:
         assert tick(load(bystander, '<MoveArm posture="home"/>'), 50) == FAILURE

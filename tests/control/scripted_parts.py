@@ -25,7 +25,7 @@ from hal.api import (
     MotionErrorCode,
     MotionStatus,
 )
-from hal.parts.simulated_clock import SimulatedClock
+from hal.parts import SimulatedClock
 
 CORNERS = ((0.28, -0.26), (0.28, 0.26), (-0.28, 0.26), (-0.28, -0.26))
 BASE = BaseDescription(0.6, 0.0, 1.2, 0.6, 2.0, 0.5, CORNERS)

@@ -17,7 +17,8 @@ from bestman_bt.robot_model import RobotModel, load_robot_model
 from hal.api import Arm, CommandRefusedError, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Robot
 from hal.conformance import CHECKS, LIFE_CHECKS
 from hal.conformance.promises import MakeRobot
-from hal.hardware import ConnectionFailedError, HardwarePart, HardwareRobot, IsolatedRobot
+from hal.hardware import HardwareRobot, IsolatedRobot
+from hal.parts import ConnectionFailedError, ControlledPart
 from hal.twins import TwinProcess
 
 SLACK = 0.4
@@ -131,7 +132,7 @@ def works_again(robot: HardwareRobot, begin: Callable[[HardwareRobot], Motion]) 
     robot.clear_stop()
     begin(robot).cancel()
     moving = [part for connection in robot.connections.values() for part in connection.parts.values()]
-    wait_for(lambda: all(part.resting for part in moving if isinstance(part, HardwarePart)), "all parts come to rest")
+    wait_for(lambda: all(part.resting for part in moving if isinstance(part, ControlledPart)), "all parts come to rest")
 
 
 def fails_with_its_number(

@@ -17,7 +17,7 @@ from bestman_bt.monitor.events import RunEvent
 from bestman_bt.runtime import ControlChannel, Ending, Executor
 from bestman_bt.runtime.telemetry import Telemetry
 from hal.api import CommandRefusedError
-from hal.hardware import StopLatch
+from hal.parts import StopLatch
 
 RECOVERING = """<root BTCPP_format="4"><BehaviorTree ID="Main">
   <Repeat num_cycles="-1"><Fallback>

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from bestman_bt.control.arm import ArmController
 from bestman_bt.manipulation.kinematics import IKResult, InverseKinematics
 from bestman_bt.messages import Pose, Wrench
-from hal.parts.simulated_clock import SimulatedClock
+from hal.parts import SimulatedClock
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
 
 Array = NDArray[np.float64]

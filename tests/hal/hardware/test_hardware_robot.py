@@ -9,7 +9,8 @@ import pytest
 import hal.xarm.connection
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from hal.api import Arm
-from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.hardware import HardwareRobot
+from hal.parts import ConnectionFailedError
 
 ROBOT = Path(__file__).parents[1] / "xarm" / "xarm6_on_a_base.yaml"
 NOBODY = "127.0.0.251"

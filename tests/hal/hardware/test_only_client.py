@@ -15,8 +15,9 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Part
-from hal.hardware import Connection, ConnectionFailedError, Fault, RealTimeClock, StopLatch, only_client
+from hal.hardware import Connection, RealTimeClock, only_client
 from hal.hardware.only_client import OnlyClient
+from hal.parts import ConnectionFailedError, Fault, StopLatch
 
 pytestmark = pytest.mark.real_time
 

@@ -15,8 +15,9 @@ from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import MotionStatus, Part
-from hal.hardware import BaseChannel, BaseReading, Connection, DrivenBase, Fault
+from hal.hardware import Connection
 from hal.hardware.robot_process import REMEMBERED_MOTIONS, ROBOT, Call, MotionNumber, MotionReport, RobotServer, Setup
+from hal.parts import BaseChannel, BaseReading, DrivenBase, Fault
 
 Ask = Callable[[Call], Any]
 
@@ -27,8 +28,8 @@ class Wheels(BaseChannel):
     def read(self) -> BaseReading:
         return BaseReading(Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
 
-    def send(self, velocity: Twist2D) -> None:
-        pass
+    def send(self, velocity: Twist2D) -> bool:
+        return True
 
 
 class Controller(Connection):

@@ -14,17 +14,16 @@ from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import CommandRefusedError, Gripper, MobileBase, MotionErrorCode, MotionStatus, NotConnectedError, Part
-from hal.hardware import (
+from hal.hardware import Connection, HardwareRobot
+from hal.parts import (
     BaseChannel,
     BaseReading,
-    Connection,
+    CommandedGripper,
     ConnectionFailedError,
     DrivenBase,
     Fault,
     GripperChannel,
     GripperReading,
-    HardwareGripper,
-    HardwareRobot,
 )
 
 PATIENCE = 60.0
@@ -34,8 +33,8 @@ class Wheels(BaseChannel):
     def read(self) -> BaseReading:
         return BaseReading(Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
 
-    def send(self, velocity: Twist2D) -> None:
-        pass
+    def send(self, velocity: Twist2D) -> bool:
+        return True
 
 
 class Fingers(GripperChannel):
@@ -64,7 +63,7 @@ class Controller(Connection):
         self.calls: list[str] = []
         makers: dict[str, Callable[[], Part]] = {
             "base": lambda: DrivenBase("base", self.model.bases["base"], Wheels(), self.latch),
-            "gripper": lambda: HardwareGripper("gripper", self.model.grippers["gripper"], Fingers(), self.latch),
+            "gripper": lambda: CommandedGripper("gripper", self.model.grippers["gripper"], Fingers(), self.latch),
         }
         return {name: makers[name]() for name in self.settings.parts}
 

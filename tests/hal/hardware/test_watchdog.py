@@ -13,7 +13,8 @@ from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import CommandRefusedError, MobileBase, MotionErrorCode, MotionStatus, Part
-from hal.hardware import BaseChannel, BaseReading, Connection, DrivenBase, Fault, HardwareRobot
+from hal.hardware import Connection, HardwareRobot
+from hal.parts import BaseChannel, BaseReading, DrivenBase, Fault
 
 WAIT = 10.0
 """Seconds that the watchdog's thread gets, which looks a hundred times a second."""
@@ -25,8 +26,8 @@ class Standing(BaseChannel):
     def read(self) -> BaseReading:
         return BaseReading(Pose2D(0.0, 0.0, 0.0), Twist2D(0.0, 0.0, 0.0))
 
-    def send(self, velocity: Twist2D) -> None:
-        pass
+    def send(self, velocity: Twist2D) -> bool:
+        return True
 
 
 class Controller(Connection):

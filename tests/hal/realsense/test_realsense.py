@@ -15,7 +15,8 @@ from hal.api import Camera
 from hal.conformance import Check
 from hal.conformance.promises import MakeRobot, PromisesAboutConnecting
 from hal.conformance.sensor_checks import SENSOR_CHECKS
-from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.hardware import HardwareRobot
+from hal.parts import ConnectionFailedError
 from hal.realsense.sdk import realsense_sdk
 
 pytestmark = pytest.mark.real_time

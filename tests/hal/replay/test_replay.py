@@ -13,7 +13,7 @@ import pytest
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import World
 from hal.api import Arm, Camera, CommandRefusedError, MobileBase, MotionErrorCode, MotionStatus, NoDataError
-from hal.hardware import ConnectionFailedError
+from hal.parts import ConnectionFailedError
 from hal.pybullet import PyBulletRobot
 from hal.replay import TAPE_NAME, ReplayRobot
 from tests.hal.replay.story import Story, act, target

@@ -8,7 +8,8 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from hal.api import MotionErrorCode, NoDataError
-from hal.hardware import ConnectionFailedError, RealTimeClock
+from hal.hardware import RealTimeClock
+from hal.parts import ConnectionFailedError
 from hal.robotiq import RobotiqOptions
 from hal.robotiq.channel import RobotiqChannel
 from hal.robotiq.wire import RobotiqStatus, RobotiqWire

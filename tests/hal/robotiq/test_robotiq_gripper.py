@@ -26,8 +26,8 @@ from hal.api import (
     MotionErrorCode,
     MotionStatus,
 )
-from hal.hardware import ConnectionFailedError, HardwareGripper, HardwareRobot
-from hal.parts import PartMotion
+from hal.hardware import HardwareRobot
+from hal.parts import CommandedGripper, ConnectionFailedError, PartMotion
 from hal.robotiq import RobotiqOptions
 from hal.robotiq.wire import ModbusWire
 from hal.twins.robotiq_server import RobotiqTwin
@@ -204,7 +204,7 @@ def test_a_stop_halts_moving_fingers(bench: Bench) -> None:
     motion = bench.gripper.move(0.0, speed=0.02)
     bench.wait_for(lambda: bench.fingers.width() < bench.gripper.description.max_width - 0.004)
     bench.robot.stop()
-    bench.wait_for(lambda: bench.robot.part("gripper", HardwareGripper).resting)
+    bench.wait_for(lambda: bench.robot.part("gripper", CommandedGripper).resting)
     bench.robot.clock.sleep(0.1)
     width = bench.fingers.width()
     bench.robot.clock.sleep(0.3)

@@ -14,8 +14,7 @@ from bestman_bt.messages import LaserScan, Pose2D, Twist2D
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig
 from hal.api import Lidar, MobileBase, MotionErrorCode, NoDataError
-from hal.hardware import StopLatch
-from hal.parts import SimulatedClock
+from hal.parts import SimulatedClock, StopLatch
 from hal.rosbridge.connection import RosbridgeConnection
 from hal.twins import ros_messages
 from hal.twins.ros_messages import RosVersion

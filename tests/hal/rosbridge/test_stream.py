@@ -10,7 +10,7 @@ import pytest
 
 from hal.api import NoDataError
 from hal.hardware import LateWatch, RemoteTime
-from hal.parts.simulated_clock import SimulatedClock
+from hal.parts import SimulatedClock
 from hal.rosbridge.stream import Stream
 
 

@@ -14,7 +14,7 @@ import hal.ur.arm
 from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
-from hal.hardware import ConnectionFailedError, Fault, JointChannel, JointReading, StopLatch, ToolLimits
+from hal.parts import ConnectionFailedError, Fault, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur import URArm
 from hal.ur.sdk_process import PLAYING, RUNNING, Report
 

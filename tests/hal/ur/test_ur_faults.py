@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 from hal.api import Arm, MotionErrorCode
-from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.hardware import HardwareRobot
+from hal.parts import ConnectionFailedError
 from hal.twins import TwinProcess
 from tests.hal.twinned import (
     WATCHDOG,

@@ -13,7 +13,8 @@ import pytest
 
 from bestman_bt.robot_model import load_robot_model
 from hal.api import CommandRefusedError, MotionErrorCode
-from hal.hardware import HardwareRobot, ToolLimits
+from hal.hardware import HardwareRobot
+from hal.parts import ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm
 from tests.hal.twinned import ended

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from hal.api import CommandRefusedError, MotionErrorCode, NoDataError
-from hal.hardware import StopLatch
+from hal.parts import StopLatch
 from hal.ur.digital_io import URDigitalIO
 from hal.ur.modes import fault_of
 from hal.ur.sdk_process import Report

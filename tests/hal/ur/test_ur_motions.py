@@ -7,7 +7,8 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from hal.api import CommandRefusedError, ForceTorque, MotionStatus
-from hal.hardware import ConnectionFailedError, HardwareRobot, ToolLimits
+from hal.hardware import HardwareRobot
+from hal.parts import ConnectionFailedError, ToolLimits
 from hal.twins import TwinProcess
 from hal.ur import URArm, URConnection
 from tests.hal.twinned import ended, wait_for, wait_in_twin

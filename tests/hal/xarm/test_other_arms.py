@@ -15,7 +15,8 @@ import pytest
 from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionStatus
 from hal.conformance import CHECKS, settle
-from hal.hardware import ConnectionFailedError, HardwareRobot
+from hal.hardware import HardwareRobot
+from hal.parts import ConnectionFailedError
 from hal.twins import TwinProcess
 from tests.hal.twinned import disconnected
 

@@ -12,8 +12,7 @@ import hal.xarm.wire
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from hal.api import MotionErrorCode
-from hal.hardware import ConnectionFailedError, StopLatch
-from hal.parts.simulated_clock import SimulatedClock
+from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
 from hal.xarm import XArmOptions
 from hal.xarm.arm_identity import ArmIdentity
 from hal.xarm.connection import XArmConnection

@@ -18,7 +18,8 @@ from bestman_bt.control.arm import ArmController
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import load_robot_model
 from hal.api import Arm, CommandRefusedError, MotionErrorCode, MotionStatus
-from hal.hardware import HardwareRobot, ToolLimits
+from hal.hardware import HardwareRobot
+from hal.parts import ToolLimits
 from hal.twins import TwinProcess
 from hal.xarm.sdk import discreet
 from tests.hal.twinned import wait_for

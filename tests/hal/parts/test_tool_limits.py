@@ -7,7 +7,7 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
-from hal.hardware import ToolLimits
+from hal.parts import ToolLimits
 
 
 @pytest.fixture(scope="module")

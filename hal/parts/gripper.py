@@ -1,4 +1,4 @@
-"""Grippers of real robots: width and standstill tell what a hand has hold of."""
+"""Grippers over a channel: width and standstill tell whether an object is held."""
 
 from __future__ import annotations
 
@@ -8,32 +8,37 @@ import numpy as np
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus, NoDataError
-from hal.hardware.channels import GripperChannel, GripperReading
-from hal.hardware.fault import Fault
-from hal.hardware.moving_part import MovingPart
-from hal.hardware.stop_latch import StopLatch
-from hal.parts import GripperCommandChecks, PartMotion
+from hal.parts.channels import GripperChannel, GripperReading
+from hal.parts.controlled_part import StoppablePart
+from hal.parts.fault import Fault
+from hal.parts.gripper_command_checks import GripperCommandChecks
+from hal.parts.motion import PartMotion
+from hal.parts.stop_latch import StopLatch
+
+SETTLED = 0.05
+"""Seconds that the width has to stay where it was asked to be."""
 
 
 @dataclass(frozen=True)
 class GripperParameters:
-    """Metres, m/s, seconds. Without ``force`` or ``speed``, a command means ``usual_force`` and ``usual_speed``.
+    """Metres, newtons, m/s (rate of the width), seconds.
 
-    Fingers that are slower than ``still_speed`` for ``still_time`` while they close are blocked by an object, if they
-    are more than ``blocked_margin`` from their target; they have ``start_time`` to begin to move.
+    Without ``force`` or ``speed``, a command means ``usual_force`` and ``usual_speed``. ``at_target``: how near the
+    width has to come. Fingers that have stayed within ``still_band`` for ``still_time`` while they close are blocked by
+    an object, if they are more than ``blocked_margin`` from their target. ``spare_time``: what a motion may take
+    beyond its way at its speed.
     """
 
     usual_force: float = 40.0
-    usual_speed: float = 0.1
+    usual_speed: float = 0.2
     at_target: float = 0.0015
     blocked_margin: float = 0.002
-    still_speed: float = 0.004
+    still_band: float = 0.0005
     still_time: float = 0.2
-    start_time: float = 0.4
     spare_time: float = 3.0
 
 
-class HardwareGripper(MovingPart, Gripper):
+class CommandedGripper(StoppablePart, Gripper):
     """A gripper over a channel. A loop of the connection calls ``cycle``; it alone speaks to the channel."""
 
     def __init__(
@@ -53,7 +58,7 @@ class HardwareGripper(MovingPart, Gripper):
         self._halting = False
         self._target = model.max_width
         self._closing = self._blocked = False
-        self._time = self._still_for = self._limit = 0.0
+        self._time = self._still_for = self._limit = self._anchor = 0.0
 
     @property
     def description(self) -> GripperDescription:
@@ -62,7 +67,7 @@ class HardwareGripper(MovingPart, Gripper):
 
     def width(self) -> float:
         """Measured opening, metres."""
-        self._line.check_reading()
+        self._connection.check_reading()
         if self._reading is None:
             raise NoDataError(f"{self.name} has not told its width yet")
         return self._reading.width
@@ -70,8 +75,8 @@ class HardwareGripper(MovingPart, Gripper):
     def state(self) -> GripperState:
         """What the encoder and, where it has one, the gripper's own sense of an object say."""
         width = self.width()
-        with self._line.lock:
-            moving = self._line.motion is not None
+        with self._connection.lock:
+            moving = self._connection.motion is not None
             at_target = abs(width - self._target) < self._parameters.at_target
             held = self._blocked and not moving and width > self._target + self._parameters.blocked_margin
             return GripperState(moving, at_target, held, self._closing and at_target and not moving)
@@ -79,15 +84,15 @@ class HardwareGripper(MovingPart, Gripper):
     def move(self, width: float, force: float | None = None, speed: float | None = None) -> Motion:
         """Open or close to ``width`` at ``speed`` (rate of the width); being blocked by an object is success."""
         model, parameters = self._model, self._parameters
-        with self._line.lock:
-            self._line.check_command("move")
+        with self._connection.lock:
+            self._connection.check_command("move")
             width, force, speed = self._checks.move(width, force, speed)
             present = self.width()
             motion = PartMotion(self)
-            self._line.begin(motion)
+            self._connection.begin(motion)
             self._closing, self._blocked, self._halting = width < present, False, False
             self._target = float(np.clip(width, model.min_width, model.max_width))
-            self._time = self._still_for = 0.0
+            self._time, self._still_for, self._anchor = 0.0, 0.0, present
             self._limit = abs(present - width) / speed + parameters.spare_time
             self._order = (self._target, force, speed)
             return motion
@@ -95,19 +100,20 @@ class HardwareGripper(MovingPart, Gripper):
     def brake(self) -> None:
         """Halt the fingers; a grasp goes on pressing. Fingers that have not begun to move yet are not blocked."""
         parameters = self._parameters
-        with self._line.lock:
-            blocked = self._time > parameters.start_time and self._still_for >= parameters.still_time / 3
-            if self._line.motion is not None and not blocked:
+        with self._connection.lock:
+            blocked = self._time > self._channel.reaction_time and self._still_for >= parameters.still_time / 3
+            if self._connection.motion is not None and not blocked:
                 self._order, self._halting = None, True
 
     def attach(self) -> None:
         """Take the present width for the target."""
-        with self._line.lock:
+        with self._connection.lock:
+            self._channel.refresh()
             self._reading = self._channel.read()
             self._target = self._reading.width
             self._closing = self._blocked = self._halting = False
             self._order = None
-            self._line.open()
+            self._connection.open()
 
     @property
     def resting(self) -> bool:
@@ -116,40 +122,43 @@ class HardwareGripper(MovingPart, Gripper):
 
     def fail(self, fault: Fault) -> None:
         """The motion has failed."""
-        with self._line.lock:
-            self._line.fail_motion(fault)
+        with self._connection.lock:
+            self._connection.fail_motion(fault)
             self._order = None
 
     def cycle(self, elapsed: float) -> None:
         """Send what is to be sent, and look how far the fingers are."""
-        with self._line.lock:
+        with self._connection.lock:
             order, halting = self._order, self._halting
             self._order, self._halting = None, False
         if halting:
             self._channel.halt()
         if order is not None:
             self._channel.send(*order)
+        self._channel.refresh()
         reading = self._channel.read()
-        with self._line.lock:
-            before, self._reading = self._reading, reading
+        with self._connection.lock:
+            self._reading = reading
             if halting:
                 self._target = reading.width
-            self._watch(reading, before or reading, elapsed)
+            self._watch(reading, elapsed)
 
-    def _watch(self, reading: GripperReading, before: GripperReading, elapsed: float) -> None:
-        parameters, motion = self._parameters, self._line.motion
+    def _watch(self, reading: GripperReading, elapsed: float) -> None:
+        parameters, motion = self._parameters, self._connection.motion
         if motion is None:
-            # Fingers that press tremble; only when they have closed, the object is gone.
-            self._blocked = self._blocked and reading.width > self._target + parameters.blocked_margin
+            # Fingers that press tremble; only when they have closed, the object is gone. What the gripper feels itself
+            # may come back: a seal that was broken for an instant.
+            felt = self._closing and bool(reading.object_held)
+            self._blocked = (self._blocked or felt) and reading.width > self._target + parameters.blocked_margin
             return
-        still = abs(reading.width - before.width) < parameters.still_speed * elapsed
-        self._still_for = self._still_for + elapsed if still else 0.0
+        self._still_for += elapsed
+        if abs(reading.width - self._anchor) > parameters.still_band:
+            self._anchor, self._still_for = reading.width, 0.0
         self._time += elapsed
-        if abs(reading.width - self._target) < parameters.at_target and self._still_for > 0.0:
+        reacting = self._time <= self._channel.reaction_time + parameters.still_time
+        if abs(reading.width - self._target) < parameters.at_target and self._still_for > SETTLED:
             motion.succeed()
-        elif reading.object_held or (
-            self._still_for >= parameters.still_time and self._time > parameters.start_time + parameters.still_time
-        ):
+        elif reading.object_held or (self._still_for >= parameters.still_time and not reacting):
             self._blocked = self._closing
             if self._closing:
                 motion.succeed()
@@ -160,4 +169,4 @@ class HardwareGripper(MovingPart, Gripper):
 
     def _give_up(self, reading: GripperReading, code: MotionErrorCode, what: str) -> None:
         text = f"{what}: the width is {reading.width:.4f} m, asked were {self._target:.4f} m"
-        self._line.end_motion(MotionStatus.FAILED, code, text)
+        self._connection.end_motion(MotionStatus.FAILED, code, text)

@@ -6,7 +6,7 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
-from hal.hardware import Fault, GripperChannel, GripperReading, HardwareGripper, StopLatch
+from hal.parts import CommandedGripper, Fault, GripperChannel, GripperReading, StopLatch
 
 PERIOD = 0.02
 
@@ -49,19 +49,19 @@ def fingers() -> Fingers:
 
 
 @pytest.fixture
-def gripper(robot_model: RobotModel, fingers: Fingers, latch: StopLatch) -> HardwareGripper:
-    made = HardwareGripper("gripper", robot_model.grippers["gripper"], fingers, latch)
+def gripper(robot_model: RobotModel, fingers: Fingers, latch: StopLatch) -> CommandedGripper:
+    made = CommandedGripper("gripper", robot_model.grippers["gripper"], fingers, latch)
     made.attach()
     return made
 
 
-def run(gripper: HardwareGripper, fingers: Fingers, seconds: float) -> None:
+def run(gripper: CommandedGripper, fingers: Fingers, seconds: float) -> None:
     for _ in range(round(seconds / PERIOD)):
         gripper.cycle(PERIOD)
         fingers.move(PERIOD)
 
 
-def test_an_order_is_sent_once_with_its_force_and_speed(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_an_order_is_sent_once_with_its_force_and_speed(gripper: CommandedGripper, fingers: Fingers) -> None:
     motion = gripper.move(0.03, force=20.0, speed=0.05)
     assert not gripper.resting
     run(gripper, fingers, 0.9)
@@ -77,7 +77,7 @@ def test_an_order_is_sent_once_with_its_force_and_speed(gripper: HardwareGripper
     assert not gripper.state().empty
 
 
-def test_closing_on_an_object_succeeds_and_holds_until_it_is_gone(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_closing_on_an_object_succeeds_and_holds_until_it_is_gone(gripper: CommandedGripper, fingers: Fingers) -> None:
     fingers.low = 0.03
     motion = gripper.close(force=30.0)
     run(gripper, fingers, 3.0)
@@ -96,7 +96,7 @@ def test_closing_on_an_object_succeeds_and_holds_until_it_is_gone(gripper: Hardw
     assert not gripper.state().object_held
 
 
-def test_what_the_gripper_itself_feels_ends_the_motion_at_once(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_what_the_gripper_itself_feels_ends_the_motion_at_once(gripper: CommandedGripper, fingers: Fingers) -> None:
     motion = gripper.close()
     run(gripper, fingers, 0.1)
     fingers.felt, fingers.low = True, fingers.width
@@ -105,7 +105,7 @@ def test_what_the_gripper_itself_feels_ends_the_motion_at_once(gripper: Hardware
     assert gripper.state().object_held
 
 
-def test_fingers_get_time_to_begin_and_are_not_taken_for_blocked(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_fingers_get_time_to_begin_and_are_not_taken_for_blocked(gripper: CommandedGripper, fingers: Fingers) -> None:
     fingers.low = fingers.width  # a slow valve
     motion = gripper.close()
     run(gripper, fingers, 0.55)
@@ -116,7 +116,7 @@ def test_fingers_get_time_to_begin_and_are_not_taken_for_blocked(gripper: Hardwa
     assert gripper.state().empty
 
 
-def test_opening_that_is_blocked_is_stuck_and_slow_is_too_slow(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_opening_that_is_blocked_is_stuck_and_slow_is_too_slow(gripper: CommandedGripper, fingers: Fingers) -> None:
     gripper.close()
     run(gripper, fingers, 3.0)
     fingers.high = 0.02
@@ -137,7 +137,9 @@ def test_opening_that_is_blocked_is_stuck_and_slow_is_too_slow(gripper: Hardware
     assert motion.error.code is MotionErrorCode.TIMEOUT
 
 
-def test_a_stop_halts_moving_fingers_once_and_lets_a_grasp_press_on(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_a_stop_halts_moving_fingers_once_and_lets_a_grasp_press_on(
+    gripper: CommandedGripper, fingers: Fingers
+) -> None:
     motion = gripper.move(0.0, speed=0.05)
     run(gripper, fingers, 0.6)
     gripper.stop()
@@ -158,7 +160,7 @@ def test_a_stop_halts_moving_fingers_once_and_lets_a_grasp_press_on(gripper: Har
     assert fingers.target == 0.0
 
 
-def test_a_stop_before_the_order_was_sent_keeps_it_back(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_a_stop_before_the_order_was_sent_keeps_it_back(gripper: CommandedGripper, fingers: Fingers) -> None:
     gripper.close()
     gripper.stop()
     run(gripper, fingers, 0.5)
@@ -172,7 +174,7 @@ def test_a_stop_before_the_order_was_sent_keeps_it_back(gripper: HardwareGripper
     assert fingers.orders == []
 
 
-def test_a_stop_halts_fingers_that_have_not_begun_to_move_yet(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_a_stop_halts_fingers_that_have_not_begun_to_move_yet(gripper: CommandedGripper, fingers: Fingers) -> None:
     fingers.low = fingers.width  # a slow valve
     gripper.close()
     run(gripper, fingers, 0.3)
@@ -182,7 +184,7 @@ def test_a_stop_halts_fingers_that_have_not_begun_to_move_yet(gripper: HardwareG
     assert (fingers.halts, fingers.width) == (1, 0.08)
 
 
-def test_a_newer_order_takes_over_from_a_halt(gripper: HardwareGripper, fingers: Fingers) -> None:
+def test_a_newer_order_takes_over_from_a_halt(gripper: CommandedGripper, fingers: Fingers) -> None:
     first = gripper.move(0.0, speed=0.05)
     run(gripper, fingers, 0.3)
     first.cancel()
@@ -194,7 +196,7 @@ def test_a_newer_order_takes_over_from_a_halt(gripper: HardwareGripper, fingers:
 
 
 def test_attached_again_it_stays_where_it_is_and_detached_it_refuses(
-    gripper: HardwareGripper, fingers: Fingers, latch: StopLatch
+    gripper: CommandedGripper, fingers: Fingers, latch: StopLatch
 ) -> None:
     motion = gripper.close()
     gripper.detach()
@@ -218,7 +220,7 @@ def test_it_has_no_width_before_it_was_read(robot_model: RobotModel, latch: Stop
         def read(self) -> GripperReading:
             raise NoDataError("it has told nothing yet")
 
-    gripper = HardwareGripper("gripper", robot_model.grippers["gripper"], Silent(), latch)
+    gripper = CommandedGripper("gripper", robot_model.grippers["gripper"], Silent(), latch)
     with pytest.raises(NotConnectedError):
         gripper.width()
     with pytest.raises(NoDataError):

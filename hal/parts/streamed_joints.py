@@ -1,33 +1,53 @@
-"""Joints of real robots: every command becomes a stream of set-points within the limits."""
+"""Joints over a channel: every command becomes a stream of set-points within the limits."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model import ArmModel, JointGroupModel
 from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
-from hal.hardware.channels import JointChannel
-from hal.hardware.fault import Fault
-from hal.hardware.moving_part import MovingPart
-from hal.hardware.stop_latch import StopLatch
-from hal.hardware.streaming import StreamingParameters
-from hal.parts import (
-    Brake,
-    BrakeThenMove,
-    Drift,
-    Hold,
-    JointCommandChecks,
-    PartMotion,
-    Reach,
-    Setpoints,
-    Trapezoid,
-)
+from hal.parts.channels import JointChannel
+from hal.parts.command_checks import JointCommandChecks
+from hal.parts.controlled_part import StoppablePart
+from hal.parts.fault import Fault
+from hal.parts.motion import PartMotion
+from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Trapezoid
+from hal.parts.stop_latch import StopLatch
 
 Array = NDArray[np.float64]
 
 
-class StreamedJointGroup(MovingPart, JointGroup):
+@dataclass(frozen=True)
+class StreamingParameters:
+    """SI units, radians.
+
+    A motion fails as TRACKING when a joint is more than ``tracking_tolerance`` off its set-point for ``tracking_time``,
+    and as TIMEOUT when it has not settled (``settle_tolerance``, ``settle_speed``) ``settle_time`` after its last
+    set-point. ``stop_time``: a stop brakes within it, if need be harder than the acceleration limits say.
+
+    Set-points never jump: a late one goes on by ``longest_step`` periods at most, so that a slow link slows the motion
+    down; one that has slowed it by more than ``slip_limit`` seconds, of which half is forgotten every
+    ``slip_half_life``, fails it as TIMEOUT. ``latency``: from a set-point to the reading that shows it.
+    """
+
+    tracking_tolerance: float = 0.15
+    tracking_time: float = 0.15
+    settle_tolerance: float = 0.005
+    settle_speed: float = 0.03
+    settle_time: float = 2.0
+    stop_time: float = 0.3
+    moved_by_hand: float = 0.05
+    longest_stream_interval: float = 0.1
+    longest_step: float = 3.0
+    latency: float = 0.1
+    slip_limit: float = 0.5
+    slip_half_life: float = 1.0
+
+
+class StreamedJointGroup(StoppablePart, JointGroup):
     """Joints over a channel. A loop of the connection calls ``cycle`` once per ``period`` seconds.
 
     What a command asks for is decided under the part's lock; set-points are sent outside of it, so that a controller
@@ -52,6 +72,7 @@ class StreamedJointGroup(MovingPart, JointGroup):
         self._velocity: Array = rest
         self._setpoints: Setpoints = Hold(rest)
         self._astray = self._waiting = self._slip = 0.0
+        self._efforts: Array | None = None
 
     # Description
 
@@ -69,18 +90,18 @@ class StreamedJointGroup(MovingPart, JointGroup):
 
     def positions(self) -> Array:
         """Measured positions, (n,)."""
-        self._line.check_reading()
-        return self._channel.read().positions
+        self._connection.check_reading()
+        return self._channel.published().positions
 
     def velocities(self) -> Array:
         """Measured velocities, (n,)."""
-        self._line.check_reading()
-        return self._channel.read().velocities
+        self._connection.check_reading()
+        return self._channel.published().velocities
 
     def efforts(self) -> Array:
         """Measured efforts, (n,)."""
-        self._line.check_reading()
-        return self._channel.read().efforts
+        self._connection.check_reading()
+        return self._channel.published().efforts
 
     # Commands
 
@@ -90,14 +111,21 @@ class StreamedJointGroup(MovingPart, JointGroup):
         velocities: ArrayLike | None = None,
         efforts: ArrayLike | None = None,
     ) -> None:
-        """Set one kind of set-point; positions and velocities are approached within the limits, efforts are refused."""
+        """Set one kind of set-point; positions and velocities are approached within the limits, efforts act at once."""
         checks = self._checks
-        with self._line.lock:
-            self._line.check_command("command")
+        with self._connection.lock:
+            self._connection.check_command("command")
             checks.one_kind("command", positions, velocities, efforts)
             if efforts is not None:
-                checks.efforts("command", efforts)
-                raise self._line.refuse("command", "its controller takes no efforts, only positions and velocities")
+                torques = checks.efforts("command", efforts)
+                if not self._channel.takes_efforts:
+                    why = "its controller takes no efforts, only positions and velocities"
+                    raise self._connection.refuse("command", why)
+                self._take_over(Hold(self._position), None)
+                self._efforts = torques
+                self._channel.exert(torques)
+                return
+            self._leave_effort_mode()
             self._start_from_rest()
             if positions is not None:
                 target = checks.positions("command", positions)
@@ -112,11 +140,12 @@ class StreamedJointGroup(MovingPart, JointGroup):
     def move_to(self, positions: ArrayLike, speed_scale: float = 1.0) -> Motion:
         """Move on a straight line in joint space with a trapezoid of speed; brakes first if it is moving."""
         checks = self._checks
-        with self._line.lock:
-            self._line.check_command("move_to")
+        with self._connection.lock:
+            self._connection.check_command("move_to")
             target = checks.positions("move_to", positions)
             scale = checks.speed_scale("move_to", speed_scale)
             self._check_way("move_to", target)
+            self._leave_effort_mode()
             self._start_from_rest()
             speed, acceleration = checks.speed * scale, checks.acceleration * scale
             share = self._slow_down(Trapezoid(self._position, target, speed, acceleration))
@@ -128,7 +157,8 @@ class StreamedJointGroup(MovingPart, JointGroup):
 
     def brake(self) -> None:
         """Come to rest within half a second."""
-        with self._line.lock:
+        with self._connection.lock:
+            self._leave_effort_mode()
             if not isinstance(self._setpoints, (Hold, Brake)):
                 self._setpoints = self._braking()
 
@@ -136,30 +166,33 @@ class StreamedJointGroup(MovingPart, JointGroup):
 
     def attach(self) -> None:
         """Hold where the joints are."""
-        with self._line.lock:
+        with self._connection.lock:
             measured = self._channel.read().positions
             self._position = np.clip(measured, self._checks.lower, self._checks.upper)
             self._velocity = np.zeros_like(self._position)
             self._setpoints = Hold(self._position)
             self._astray = self._slip = 0.0
-            self._line.open()
+            self._efforts = None
+            self._connection.open()
 
     @property
     def resting(self) -> bool:
         """Whether the set-points have come to rest."""
-        return isinstance(self._setpoints, Hold)
+        return isinstance(self._setpoints, Hold) and self._efforts is None
 
     def fail(self, fault: Fault) -> None:
         """The motion has failed; the controller has stopped the joints or cannot be reached: no more set-points."""
-        with self._line.lock:
-            self._line.fail_motion(fault)
+        with self._connection.lock:
+            self._connection.fail_motion(fault)
             self._velocity = np.zeros_like(self._velocity)
             self._setpoints = Hold(self._position)
 
     def cycle(self, elapsed: float) -> None:
         """One control period, begun ``elapsed`` seconds after the last one: the next set-point, if one is due."""
-        with self._line.lock:
-            at_rest = isinstance(self._setpoints, Hold) and self._line.motion is None
+        with self._connection.lock:
+            if self._efforts is not None:
+                return
+            at_rest = isinstance(self._setpoints, Hold) and self._connection.motion is None
             if not at_rest:
                 self._advance(elapsed)
             if at_rest and not self._channel.stream_at_rest:
@@ -173,7 +206,7 @@ class StreamedJointGroup(MovingPart, JointGroup):
         dt = min(elapsed, self._parameters.longest_step * self._period)
         self._watch_slip(elapsed, dt)
         self._watch_tracking(elapsed)
-        motion, was_finished = self._line.motion, self._setpoints.finished
+        motion, was_finished = self._connection.motion, self._setpoints.finished
         self._position, self._velocity = self._setpoints.advance(dt)
         if not was_finished:
             return
@@ -206,7 +239,7 @@ class StreamedJointGroup(MovingPart, JointGroup):
     def _give_up(self, code: MotionErrorCode, text: str) -> None:
         self._astray = self._slip = 0.0
         self._setpoints = self._braking()
-        self._line.end_motion(MotionStatus.FAILED, code, text)
+        self._connection.end_motion(MotionStatus.FAILED, code, text)
 
     def _watch_settling(self, motion: PartMotion, elapsed: float) -> None:
         """The set-points have arrived: the motion succeeds when the joints have, too."""
@@ -223,11 +256,19 @@ class StreamedJointGroup(MovingPart, JointGroup):
             motion.succeed()
         else:
             text = f"did not settle at the target: {error:.4f} off, speed {speed:.4f}"
-            self._line.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, text)
 
     def _take_over(self, setpoints: Setpoints, motion: PartMotion | None) -> None:
-        self._line.begin(motion)
+        self._connection.begin(motion)
         self._setpoints, self._waiting, self._astray, self._slip = setpoints, 0.0, 0.0, 0.0
+
+    def _leave_effort_mode(self) -> None:
+        if self._efforts is not None:
+            reading, checks = self._channel.read(), self._checks
+            self._efforts = None
+            self._position = np.clip(reading.positions, checks.lower, checks.upper)
+            self._velocity = np.clip(reading.velocities, -checks.speed, checks.speed)
+            self._setpoints = self._braking()
 
     def _start_from_rest(self) -> None:
         """Somebody may have moved the joints by hand while they rested: go on from where they are."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import threading
 
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.hardware.fault import Fault
-from hal.hardware.stop_latch import StopLatch
-from hal.parts import PartMotion
+from hal.parts.fault import Fault
+from hal.parts.motion import PartMotion
+from hal.parts.stop_latch import StopLatch
 
 
-class PartLine:
+class PartConnection:
     """The state of one part that several threads reach; hold ``lock`` over what belongs together."""
 
     def __init__(self, part_name: str, latch: StopLatch) -> None:

@@ -12,8 +12,7 @@ import pytest
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import RobotModel
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.hardware import BaseChannel, BaseReading, DrivenBase, Fault, StopLatch
-from hal.hardware.course import Course
+from hal.parts import BaseChannel, BaseReading, DrivenBase, Fault, MotionProfile, MotionProfileParameters, StopLatch
 
 PERIOD = 0.02
 
@@ -28,9 +27,10 @@ class Unicycle(BaseChannel):
     def read(self) -> BaseReading:
         return BaseReading(self.pose, self.twist)
 
-    def send(self, velocity: Twist2D) -> None:
+    def send(self, velocity: Twist2D) -> bool:
         self.twist = velocity
         self.sent.append(velocity)
+        return True
 
     def move(self, dt: float) -> None:
         heading = self.pose.theta + self.twist.wz * dt / 2
@@ -288,11 +288,15 @@ def test_along_aside_and_about_it_keeps_the_limits_of_each(
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_course_brakes_by_the_acceleration_of_what_it_does(robot_model: RobotModel, sign: float) -> None:
+def test_a_motion_profile_brakes_by_the_acceleration_of_what_it_does(robot_model: RobotModel, sign: float) -> None:
     base = robot_model.bases["base"]
     model = replace(base, max_vx=1.0, max_wz=1.5, max_acceleration=0.5, max_angular_acceleration=2.0)
     start = Pose2D(1.0, 2.0, 3.0)
-    turning = Course(model, start, turn=sign * 1.0).velocity(start @ Pose2D(theta=sign * 0.7), PERIOD)
+    turning = MotionProfile(model, start, MotionProfileParameters(), turn=sign * 1.0).velocity(
+        start @ Pose2D(theta=sign * 0.7), PERIOD
+    )
     assert turning.wz == pytest.approx(sign * math.sqrt(1.4 * 2.0 * 0.3))
-    driving = Course(model, start, distance=sign * 1.0).velocity(start @ Pose2D(sign * 0.7, 0.0, 0.0), PERIOD)
+    driving = MotionProfile(model, start, MotionProfileParameters(), distance=sign * 1.0).velocity(
+        start @ Pose2D(sign * 0.7, 0.0, 0.0), PERIOD
+    )
     assert driving.vx == pytest.approx(sign * math.sqrt(1.4 * 0.5 * 0.3))

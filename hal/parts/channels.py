@@ -1,4 +1,7 @@
-"""What a vendor's class provides for each moving part: the wire, without any policy. SI units on this side of it."""
+"""What a driver provides for each moving part: read, send and halt, without any decision. SI units.
+
+The laws of ``hal.parts`` decide; they are the same for every vendor and for the simulation.
+"""
 
 from __future__ import annotations
 
@@ -42,9 +45,11 @@ class JointChannel(ABC):
     """Joints behind a controller that takes streamed position set-points.
 
     ``stream_at_rest``: whether the controller wants a set-point every period, also where nothing moves.
+    ``takes_efforts``: whether it takes efforts, too.
     """
 
     stream_at_rest = False
+    takes_efforts = False
 
     @property
     def age(self) -> float:
@@ -55,17 +60,30 @@ class JointChannel(ABC):
     def read(self) -> JointReading:
         """The latest reading; it does not wait. NoDataError where none has come."""
 
+    def published(self) -> JointReading:
+        """What programs read; as ``read()``, unless further sensors tell it. NoDataError where they tell nothing."""
+        return self.read()
+
+    def exert(self, efforts: Array) -> None:
+        """Exert ``efforts`` (n,), N m or N, until a set-point is sent; only where it ``takes_efforts``."""
+        raise NotImplementedError
+
     @abstractmethod
     def send(self, positions: Array, velocities: Array) -> None:
         """One set-point, called every control period while joints move; may take a round trip."""
 
 
 class GripperChannel(ABC):
-    """A gripper behind a controller."""
+    """A gripper behind a controller. ``reaction_time``: seconds from a command to the first reading that shows it."""
+
+    reaction_time = 0.4
+
+    def refresh(self) -> None:  # noqa: B027 - nothing to do where readings come by themselves
+        """Ask for the next reading; may take a round trip. Called once a cycle, after what was to be sent."""
 
     @abstractmethod
     def read(self) -> GripperReading:
-        """The latest reading; may take a round trip. NoDataError where none has come."""
+        """The latest reading; it does not wait. NoDataError where none has come."""
 
     @abstractmethod
     def send(self, width: float, force: float, speed: float) -> None:
@@ -84,5 +102,8 @@ class BaseChannel(ABC):
         """The latest reading; it does not wait. NoDataError where none has come."""
 
     @abstractmethod
-    def send(self, velocity: Twist2D) -> None:
-        """Drive at a velocity (base frame); called every control period while the base moves."""
+    def send(self, velocity: Twist2D) -> bool:
+        """Drive at a velocity (base frame); called every control period while the base moves.
+
+        False: not taken yet, the wheels still turn to where it asks them to; it is due again.
+        """

@@ -13,15 +13,7 @@ from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import JointGroupModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.hardware import (
-    Fault,
-    JointChannel,
-    JointReading,
-    StopLatch,
-    StreamedArm,
-    StreamedJointGroup,
-    ToolLimits,
-)
+from hal.parts import Fault, JointChannel, JointReading, StopLatch, StreamedArm, StreamedJointGroup, ToolLimits
 
 PERIOD = 0.01
 SLOW, STRONG = 0.5, 1.0
@@ -370,7 +362,7 @@ def test_no_command_makes_the_tool_faster_than_its_limit(
     assert 0.09 < fastest_tool(arm, channel, robot_model) < 0.105
     arm, _ = make_arm(tool_speed=0.1)
     with pytest.raises(CommandRefusedError, match="faster than its limit"):
-        arm.servo(sideways(0.01))
+        arm.servo(sideways(0.05))
     arm.servo(sideways(0.001))
 
 

@@ -1,0 +1,289 @@
+"""Mobile bases over a channel: velocities within the limits, with a dead-man; distances and turns by odometry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
+from bestman_bt.robot_model import BaseModel
+from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
+from hal.parts.base_command_checks import BaseCommandChecks
+from hal.parts.channels import BaseChannel
+from hal.parts.controlled_part import ControlledPart
+from hal.parts.fault import Fault
+from hal.parts.motion import PartMotion
+from hal.parts.part_connection import PartConnection
+from hal.parts.stop_latch import StopLatch
+
+STILL = Twist2D(0.0, 0.0, 0.0)
+HEADING_GAIN = 2.0
+"""Turning speed per radian off the straight line, 1/s."""
+
+
+@dataclass(frozen=True)
+class MotionProfileParameters:
+    """A motion has arrived within ``arrived`` (m or rad) for ``near_time`` seconds.
+
+    Its speed is at most the root of ``braking_share`` × acceleration × what is left (2 would be full braking, less
+    leaves room for the base's lag), and ``approach_rate`` (1/s) × what is left.
+    """
+
+    arrived: float = 0.002
+    near_time: float = 0.1
+    braking_share: float = 1.4
+    approach_rate: float = 4.0
+
+
+@dataclass(frozen=True)
+class DrivingParameters:
+    """``command_timeout``: seconds after which ``set_velocity`` lapses; a stop brakes within ``stop_time`` seconds.
+
+    ``rest_repeats``: how many times a velocity of zero is sent when the base has come to rest, before it falls silent.
+    """
+
+    command_timeout: float = 0.25
+    stop_time: float = 0.3
+    rest_repeats: int = 20
+    profile: MotionProfileParameters = MotionProfileParameters()
+
+
+class DrivenBase(ControlledPart, MobileBase):
+    """A base over a channel. A loop of the connection calls ``cycle`` once per control period."""
+
+    def __init__(
+        self,
+        name: str,
+        model: BaseModel,
+        channel: BaseChannel,
+        latch: StopLatch,
+        parameters: DrivingParameters | None = None,
+    ) -> None:
+        super().__init__(name)
+        self._model, self._channel = model, channel
+        self._parameters = parameters or DrivingParameters()
+        self._checks = BaseCommandChecks(name, model)
+        self._connection = PartConnection(name, latch)
+        self._wanted = self._sent = STILL
+        self._braking = False
+        self._lapses_in = 0.0
+        self._profile: MotionProfile | None = None
+        self._silent_after = 0
+
+    @property
+    def description(self) -> BaseDescription:
+        """Limits and footprint."""
+        return self._checks.description(self._parameters.command_timeout)
+
+    # Measurements
+
+    def odometry(self) -> Pose2D:
+        """As the base tells it."""
+        self._connection.check_reading()
+        return self._channel.read().odometry
+
+    def velocity(self) -> Twist2D:
+        """As the base tells it."""
+        self._connection.check_reading()
+        return self._channel.read().velocity
+
+    # Commands
+
+    def set_velocity(self, vx: float, vy: float, wz: float) -> None:
+        """Drive at a velocity, approached within the acceleration limits; lapses after ``command_timeout``."""
+        with self._connection.lock:
+            self._connection.check_command("set_velocity")
+            velocity = self._checks.velocity(vx, vy, wz)
+            self._connection.begin(None)
+            self._profile, self._braking = None, False
+            self._wanted = velocity
+            self._lapses_in = self._parameters.command_timeout
+
+    def move_forward(self, distance: float) -> Motion:
+        """Drive straight ahead by odometry."""
+        return self._go("move_forward", distance, 1.0)
+
+    def move_backward(self, distance: float) -> Motion:
+        """Drive straight back by odometry."""
+        return self._go("move_backward", distance, -1.0)
+
+    def rotate(self, angle: float) -> Motion:
+        """Turn on the spot by odometry; more than a full turn is turned in full."""
+        with self._connection.lock:
+            self._connection.check_command("rotate")
+            angle = self._checks.angle("rotate", angle)
+            return self._start(turn=angle)
+
+    def stop(self) -> None:
+        """Brake to rest within half a second, ending the motion under way."""
+        with self._connection.lock:
+            if self._connection.connected:
+                self._halt(hard=True)
+                self._connection.stop_motion()
+
+    def brake(self) -> None:
+        """Brake to rest within the acceleration limits."""
+        with self._connection.lock:
+            self._halt(hard=False)
+
+    # The connection's side
+
+    def attach(self) -> None:
+        """Stand, and tell the base so: it may still do what it was told last in an earlier connection."""
+        with self._connection.lock:
+            self._wanted = self._sent = STILL
+            self._profile, self._silent_after = None, self._parameters.rest_repeats
+            self._connection.open()
+
+    def detach(self) -> None:
+        """The controller disconnects: brake."""
+        with self._connection.lock:
+            self._halt(hard=True)
+            self._connection.close()
+
+    @property
+    def resting(self) -> bool:
+        """Whether it has been told to stand still."""
+        return self._wanted == self._sent == STILL
+
+    def fail(self, fault: Fault) -> None:
+        """The motion has failed; the base is told to stop, as far as it hears."""
+        with self._connection.lock:
+            self._connection.fail_motion(fault)
+            self._halt(hard=True)
+
+    def cycle(self, elapsed: float) -> None:
+        """One control period, begun ``elapsed`` seconds after the last one: the next velocity, if one is due."""
+        with self._connection.lock:
+            self._decide(elapsed)
+            rest = self._wanted == self._sent == STILL
+            self._silent_after = self._silent_after - 1 if rest else self._parameters.rest_repeats
+            if rest and self._silent_after < 0:
+                self._silent_after = 0
+                return
+            velocity = self._approached(elapsed)
+        taken = self._channel.send(velocity)
+        with self._connection.lock:
+            if taken:
+                self._sent = velocity
+
+    # Private
+
+    def _go(self, command: str, distance: float, direction: float) -> Motion:
+        with self._connection.lock:
+            self._connection.check_command(command)
+            distance = self._checks.distance(command, distance)
+            return self._start(distance=direction * distance)
+
+    def _start(self, *, distance: float = 0.0, turn: float = 0.0) -> Motion:
+        start, parameters = self._channel.read().odometry, self._parameters.profile
+        profile = MotionProfile(self._model, start, parameters, distance=distance, turn=turn)
+        motion = PartMotion(self)
+        self._connection.begin(motion)
+        self._profile, self._braking = profile, False
+        return motion
+
+    def _decide(self, elapsed: float) -> None:
+        if self._profile is None:
+            self._lapses_in -= elapsed
+            if self._lapses_in < 0.0:
+                self._wanted = STILL
+            return
+        profile, motion = self._profile, self._connection.motion
+        try:
+            odometry = self._channel.read().odometry
+        except NoDataError as error:
+            self._halt(hard=False)
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.FAULT, str(error))
+            return
+        self._wanted = profile.velocity(odometry, elapsed)
+        if profile.arrived:
+            self._halt(hard=False)
+            if motion is not None:
+                motion.succeed()
+        elif profile.overdue:
+            self._halt(hard=False)
+            self._connection.end_motion(MotionStatus.FAILED, MotionErrorCode.TIMEOUT, profile.remainder())
+
+    def _halt(self, hard: bool) -> None:
+        self._profile, self._braking = None, hard
+        self._wanted, self._lapses_in = STILL, 0.0
+
+    def _approached(self, elapsed: float) -> Twist2D:
+        """The velocity next to the last one on the way to the wanted one, within the acceleration limits."""
+        model, sent, wanted = self._model, self._sent, self._wanted
+        linear, angular = model.max_acceleration, model.max_angular_acceleration
+        if self._braking:
+            linear = max(linear, model.max_vx / self._parameters.stop_time)
+            angular = max(angular, model.max_wz / self._parameters.stop_time)
+        dx, dy, dw = wanted.vx - sent.vx, wanted.vy - sent.vy, wanted.wz - sent.wz
+        if model.steering_joints:  # in one stride, so that the wheels keep pointing one way
+            step, turn = linear * elapsed, angular * elapsed
+            share = min(1.0, step / max(math.hypot(dx, dy), 1e-9), turn / max(abs(dw), 1e-9))
+            if share == 1.0:
+                return wanted
+            return Twist2D(sent.vx + share * dx, sent.vy + share * dy, sent.wz + share * dw)
+
+        def towards(value: float, goal: float, step: float) -> float:
+            return value + min(max(goal - value, -step), step)
+
+        return Twist2D(
+            towards(sent.vx, wanted.vx, linear * elapsed),
+            towards(sent.vy, wanted.vy, linear * elapsed),
+            towards(sent.wz, wanted.wz, angular * elapsed),
+        )
+
+
+class MotionProfile:
+    """``distance`` metres ahead (negative: back) or ``turn`` radians (counter-clockwise), from ``start``."""
+
+    def __init__(
+        self,
+        model: BaseModel,
+        start: Pose2D,
+        parameters: MotionProfileParameters,
+        *,
+        distance: float = 0.0,
+        turn: float = 0.0,
+    ) -> None:
+        self._parameters = parameters
+        self._model, self._start, self._distance, self._turn = model, start, distance, turn
+        self._heading, self._turned = start.theta, 0.0
+        self._remaining = turn or distance
+        if turn:
+            limit, acceleration = model.max_wz, model.max_angular_acceleration
+        else:
+            limit, acceleration = model.max_vx, model.max_acceleration
+        self._limit, self._acceleration = limit, acceleration
+        self._time_left = 2.0 * (abs(self._remaining) / limit + limit / acceleration) + 3.0
+        self._near_for = 0.0
+        self.arrived = turn == 0.0 and distance == 0.0
+
+    @property
+    def overdue(self) -> bool:
+        """Whether it takes twice as long as it should."""
+        return self._time_left < 0.0
+
+    def remainder(self) -> str:
+        """What is left, in words."""
+        return f"{self._remaining:.3f} {'rad' if self._turn else 'm'} are left when they should be done"
+
+    def velocity(self, odometry: Pose2D, elapsed: float) -> Twist2D:
+        """What to drive at, ``elapsed`` seconds after the last call."""
+        self._time_left -= elapsed
+        self._turned += wrap_angle(odometry.theta - self._heading)
+        self._heading = odometry.theta
+        if self._turn:
+            self._remaining = self._turn - self._turned
+        else:
+            self._remaining = self._distance - (self._start.inverse() @ odometry).x
+        self._near_for = self._near_for + elapsed if abs(self._remaining) < self._parameters.arrived else 0.0
+        self.arrived = self._near_for > self._parameters.near_time
+        stopping = math.sqrt(self._parameters.braking_share * self._acceleration * abs(self._remaining))
+        speed = math.copysign(
+            min(self._limit, stopping, self._parameters.approach_rate * abs(self._remaining)), self._remaining
+        )
+        if self._turn:
+            return Twist2D(0.0, 0.0, speed)
+        steer = max(-self._model.max_wz, min(self._model.max_wz, -HEADING_GAIN * self._turned))
+        return Twist2D(speed, 0.0, steer)
