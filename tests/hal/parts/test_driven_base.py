@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import RobotModel
-from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
 from hal.parts import BaseChannel, BaseReading, DrivenBase, Fault, MotionProfile, MotionProfileParameters, StopLatch
 
 PERIOD = 0.02
@@ -300,3 +300,51 @@ def test_a_motion_profile_brakes_by_the_acceleration_of_what_it_does(robot_model
         start @ Pose2D(sign * 0.7, 0.0, 0.0), PERIOD
     )
     assert driving.vx == pytest.approx(sign * math.sqrt(1.4 * 0.5 * 0.3))
+
+
+def test_odometry_that_falls_silent_fails_the_motion_and_brakes(
+    base: DrivenBase, channel: Unicycle, run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = base.move_forward(2.0)
+    run(1.0)
+    assert channel.twist.vx > 0.3
+
+    def silent() -> BaseReading:
+        raise NoDataError("the encoders tell nothing")
+
+    monkeypatch.setattr(channel, "read", silent)
+    run(2.0)
+    assert motion.error is not None
+    assert (motion.error.code, "tell nothing" in motion.error.text) == (MotionErrorCode.FAULT, True)
+    assert channel.twist == Twist2D(0.0, 0.0, 0.0)
+    assert base.resting
+
+
+def test_a_velocity_that_is_not_taken_yet_is_due_again_and_not_counted_as_driven(
+    base: DrivenBase, channel: Unicycle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steered wheels turn before they roll: the ramp begins when they do."""
+    asked: list[Twist2D] = []
+    monkeypatch.setattr(channel, "send", lambda velocity: bool(asked.append(velocity)))
+    for _ in range(5):
+        base.set_velocity(0.2, 0.0, 0.0)
+        base.cycle(PERIOD)
+    assert len(set(map(astuple, asked))) == 1
+    monkeypatch.undo()
+    base.cycle(PERIOD)
+    base.cycle(PERIOD)
+    assert channel.sent[0] == asked[0]
+    assert channel.sent[1].vx == pytest.approx(2 * channel.sent[0].vx)
+
+
+def test_steered_wheels_change_their_velocity_along_one_direction(
+    robot_model: RobotModel, channel: Unicycle, latch: StopLatch
+) -> None:
+    model = replace(robot_model.bases["base"], max_vy=0.5, steering_joints=("steer",))
+    base = DrivenBase("base", model, channel, latch)
+    base.attach()
+    base.set_velocity(0.3, 0.1, 0.0)
+    base.cycle(PERIOD)
+    first = channel.sent[-1]
+    assert first.vy / first.vx == pytest.approx(1.0 / 3.0)
+    assert math.hypot(first.vx, first.vy) == pytest.approx(model.max_acceleration * PERIOD)

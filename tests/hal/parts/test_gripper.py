@@ -227,3 +227,50 @@ def test_it_has_no_width_before_it_was_read(robot_model: RobotModel, latch: Stop
         gripper.attach()
     with pytest.raises(NotConnectedError):  # and is not connected then
         gripper.width()
+
+
+def test_fingers_that_creep_below_any_speed_limit_are_not_blocked(gripper: CommandedGripper, fingers: Fingers) -> None:
+    motion = gripper.close()
+    gripper.cycle(PERIOD)
+    fingers.speed = 0.003  # 0.6 mm in the time after which fingers at rest count as blocked
+    run(gripper, fingers, 2.0)
+    assert not motion.done
+
+
+def test_an_object_that_yields_is_held_once_the_fingers_rest(gripper: CommandedGripper, fingers: Fingers) -> None:
+    motion = gripper.close()
+    for tremble in (0.0302, 0.0300, 0.0298) * 40:  # within the band that counts as rest
+        gripper.cycle(PERIOD)
+        fingers.width = tremble
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert gripper.state().object_held
+
+
+def test_a_gripper_that_reacts_at_once_is_blocked_after_the_time_of_rest_alone(
+    gripper: CommandedGripper, fingers: Fingers
+) -> None:
+    fingers.reaction_time = 0.0
+    fingers.low = fingers.width
+    motion = gripper.close()
+    run(gripper, fingers, 0.2)
+    assert not motion.done
+    run(gripper, fingers, 0.04)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert gripper.state().object_held
+
+
+def test_what_the_gripper_feels_again_is_held_again(gripper: CommandedGripper, fingers: Fingers) -> None:
+    """A seal that was broken for an instant; the width alone does not bring an object back."""
+    fingers.low, fingers.felt = 0.03, True
+    gripper.close()
+    run(gripper, fingers, 1.0)
+    fingers.low, fingers.felt = 0.0, False
+    run(gripper, fingers, 1.0)
+    assert not gripper.state().object_held
+    fingers.low, fingers.felt = 0.03, True
+    run(gripper, fingers, 0.1)
+    assert gripper.state().object_held
+    fingers.low = 0.0
+    gripper.open()
+    run(gripper, fingers, 1.0)
+    assert not gripper.state().object_held

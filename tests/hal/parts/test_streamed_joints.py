@@ -453,3 +453,65 @@ def test_a_trajectory_that_starts_a_little_off_fades_in(
     far = replace(trajectory, positions=trajectory.positions + np.array([0.351, 0, 0, 0, 0, 0, 0]))
     with pytest.raises(CommandRefusedError, match="within 0.05"):
         arm.follow(far)
+
+
+class Torques(Joints):
+    """Joints that take efforts, too, and whose sensors tell programs something else than the drives know."""
+
+    takes_efforts = True
+
+    def __init__(self, count: int) -> None:
+        super().__init__(count)
+        self.exerted: list[np.ndarray] = []
+
+    def exert(self, efforts: np.ndarray) -> None:
+        self.exerted.append(efforts.copy())
+
+    def published(self) -> JointReading:
+        reading = self.read()
+        return JointReading(reading.positions + 0.1, reading.velocities, reading.efforts)
+
+
+def test_efforts_act_at_once_and_end_with_a_stop_from_where_the_joints_are(latch: StopLatch) -> None:
+    channel = Torques(2)
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    motion = group.move_to([1.0, 0.5])
+    run(group, 0.2)
+    group.command(efforts=[3.0, -2.0])
+    assert motion.status is MotionStatus.CANCELED
+    assert channel.exerted[-1] == pytest.approx([3.0, -2.0])
+    assert not group.resting
+    sent = len(channel.sent)
+    channel.off, channel.tremble = np.array([0.4, 0.0]), 0.2  # the torques have moved them
+    run(group, 0.3)
+    assert len(channel.sent) == sent
+    here = channel.read().positions
+    group.stop()
+    channel.off, channel.tremble = np.zeros(2), 0.0
+    channel.at = here
+    run(group, 0.01)
+    assert np.max(np.abs(channel.sent[-1][0] - here)) < 0.01
+    run(group, 0.6)
+    assert group.resting
+
+
+@pytest.mark.parametrize("efforts", [[11.0, 0.0], [0.0, float("nan")], [1.0]])
+def test_efforts_beyond_the_limits_are_refused(latch: StopLatch, efforts: list[float]) -> None:
+    channel = Torques(2)
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    with pytest.raises(CommandRefusedError, match="efforts"):
+        group.command(efforts=efforts)
+    assert not channel.exerted
+
+
+def test_programs_read_the_sensors_and_the_law_the_drives(latch: StopLatch) -> None:
+    channel = Torques(2)
+    group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    group.attach()
+    motion = group.move_to([0.2, 0.0])
+    run(group, 3.0)
+    assert motion.status is MotionStatus.SUCCEEDED
+    assert group.positions() == pytest.approx([0.3, 0.1], abs=0.005)
+    assert channel.sent[-1][0] == pytest.approx([0.2, 0.0])
