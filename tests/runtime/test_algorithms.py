@@ -11,7 +11,7 @@ from bestman_bt.navigation.global_planning.grid_astar import GridAStar
 from bestman_bt.navigation.global_planning.theta_star import ThetaStar
 from bestman_bt.registry import ALGORITHMS, UnknownNameError
 from bestman_bt.robot_model import load_robot_model
-from bestman_bt.runtime.algorithms import follower_by_name, make_algorithms, planner_by_name
+from bestman_bt.runtime.algorithms import algorithm_by_name, make_algorithms
 
 WITHOUT_PARAMETERS = ("collision/coal_world", "localization/wheel_odometry")
 
@@ -68,14 +68,14 @@ def test_a_planner_or_follower_that_a_tree_names_is_made_or_refused_with_the_clo
         monkeypatch.setattr(kind, "__init__", lambda self, parameters: made.append(parameters))
     run = load_run("navigate_kitchen", settings=["algorithms.global_planning.turn_cost=7"])
     for name in ("grid_astar", "theta_star"):
-        planner_by_name(run, name)
+        algorithm_by_name(run, "global_planning", name)
     assert [(type(each).__name__, each.turn_cost) for each in made] == [  # the configured one has what is configured
         ("GridAStarParameters", 7.0),
         ("ThetaStarParameters", 0.1),
     ]
-    for by_name in (planner_by_name, follower_by_name):
+    for slot in ("global_planning", "local_planning"):
         with pytest.raises(UnknownNameError, match="unknown algorithm 'astar'"):
-            by_name(run, "astar")
+            algorithm_by_name(run, slot, "astar")
 
 
 def test_faults_of_several_slots_are_told_at_once() -> None:
