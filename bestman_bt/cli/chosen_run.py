@@ -19,6 +19,16 @@ Run = Annotated[
     ),
 ]
 
+RunOption = Annotated[str | None, typer.Option("--run", help="As of status; not needed where only one runs.")]
+_NODE_HELP = "A path as status tells it, or a number."
+NodeArgument = Annotated[str, typer.Argument(metavar="NODE", help=_NODE_HELP)]
+OptionalNode = Annotated[str | None, typer.Argument(metavar="[NODE]", help=_NODE_HELP, show_default=False)]
+
+
+def node_of(text: str) -> int | str:
+    """A node as requests name it: by its number, or by its path."""
+    return int(text) if text.isdecimal() else text
+
 
 def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
     """Socket and status of each running executor; one that does not answer is reported and left out."""

@@ -34,6 +34,8 @@ VERBS = {
     "pause": "pause a running execution between two ticks",
     "resume": "let a paused execution go on",
     "step": "let a paused execution do one tick",
+    "break": "let a running execution wait at a node",
+    "unbreak": "clear breakpoints of a running execution",
     "set": "write a blackboard entry of a running execution",
     "stop": "stop the robots of one or all running executors",
     "version": "print the versions of this package and of what it stands on",

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from bestman_bt.cli.chosen_run import ask, chosen
+from bestman_bt.cli.chosen_run import RunOption, ask, chosen
 
 
 def command(
     entry: Annotated[str, typer.Argument(metavar="KEY=VALUE", help="A value is JSON, or else text.")],
-    run: Annotated[str | None, typer.Option(help="As of status; not needed where only one runs.")] = None,
+    run: RunOption = None,
     scope: Annotated[str, typer.Option(help="The path of a SubTree; the main tree without it.")] = "",
 ) -> None:
     """Write a blackboard entry of a running execution, also while it is paused."""

@@ -106,3 +106,41 @@ def test_wrong_input_is_refused(bestman_bt: Command, arguments: list[str], words
     answer = bestman_bt(*arguments)
     assert answer.code == 2
     assert words in " ".join(answer.err.replace("│", " ").split())
+
+
+def test_a_run_waits_at_a_breakpoint_until_it_is_cleared(bestman_bt: Command, start: Callable[[str], Executor]) -> None:
+    executor = start("fetch")
+    assert bestman_bt("pause").code == 0
+    assert bestman_bt("break", "wait", "--after", "--if", "speed > 1").out == "fetch waits after wait if speed > 1\n"
+    assert bestman_bt("break", "2").out == "fetch waits before wait\n"
+    assert [
+        (one["when"], one["condition"]) for one in bestman_bt("status", "--json").document["runs"][0]["breakpoints"]
+    ] == [
+        ("after", "speed > 1"),
+        ("before", None),
+    ]
+    assert bestman_bt("unbreak", "wait").out == "cleared 2 in fetch; left: none\n"
+    assert bestman_bt("break", "work", "--once").code == 0
+    assert bestman_bt("unbreak", "--all", "--run", "fetch").out == "cleared 1 in fetch; left: none\n"
+    assert executor.paused
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (("break", "wiat"), 1, "did you mean 'wait'?"),
+        (("break", "9"), 1, "a node is a path or a number from 1 to 2, not 9"),
+        (("break", "wait", "--if", "speed >"), 1, "speed >"),
+        (("unbreak", "wiat"), 1, "did you mean 'wait'?"),
+        (("unbreak",), 2, "give a node, or --all"),
+        (("unbreak", "wait", "--all"), 2, "give a node, or --all"),
+        (("break", "wait", "--run", "tidy"), 2, "no running execution is named 'tidy'"),
+    ],
+)
+def test_a_breakpoint_that_makes_no_sense_is_refused(
+    arguments: tuple[str, ...], code: int, told: str, bestman_bt: Command, start: Callable[[str], Executor]
+) -> None:
+    start("fetch")
+    answer = bestman_bt(*arguments)
+    assert answer.code == code
+    assert told in answer.err
