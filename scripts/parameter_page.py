@@ -34,12 +34,10 @@ algorithms:
 ```
 
 The path in the tables is that of the slot with this algorithm in it: of another one than the default, set
-`algorithms.SLOT.algorithm` too. A parameter that is not given keeps the default below. Units that the table does not
-name are those said above it; numbers are SI.
+`algorithms.SLOT.algorithm` too. A parameter that is not given keeps the default below. Unit `-`: a pure number, a
+count, a choice.
 """
-_UNIT = re.compile(
-    r"\b(metres per cell|metres|m/s²|rad/s²|m/s|rad/s|radians|rad|degrees|seconds|pixels|voxels|cells|Hz)\b"
-)
+_UNIT = re.compile(r"Annotated\[.*, [\"'](.+)[\"']\]")
 _NAMES = re.compile(r"((?:``\w+``(?: \([^)]*\))?(?:, | and )?)+)(?: \([^)]*\))?: ")
 
 
@@ -59,8 +57,6 @@ def _slot(slot: str, algorithms: dict[str, type[Any]]) -> str:
         if not rows:
             text += "\nNo parameters.\n"
             continue
-        units = _units(kind)
-        text += f"\n{units}\n" if units else ""
         text += "\n| parameter | default | unit | what it is | `--set` |\n| --- | --- | --- | --- | --- |\n"
         text += "".join(f"| {' | '.join(row)} |\n" for row in rows)
     return text
@@ -74,9 +70,15 @@ def _rows(parameters: Any, path: str, prefix: str = "") -> Iterator[tuple[str, .
             yield from _rows(value, f"{path}.{field.name}", f"{prefix}{field.name}.")
             continue
         told = described.get(field.name, "")
-        unit = _UNIT.search(told)
         words = told or field.name.replace("_", " ")
-        yield f"`{prefix}{field.name}`", f"`{_value(value)}`", unit[1] if unit else "", words, f"`{path}.{field.name}=`"
+        unit = _unit(type(parameters), field.name)
+        yield f"`{prefix}{field.name}`", f"`{_value(value)}`", unit, words, f"`{path}.{field.name}=`"
+
+
+def _unit(kind: type[Any], field: str) -> str:
+    """The unit in the field's type, ``Annotated[float, "m"]``, where it is first declared with one."""
+    written = (str(inspect.get_annotations(base).get(field, "")) for base in kind.__mro__)
+    return next((match[1] for text in written if (match := _UNIT.fullmatch(text))), "-")
 
 
 def _value(value: Any) -> str:
@@ -101,18 +103,6 @@ def _descriptions(kind: type[Any]) -> dict[str, str]:
             for name in re.findall(r"``(\w+)``", match[1]):
                 found[name] = words.replace("|", "\\|").replace("``", "`")
     return found
-
-
-def _units(kind: type[Any]) -> str:
-    """What the docstring says before the first field, where that is of units."""
-    said = []
-    for base in reversed(kind.__mro__):
-        text = " ".join((base.__dict__.get("__doc__") or "").split())
-        first = _NAMES.search(text)
-        head = text[: first.start() if first else len(text)].strip()
-        if _UNIT.search(head) and not head.startswith(f"{base.__name__}("):
-            said.append(head.replace("``", "`"))
-    return " ".join(dict.fromkeys(said))
 
 
 def _first_paragraph(algorithm: type[Any]) -> str:

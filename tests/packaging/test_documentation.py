@@ -158,6 +158,18 @@ def test_the_page_of_parameters_is_up_to_date() -> None:
     assert (DOCS / "parameters.md").read_text() == written, "run scripts/parameter_page.py"
 
 
+def test_parameters_have_units_where_their_descriptions_say_one() -> None:
+    rows = [line.split(" | ") for line in (DOCS / "parameters.md").read_text().splitlines() if line.startswith("| `")]
+    units = {row[0].strip("|` "): row[2] for row in rows}
+    assert (units["max_tilt"], units["cost_decay"], units["ransac_samples"]) == ("rad", "m", "-")
+    unsaid = [
+        row[0]
+        for row in rows
+        if row[2] in ("", "-") and re.match(r"(metres|m|rad|radians|seconds|Hz|m/s|pixels|voxels)\\b", row[3])
+    ]
+    assert unsaid == []
+
+
 @pytest.mark.parametrize(
     "path", ["algorithms.costmap.clearance=0.02", "algorithms.local_planning.turning.max_speed=0.8"]
 )

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 import pinocchio
@@ -45,19 +46,19 @@ class DampedLeastSquaresParameters:
     ends; ``track_patience``: the same where the solution is near.
     """
 
-    tolerance: float = 2e-5
+    tolerance: Annotated[float, "m, rad"] = 2e-5
     damping: float = 1e-4
-    fade: float = 0.05
-    max_step: float = 0.4
+    fade: Annotated[float, "m, rad"] = 0.05
+    max_step: Annotated[float, "rad"] = 0.4
     max_iterations: int = 100
     patience: int = 20
-    limit_margin: float = 0.02
+    limit_margin: Annotated[float, "rad"] = 0.02
     attempts: int = 60
     near_attempts: int = 6
-    near_std: float = 0.6
-    distinct: float = 0.2
-    track_step: float = 0.3
-    track_leash: float = 0.45
+    near_std: Annotated[float, "rad"] = 0.6
+    distinct: Annotated[float, "rad"] = 0.2
+    track_step: Annotated[float, "rad"] = 0.3
+    track_leash: Annotated[float, "rad"] = 0.45
     track_patience: int = 6
 
     def __post_init__(self) -> None:

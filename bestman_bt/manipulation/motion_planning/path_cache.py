@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,11 +30,11 @@ class PathCacheParameters:
     ``wall_limit``: seconds after which checking is aborted with an error.
     """
 
-    quantum: float = 0.02
+    quantum: Annotated[float, "rad"] = 0.02
     size: int = 200
-    check_step: float = 0.01
-    limit_tolerance: float = 0.01
-    wall_limit: float = 60.0
+    check_step: Annotated[float, "rad"] = 0.01
+    limit_tolerance: Annotated[float, "rad"] = 0.01
+    wall_limit: Annotated[float, "s"] = 60.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ class RRTConnectParameters(SamplingParameters):
 
     max_checks: int = 10_000
     attempts: int = 12
-    short_range: float = 0.7
+    short_range: Annotated[float, "rad"] = 0.7
     short_checks: int = 1500
 
 

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,15 +41,15 @@ class SamplingParameters:
     ``wall_limit``: seconds after which planning is aborted with an error; what it answers never depends on it.
     """
 
-    check_step: float = 0.03
-    final_check_step: float = 0.01
+    check_step: Annotated[float, "rad"] = 0.03
+    final_check_step: Annotated[float, "rad"] = 0.01
     max_checks: int = 60_000
     max_iterations: int = 20_000
     attempts: int = 2
     shortcut_attempts: int = 100
     shortcut_patience: int = 25
-    limit_tolerance: float = 0.01
-    wall_limit: float = 60.0
+    limit_tolerance: Annotated[float, "rad"] = 0.01
+    wall_limit: Annotated[float, "s"] = 60.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,12 +30,12 @@ class ToppraParameters:
     ``rate``: Hz of the result. ``position_slack``: rad by which the first sample may lie outside its limits.
     """
 
-    waypoint_spacing: float = 0.05
+    waypoint_spacing: Annotated[float, "rad"] = 0.05
     grid_per_waypoint: int = 4
     min_grid: int = 200
-    check_rate: float = 1000.0
-    rate: float = 100.0
-    position_slack: float = 0.01
+    check_rate: Annotated[float, "Hz"] = 1000.0
+    rate: Annotated[float, "Hz"] = 100.0
+    position_slack: Annotated[float, "rad"] = 0.01
 
     def __post_init__(self) -> None:
         for name in ("waypoint_spacing", "grid_per_waypoint", "min_grid", "check_rate", "rate"):

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,14 +47,14 @@ class CostmapParameters:
     out.
     """
 
-    resolution: Positive = 0.05
-    clearance: NonNegative = 0.005
-    furniture_position_error: NonNegative = 0.03
-    furniture_heading_error: NonNegative = math.radians(2.0)
+    resolution: Annotated[Positive, "m per cell"] = 0.05
+    clearance: Annotated[NonNegative, "m"] = 0.005
+    furniture_position_error: Annotated[NonNegative, "m"] = 0.03
+    furniture_heading_error: Annotated[NonNegative, "rad"] = math.radians(2.0)
     cost_weight: NonNegative = 3.0
-    cost_decay: Positive = 0.15
-    floor_height: NonNegative = 0.02
-    robot_height: Positive = 1.8
+    cost_decay: Annotated[Positive, "m"] = 0.15
+    floor_height: Annotated[NonNegative, "m"] = 0.02
+    robot_height: Annotated[Positive, "m"] = 1.8
     static: bool = True
     furniture: bool = True
     doors: bool = True

@@ -11,6 +11,7 @@ from __future__ import annotations
 import heapq
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,12 +37,12 @@ class HybridAStarParameters(StraightEndsParameters):
     ``max_expansions``: states after which the search gives up.
     """
 
-    turning_radius: Positive = 0.4
-    branch: Positive = 0.2
+    turning_radius: Annotated[Positive, "m"] = 0.4
+    branch: Annotated[Positive, "m"] = 0.2
     headings: Several = 72
     reverse_cost: Positive = 2.0
-    switch_cost: NonNegative = 0.5
-    clearance: NonNegative = 0.01
+    switch_cost: Annotated[NonNegative, "m"] = 0.5
+    clearance: Annotated[NonNegative, "m"] = 0.01
     max_expansions: Count = 30_000
 
 

@@ -11,7 +11,7 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +40,9 @@ class PolylineParameters(StraightEndsParameters):
     was found the smoothing considers.
     """
 
-    turning_clearance: NonNegative = 0.02
-    slack: NonNegative = 0.01
-    turn_cost: NonNegative = 0.1
+    turning_clearance: Annotated[NonNegative, "m"] = 0.02
+    slack: Annotated[NonNegative, "m"] = 0.01
+    turn_cost: Annotated[NonNegative, "m"] = 0.1
     vertex_limit: Several = 40
 
 

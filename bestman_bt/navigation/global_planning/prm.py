@@ -6,6 +6,7 @@ Our own and not OMPL's, which asks a second thread whether it is done, so that e
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ class PRMParameters(PolylineParameters):
     samples: Count = 1000
     near_obstacles: Share = 0.7
     neighbours: Count = 10
-    longest: Positive = 2.5
+    longest: Annotated[Positive, "m"] = 2.5
     seed: WholeNumber = 0
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ class RRTStarParameters(PolylineParameters):
 
     samples: Count = 1500
     near_obstacles: Share = 0.5
-    longest: Positive = 2.0
+    longest: Annotated[Positive, "m"] = 2.0
     goal_every: Count = 15
     seed: WholeNumber = 0
 

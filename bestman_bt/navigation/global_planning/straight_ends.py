@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,10 +23,10 @@ class StraightEndsParameters:
     margin at the start.
     """
 
-    straight: NonNegative = 0.4
-    max_straight: NonNegative = 1.2
-    step: Positive = 0.02
-    max_overlap: NonNegative = 0.06
+    straight: Annotated[NonNegative, "m"] = 0.4
+    max_straight: Annotated[NonNegative, "m"] = 1.2
+    step: Annotated[Positive, "m"] = 0.02
+    max_overlap: Annotated[NonNegative, "m"] = 0.06
 
     def __post_init__(self) -> None:
         check_order(self, "straight", "max_straight")

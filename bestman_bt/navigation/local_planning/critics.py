@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,19 +31,19 @@ class CriticParameters:
     where they will be, ``moving``: weight of coming nearer than ``moving_distance``.
     """
 
-    goal: NonNegative = 1.0
-    goal_early: NonNegative = 0.4
-    path: NonNegative = 0.35
+    goal: Annotated[NonNegative, "1/m"] = 1.0
+    goal_early: Annotated[NonNegative, "1/m"] = 0.4
+    path: Annotated[NonNegative, "1/m"] = 0.35
     obstacle: NonNegative = 0.3
-    obstacle_decay: Positive = 0.12
-    heading: NonNegative = 0.25
-    backwards: NonNegative = 0.5
-    sideways: NonNegative = 0.2
-    turning: NonNegative = 0.03
+    obstacle_decay: Annotated[Positive, "m"] = 0.12
+    heading: Annotated[NonNegative, "1/rad"] = 0.25
+    backwards: Annotated[NonNegative, "1/m"] = 0.5
+    sideways: Annotated[NonNegative, "1/m"] = 0.2
+    turning: Annotated[NonNegative, "1/rad"] = 0.03
     contact: NonNegative = 10.0
-    prediction: NonNegative = 1.2
-    moving_margin: NonNegative = 0.08
-    moving_distance: NonNegative = 0.5
+    prediction: Annotated[NonNegative, "s"] = 1.2
+    moving_margin: Annotated[NonNegative, "m"] = 0.08
+    moving_distance: Annotated[NonNegative, "m"] = 0.5
     moving: NonNegative = 0.6
 
 

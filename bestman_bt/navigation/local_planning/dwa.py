@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +29,13 @@ class DWAParameters(ObstacleAwareParameters):
     forward_samples: Count = 11
     sideways_samples: Count = 5
     turn_samples: Count = 15
-    window: Positive = 0.3
-    horizon: Positive = 1.6
-    step: Positive = 0.1
-    reverse: NonNegative = 0.15
-    oscillation_distance: NonNegative = 0.05
-    oscillation_angle: NonNegative = 0.2
-    oscillation_time: NonNegative = 1.0
+    window: Annotated[Positive, "s"] = 0.3
+    horizon: Annotated[Positive, "s"] = 1.6
+    step: Annotated[Positive, "s"] = 0.1
+    reverse: Annotated[NonNegative, "m/s"] = 0.15
+    oscillation_distance: Annotated[NonNegative, "m"] = 0.05
+    oscillation_angle: Annotated[NonNegative, "rad"] = 0.2
+    oscillation_time: Annotated[NonNegative, "s"] = 1.0
 
     def __post_init__(self) -> None:
         super().__post_init__()

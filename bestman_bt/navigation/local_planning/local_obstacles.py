@@ -6,6 +6,7 @@ As nav2's local costmap: that of the map and an ``ObstacleLayer``, measured by t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -25,7 +26,7 @@ FAR = 10.0
 class LocalObstaclesParameters(ObstacleLayerParameters):
     """Those of its layer, for a square of 6 m."""
 
-    size: Positive = 6.0
+    size: Annotated[Positive, "m"] = 6.0
 
 
 class LocalObstacles:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +25,17 @@ class MovingObstaclesParameters:
     seen for that long. ``max_speed``: nothing here is faster.
     """
 
-    gap: Positive = 0.2
-    max_size: Positive = 0.9
-    gate: Positive = 0.4
-    acceleration: Positive = 0.7
-    position_std: Positive = 0.04
-    min_speed: NonNegative = 0.12
+    gap: Annotated[Positive, "m"] = 0.2
+    max_size: Annotated[Positive, "m"] = 0.9
+    gate: Annotated[Positive, "m"] = 0.4
+    acceleration: Annotated[Positive, "m/s²"] = 0.7
+    position_std: Annotated[Positive, "m"] = 0.04
+    min_speed: Annotated[NonNegative, "m/s"] = 0.12
     min_sigma: NonNegative = 1.5
-    min_distance: NonNegative = 0.10
-    forget: NonNegative = 0.8
-    forget_hidden: NonNegative = 3.0
-    max_speed: Positive = 2.0
+    min_distance: Annotated[NonNegative, "m"] = 0.10
+    forget: Annotated[NonNegative, "s"] = 0.8
+    forget_hidden: Annotated[NonNegative, "s"] = 3.0
+    max_speed: Annotated[Positive, "m/s"] = 2.0
 
     def __post_init__(self) -> None:
         check_order(self, "min_speed", "max_speed")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +30,15 @@ class MPPIParameters(ObstacleAwareParameters):
 
     batch: Several = 320
     steps: Count = 20
-    step: Positive = 0.1
+    step: Annotated[Positive, "s"] = 0.1
     iterations: Count = 1
     knots: Several = 6
-    forward_std: NonNegative = 0.2
-    sideways_std: NonNegative = 0.2
-    turn_std: NonNegative = 0.5
+    forward_std: Annotated[NonNegative, "m/s"] = 0.2
+    sideways_std: Annotated[NonNegative, "m/s"] = 0.2
+    turn_std: Annotated[NonNegative, "rad/s"] = 0.5
     fine: Share = 0.3
     temperature: Positive = 0.08
-    reverse: NonNegative = 0.15
+    reverse: Annotated[NonNegative, "m/s"] = 0.15
     seed: WholeNumber = 0
 
     def __post_init__(self) -> None:

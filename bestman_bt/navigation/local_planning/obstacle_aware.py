@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,15 +49,15 @@ class ObstacleAwareParameters:
     the way is looked at again where no scan comes.
     """
 
-    max_speed: Positive = 0.6
-    max_turn_rate: Positive = 1.2
-    margin: NonNegative = 0.03
-    clearance: NonNegative = 0.05
-    hand_over: NonNegative = 0.6
-    entry: NonNegative = 0.42
-    carrot: Positive = 0.7
-    turn_first: NonNegative = 1.0
-    reaction: NonNegative = 0.1
+    max_speed: Annotated[Positive, "m/s"] = 0.6
+    max_turn_rate: Annotated[Positive, "rad/s"] = 1.2
+    margin: Annotated[NonNegative, "m"] = 0.03
+    clearance: Annotated[NonNegative, "m"] = 0.05
+    hand_over: Annotated[NonNegative, "m"] = 0.6
+    entry: Annotated[NonNegative, "m"] = 0.42
+    carrot: Annotated[Positive, "m"] = 0.7
+    turn_first: Annotated[NonNegative, "rad"] = 1.0
+    reaction: Annotated[NonNegative, "s"] = 0.1
     field_every: Count = 10
     critics: CriticParameters = field(default_factory=CriticParameters)
     obstacles: LocalObstaclesParameters = field(default_factory=LocalObstaclesParameters)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -36,13 +37,13 @@ class ObstacleLayerParameters:
     ``ray_margin``: metres before a hit that its beam does not clear.
     """
 
-    size: Positive = 16.0
-    resolution: Positive = 0.025
-    roll: Positive = 0.5
-    range: Positive = 5.0
-    known: NonNegative = 0.06
+    size: Annotated[Positive, "m"] = 16.0
+    resolution: Annotated[Positive, "m per cell"] = 0.025
+    roll: Annotated[Positive, "m"] = 0.5
+    range: Annotated[Positive, "m"] = 5.0
+    known: Annotated[NonNegative, "m"] = 0.06
     evidence: Count = 3
-    ray_margin: NonNegative = 0.05
+    ray_margin: Annotated[NonNegative, "m"] = 0.05
     moving: MovingObstaclesParameters = field(default_factory=MovingObstaclesParameters)
 
 

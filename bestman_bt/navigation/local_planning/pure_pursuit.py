@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,20 +32,20 @@ class PurePursuitParameters:
     when to set off after such a turn. ``position_tolerance``: along the path, at the end of a leg.
     """
 
-    max_speed: Positive = 0.6
-    max_turn_rate: Positive = 1.2
-    acceleration: Positive = 0.5
-    deceleration: Positive = 0.35
-    lateral_acceleration: Positive = 0.4
-    turn_acceleration: Positive = 2.0
-    creep_speed: Positive = 0.015
-    lookahead_time: Positive = 0.6
-    min_lookahead: Positive = 0.2
-    max_lookahead: Positive = 0.4
-    corner: NonNegative = 0.6
-    leg_heading_tolerance: NonNegative = 0.03
-    position_tolerance: NonNegative = 0.003
-    still: Positive = 0.02
+    max_speed: Annotated[Positive, "m/s"] = 0.6
+    max_turn_rate: Annotated[Positive, "rad/s"] = 1.2
+    acceleration: Annotated[Positive, "m/s²"] = 0.5
+    deceleration: Annotated[Positive, "m/s²"] = 0.35
+    lateral_acceleration: Annotated[Positive, "m/s²"] = 0.4
+    turn_acceleration: Annotated[Positive, "rad/s²"] = 2.0
+    creep_speed: Annotated[Positive, "m/s"] = 0.015
+    lookahead_time: Annotated[Positive, "s"] = 0.6
+    min_lookahead: Annotated[Positive, "m"] = 0.2
+    max_lookahead: Annotated[Positive, "m"] = 0.4
+    corner: Annotated[NonNegative, "rad"] = 0.6
+    leg_heading_tolerance: Annotated[NonNegative, "rad"] = 0.03
+    position_tolerance: Annotated[NonNegative, "m"] = 0.003
+    still: Annotated[Positive, "m/s"] = 0.02
     turning: RotateToHeadingParameters = field(default_factory=RotateToHeadingParameters)
 
     def __post_init__(self) -> None:

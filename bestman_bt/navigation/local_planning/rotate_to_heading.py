@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.messages.bounds import NonNegative, Positive, check_order
@@ -21,15 +22,15 @@ class RotateToHeadingParameters:
     what is beyond, ``max_place_speed`` m/s: wheels that are dragged over the floor push a loaded base away.
     """
 
-    max_speed: Positive = 1.2
-    acceleration: Positive = 1.5
-    gain: Positive = 3.0
-    min_speed: NonNegative = 0.05
-    tolerance: NonNegative = 0.005
-    still: Positive = 0.03
-    slack: NonNegative = 0.02
-    place_gain: NonNegative = 5.0
-    max_place_speed: NonNegative = 0.2
+    max_speed: Annotated[Positive, "rad/s"] = 1.2
+    acceleration: Annotated[Positive, "rad/s²"] = 1.5
+    gain: Annotated[Positive, "1/s"] = 3.0
+    min_speed: Annotated[NonNegative, "rad/s"] = 0.05
+    tolerance: Annotated[NonNegative, "rad"] = 0.005
+    still: Annotated[Positive, "rad/s"] = 0.03
+    slack: Annotated[NonNegative, "m"] = 0.02
+    place_gain: Annotated[NonNegative, "1/s"] = 5.0
+    max_place_speed: Annotated[NonNegative, "m/s"] = 0.2
 
     def __post_init__(self) -> None:
         check_order(self, "min_speed", "max_speed")

@@ -6,6 +6,7 @@ Unlike a likelihood field it knows that nothing is seen through a wall.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +26,13 @@ class BeamModelParameters:
     """
 
     beams: Count = 120
-    hit_std: Positive = 0.06
+    hit_std: Annotated[Positive, "m"] = 0.06
     hit: Share = 0.7
     short: Share = 0.2
     random: Share = 0.1
-    short_decay: Positive = 2.0
+    short_decay: Annotated[Positive, "m"] = 2.0
     lost: Share = 0.1
-    explained_within: Positive = 0.12
+    explained_within: Annotated[Positive, "m"] = 0.12
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
@@ -33,19 +34,19 @@ class CorrelativeSearchParameters:
     that a place must explain. ``clearance``: of the base's centre from everything.
     """
 
-    resolution: Positive = 0.1
-    heading_step: Positive = math.radians(4.0)
+    resolution: Annotated[Positive, "m per cell"] = 0.1
+    heading_step: Annotated[Positive, "rad"] = math.radians(4.0)
     points: Count = 72
-    blur: Positive = 0.15
+    blur: Annotated[Positive, "m"] = 0.15
     candidates: Count = 40
-    apart: NonNegative = 0.3
-    turned_apart: NonNegative = math.radians(15.0)
+    apart: Annotated[NonNegative, "m"] = 0.3
+    turned_apart: Annotated[NonNegative, "rad"] = math.radians(15.0)
     matches: Count = 3
-    same: NonNegative = 0.2
-    same_heading: NonNegative = math.radians(6.0)
+    same: Annotated[NonNegative, "m"] = 0.2
+    same_heading: Annotated[NonNegative, "rad"] = math.radians(6.0)
     independent_beams: Positive = 15.0
     min_explained: Share = 0.5
-    clearance: NonNegative = 0.2
+    clearance: Annotated[NonNegative, "m"] = 0.2
     beam_model: BeamModelParameters = field(default_factory=BeamModelParameters)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +28,14 @@ class OdometryEkfParameters:
     deviations beyond which the wheels' turn is slip and left out.
     """
 
-    acceleration: Positive = 8.0
+    acceleration: Annotated[Positive, "rad/s²"] = 8.0
     turn_slip: NonNegative = 0.1
-    drive_slip: NonNegative = 0.15
-    wheel_std: Positive = 0.002
+    drive_slip: Annotated[NonNegative, "rad/m"] = 0.15
+    wheel_std: Annotated[Positive, "rad/s"] = 0.002
     slip: NonNegative = 0.1
-    gyro_noise: Positive = 0.0005
-    bias_std: NonNegative = 0.005
-    bias_walk: NonNegative = 2e-5
+    gyro_noise: Annotated[Positive, "rad/√s"] = 0.0005
+    bias_std: Annotated[NonNegative, "rad/s"] = 0.005
+    bias_walk: Annotated[NonNegative, "rad/s/√s"] = 2e-5
     gate: Positive = 5.0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ class KldParameters:
 
     error: Positive = 0.02
     quantile: Positive = 2.33
-    bin_size: Positive = 0.25
-    bin_angle: Positive = math.radians(10.0)
+    bin_size: Annotated[Positive, "m"] = 0.25
+    bin_angle: Annotated[Positive, "rad"] = math.radians(10.0)
     fewest: Count = 500
     most: Count = 20000
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +21,12 @@ class OdometryMotionParameters:
     one.
     """
 
-    turn_per_turn: NonNegative = 0.12
-    turn_per_metre: NonNegative = 0.08
-    drive_per_metre: NonNegative = 0.12
-    drive_per_turn: NonNegative = 0.01
-    still_turn: NonNegative = 0.002
-    still_drive: NonNegative = 0.002
+    turn_per_turn: Annotated[NonNegative, "rad/rad"] = 0.12
+    turn_per_metre: Annotated[NonNegative, "rad/m"] = 0.08
+    drive_per_metre: Annotated[NonNegative, "m/m"] = 0.12
+    drive_per_turn: Annotated[NonNegative, "m/rad"] = 0.01
+    still_turn: Annotated[NonNegative, "rad"] = 0.002
+    still_drive: Annotated[NonNegative, "m"] = 0.002
 
 
 def sample_motion(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,24 +40,24 @@ class ParticleFilterParameters:
     """
 
     beams: Count = 72
-    hit_std: Positive = 0.04
-    search_hit_std: Positive = 0.15
+    hit_std: Annotated[Positive, "m"] = 0.04
+    search_hit_std: Annotated[Positive, "m"] = 0.15
     random: Share = 0.05
     independent_beams: Positive = 12.0
-    resolution: Positive = 0.02
-    reach: Positive = 0.6
+    resolution: Annotated[Positive, "m per cell"] = 0.02
+    reach: Annotated[Positive, "m"] = 0.6
     good_fit: Share = 0.7
     slow: PositiveShare = 0.01
     fast: PositiveShare = 0.2
     candidates: Count = 5000
-    unknown_std: Positive = 0.5
-    place_radius: Positive = 0.5
-    place_angle: Positive = math.radians(30.0)
+    unknown_std: Annotated[Positive, "m"] = 0.5
+    place_radius: Annotated[Positive, "m"] = 0.5
+    place_angle: Annotated[Positive, "rad"] = math.radians(30.0)
     sure: Share = 0.9
-    inlier: Positive = 0.1
+    inlier: Annotated[Positive, "m"] = 0.1
     min_inlier_ratio: Share = 0.35
-    clearance: NonNegative = 0.2
-    move_every: NonNegative = 0.1
+    clearance: Annotated[NonNegative, "m"] = 0.2
+    move_every: Annotated[NonNegative, "m, rad"] = 0.1
     seed: WholeNumber = 0
     motion: OdometryMotionParameters = field(default_factory=OdometryMotionParameters)
     kld: KldParameters = field(default_factory=KldParameters)

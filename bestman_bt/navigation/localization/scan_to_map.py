@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,28 +48,28 @@ class ScanToMapParameters:
     """
 
     iterations: Count = 8
-    gate_first: Positive = 0.25
+    gate_first: Annotated[Positive, "m"] = 0.25
     gate_decay: Share = 0.6
-    gate_last: Positive = 0.04
-    associate_again: NonNegative = 0.002
-    robust_scale: Positive = 0.02
-    range_std: Positive = 0.01
-    wall_std: NonNegative = 0.001
-    furniture_std: NonNegative = 0.025
-    slip: NonNegative = 4e-5
-    turn_slip: NonNegative = 9e-5
-    turn_shift: NonNegative = 0.0
-    drift: NonNegative = 4e-5
-    dragged_turn_slip: NonNegative = 0.02
-    dragged_turn_shift: NonNegative = 0.005
+    gate_last: Annotated[Positive, "m"] = 0.04
+    associate_again: Annotated[NonNegative, "m"] = 0.002
+    robust_scale: Annotated[Positive, "m"] = 0.02
+    range_std: Annotated[Positive, "m"] = 0.01
+    wall_std: Annotated[NonNegative, "m"] = 0.001
+    furniture_std: Annotated[NonNegative, "m"] = 0.025
+    slip: Annotated[NonNegative, "m²/m"] = 4e-5
+    turn_slip: Annotated[NonNegative, "rad²/rad"] = 9e-5
+    turn_shift: Annotated[NonNegative, "m²/rad"] = 0.0
+    drift: Annotated[NonNegative, "rad²/m"] = 4e-5
+    dragged_turn_slip: Annotated[NonNegative, "rad²/rad"] = 0.02
+    dragged_turn_shift: Annotated[NonNegative, "m²/rad"] = 0.005
     min_inlier_ratio: Share = 0.35
     min_seen_ratio: Share = 0.15
     min_consistent_ratio: Share = 0.8
-    early_by: NonNegative = 0.15
+    early_by: Annotated[NonNegative, "m"] = 0.15
     max_deviation: Positive = 4.5
     sure_inlier_ratio: Share = 0.6
     surprise: Positive = 4.0
-    unknown_std: Positive = 0.5
+    unknown_std: Annotated[Positive, "m"] = 0.5
 
     def __post_init__(self) -> None:
         check_order(self, "min_inlier_ratio", "sure_inlier_ratio")

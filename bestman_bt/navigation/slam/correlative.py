@@ -9,6 +9,7 @@ from __future__ import annotations
 import heapq
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +27,8 @@ class CorrelativeParameters:
     count, below which nothing is found.
     """
 
-    resolution: Positive = 0.05
-    std: Positive = 0.06
+    resolution: Annotated[Positive, "m per cell"] = 0.05
+    std: Annotated[Positive, "m"] = 0.06
     levels: Count = 4
     min_score: Share = 0.45
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,19 +42,19 @@ class FrontierExplorerParameters:
     the heading of a view.
     """
 
-    min_length: NonNegative = 0.30
-    spacing: Positive = 0.35
-    near: Positive = 1.8
-    clearance: NonNegative = 0.03
-    range: Positive = 5.0
+    min_length: Annotated[NonNegative, "m"] = 0.30
+    spacing: Annotated[Positive, "m"] = 0.35
+    near: Annotated[Positive, "m"] = 1.8
+    clearance: Annotated[NonNegative, "m"] = 0.03
+    range: Annotated[Positive, "m"] = 5.0
     rays: Count = 120
-    depth: Positive = 2.0
-    min_gain: NonNegative = 0.4
-    closest: NonNegative = 0.40
-    discount: Share = 0.25
+    depth: Annotated[Positive, "m"] = 2.0
+    min_gain: Annotated[NonNegative, "m²"] = 0.4
+    closest: Annotated[NonNegative, "m"] = 0.40
+    discount: Annotated[Share, "1/m"] = 0.25
     stops: Count = 8
-    again: NonNegative = 0.3
-    straight: NonNegative = 0.5
+    again: Annotated[NonNegative, "m"] = 0.3
+    straight: Annotated[NonNegative, "m"] = 0.5
 
 
 @dataclass(frozen=True, eq=False)

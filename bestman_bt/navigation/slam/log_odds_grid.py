@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +26,14 @@ class LogOddsGridParameters:
     there is something beyond it, to look for and not to drive into.
     """
 
-    resolution: Positive = 0.05
+    resolution: Annotated[Positive, "m per cell"] = 0.05
     hit: Positive = 0.85
     miss: Positive = 0.3
     limit: Positive = 4.0
     occupied: Positive = 0.8
     free: Positive = 0.25
-    keep: NonNegative = 0.06
-    border: NonNegative = 2.0
+    keep: Annotated[NonNegative, "m"] = 0.06
+    border: Annotated[NonNegative, "m"] = 2.0
 
     def __post_init__(self) -> None:
         check_order(self, "occupied", "limit")

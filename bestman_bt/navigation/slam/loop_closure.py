@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,20 +42,20 @@ class LoopClosureParameters:
     """
 
     separation: WholeNumber = 12
-    reach: Positive = 1.5
+    reach: Annotated[Positive, "m"] = 1.5
     candidates: Count = 2
     sigmas: Positive = 3.0
-    min_distance: NonNegative = 0.10
-    min_angle: NonNegative = math.radians(2.0)
-    max_distance: Positive = 2.0
-    max_angle: Positive = math.radians(20.0)
-    jump: NonNegative = 0.20
+    min_distance: Annotated[NonNegative, "m"] = 0.10
+    min_angle: Annotated[NonNegative, "rad"] = math.radians(2.0)
+    max_distance: Annotated[Positive, "m"] = 2.0
+    max_angle: Annotated[Positive, "rad"] = math.radians(20.0)
+    jump: Annotated[NonNegative, "m"] = 0.20
     min_inlier_ratio: Share = 0.60
-    max_residual: Positive = 0.025
-    max_std: Positive = 0.03
+    max_residual: Annotated[Positive, "m"] = 0.025
+    max_std: Annotated[Positive, "m"] = 0.03
     max_deviation: Positive = 4.0
-    position_std: NonNegative = 0.008
-    heading_std: NonNegative = math.radians(0.15)
+    position_std: Annotated[NonNegative, "m"] = 0.008
+    heading_std: Annotated[NonNegative, "rad"] = math.radians(0.15)
 
     def __post_init__(self) -> None:
         check_order(self, "min_distance", "max_distance")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,14 +31,14 @@ class PointToLineParameters:
     """
 
     iterations: Count = 12
-    gate_first: Positive = 0.30
+    gate_first: Annotated[Positive, "m"] = 0.30
     gate_decay: Share = 0.6
-    gate_last: Positive = 0.06
-    robust_scale: Positive = 0.03
-    range_std: Positive = 0.015
+    gate_last: Annotated[Positive, "m"] = 0.06
+    robust_scale: Annotated[Positive, "m"] = 0.03
+    range_std: Annotated[Positive, "m"] = 0.015
     turning: NonNegative = 0.10
     neighbours: Several = 12
-    inlier_distance: Positive = 0.05
+    inlier_distance: Annotated[Positive, "m"] = 0.05
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ dynamic covariance scaling", 2013).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ class PoseGraphParameters:
     """
 
     iterations: Count = 20
-    smallest_step: NonNegative = 1e-5
+    smallest_step: Annotated[NonNegative, "m, rad"] = 1e-5
     damping: Positive = 1e-4
     scaling: Positive = 12.0
     graduation: Positive = 10.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,28 +52,28 @@ class PoseGraphSlamParameters:
     """
 
     loop_closure: bool = True
-    keyframe_distance: Positive = 0.30
-    keyframe_angle: Positive = math.radians(20.0)
+    keyframe_distance: Annotated[Positive, "m"] = 0.30
+    keyframe_angle: Annotated[Positive, "rad"] = math.radians(20.0)
     submap_keyframes: Several = 16
-    cell: Positive = 0.02
+    cell: Annotated[Positive, "m"] = 0.02
     min_hits: Count = 20
-    slip: NonNegative = 6e-4
-    turn_slip: NonNegative = 1e-3
-    turn_shift: NonNegative = 0.0
-    drift: NonNegative = 4e-4
-    rest_std: NonNegative = 0.002
-    rest_heading_std: NonNegative = 0.002
+    slip: Annotated[NonNegative, "m²/m"] = 6e-4
+    turn_slip: Annotated[NonNegative, "rad²/rad"] = 1e-3
+    turn_shift: Annotated[NonNegative, "m²/rad"] = 0.0
+    drift: Annotated[NonNegative, "rad²/m"] = 4e-4
+    rest_std: Annotated[NonNegative, "m"] = 0.002
+    rest_heading_std: Annotated[NonNegative, "rad"] = 0.002
     min_inlier_ratio: Share = 0.45
     least_inlier_ratio: Share = 0.20
     sure_inlier_ratio: Share = 0.60
-    sure_std: Positive = 0.03
+    sure_std: Annotated[Positive, "m"] = 0.03
     max_deviation: Positive = 3.0
-    recovery_distance: NonNegative = 0.6
-    recovery_angle: NonNegative = math.radians(30.0)
-    position_std: NonNegative = 0.004
-    heading_std: NonNegative = math.radians(0.08)
-    redraw_distance: NonNegative = 0.015
-    redraw_angle: NonNegative = math.radians(0.15)
+    recovery_distance: Annotated[NonNegative, "m"] = 0.6
+    recovery_angle: Annotated[NonNegative, "rad"] = math.radians(30.0)
+    position_std: Annotated[NonNegative, "m"] = 0.004
+    heading_std: Annotated[NonNegative, "rad"] = math.radians(0.08)
+    redraw_distance: Annotated[NonNegative, "m"] = 0.015
+    redraw_angle: Annotated[NonNegative, "rad"] = math.radians(0.15)
     line: PointToLineParameters = field(default_factory=PointToLineParameters)
     correlative: CorrelativeParameters = field(default_factory=CorrelativeParameters)
     closure: LoopClosureParameters = field(default_factory=LoopClosureParameters)

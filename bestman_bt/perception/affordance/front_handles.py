@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,9 +44,9 @@ class FrontHandlesParameters:
     borders: PanelBordersParameters = field(default_factory=PanelBordersParameters)
     joint: JointSuggestionParameters = field(default_factory=JointSuggestionParameters)
     min_confidence: float = 0.4
-    apart: float = 0.03
-    max_distance: float = 2.05
-    completed_std: float = 0.015
+    apart: Annotated[float, "m"] = 0.03
+    max_distance: Annotated[float, "m"] = 2.05
+    completed_std: Annotated[float, "m"] = 0.015
 
 
 class FrontHandles(HandleDetector):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -30,19 +31,19 @@ class FrontsParameters:
     ``min_area``: that its windows cover, square metres. ``max_gap``: holes and gaps up to it belong to the front.
     """
 
-    noise_base: float = 0.0012
-    noise_quadratic: float = 0.0019
-    window: int = 15
-    stride: int = 4
-    max_tilt: float = math.radians(12.0)
-    max_incidence: float = math.radians(65.0)
-    max_range: float = 2.6
-    yaw_bin: float = math.radians(1.5)
-    yaw_window: float = math.radians(5.0)
-    offset_bin: float = 0.003
-    offset_window: float = 0.007
-    min_area: float = 0.012
-    max_gap: float = 0.13
+    noise_base: Annotated[float, "m"] = 0.0012
+    noise_quadratic: Annotated[float, "1/m"] = 0.0019
+    window: Annotated[int, "pixels"] = 15
+    stride: Annotated[int, "pixels"] = 4
+    max_tilt: Annotated[float, "rad"] = math.radians(12.0)
+    max_incidence: Annotated[float, "rad"] = math.radians(65.0)
+    max_range: Annotated[float, "m"] = 2.6
+    yaw_bin: Annotated[float, "rad"] = math.radians(1.5)
+    yaw_window: Annotated[float, "rad"] = math.radians(5.0)
+    offset_bin: Annotated[float, "m"] = 0.003
+    offset_window: Annotated[float, "m"] = 0.007
+    min_area: Annotated[float, "m²"] = 0.012
+    max_gap: Annotated[float, "m"] = 0.13
     max_fronts: int = 10
 
     def noise(self, depth: NDArray[np.float64] | float) -> NDArray[np.float64]:

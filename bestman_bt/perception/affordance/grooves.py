@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
@@ -38,24 +38,24 @@ class GroovesParameters:
     ``position_std``: of a lip that is found.
     """
 
-    width: tuple[float, float] = (0.027, 0.062)
-    pair_width: tuple[float, float] = (0.066, 0.116)
-    min_length: float = 0.105
-    notch_length: float = 0.36
-    strip_length: float = 0.42
-    strip_width: tuple[float, float] = (0.013, 0.105)
-    straightness: float = 0.004
-    panel: tuple[float, float] = (0.06, 0.10)
+    width: Annotated[tuple[float, float], "m"] = (0.027, 0.062)
+    pair_width: Annotated[tuple[float, float], "m"] = (0.066, 0.116)
+    min_length: Annotated[float, "m"] = 0.105
+    notch_length: Annotated[float, "m"] = 0.36
+    strip_length: Annotated[float, "m"] = 0.42
+    strip_width: Annotated[tuple[float, float], "m"] = (0.013, 0.105)
+    straightness: Annotated[float, "m"] = 0.004
+    panel: Annotated[tuple[float, float], "m"] = (0.06, 0.10)
     flanks: float = 0.75
     ends: float = 0.6
-    depth: float = 0.03
-    back: tuple[float, float] = (0.025, 0.085)
+    depth: Annotated[float, "m"] = 0.03
+    back: Annotated[tuple[float, float], "m"] = (0.025, 0.085)
     back_slope: float = 0.6
     back_share: float = 0.06
     before: float = 0.15
-    grip: float = 0.010
-    lip: float = 0.017
-    position_std: float = 0.004
+    grip: Annotated[float, "m"] = 0.010
+    lip: Annotated[float, "m"] = 0.017
+    position_std: Annotated[float, "m"] = 0.004
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ along its top folds down.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +26,11 @@ class JointSuggestionParameters:
     """
 
     centred: float = 0.2
-    drawer_height: float = 0.55
+    drawer_height: Annotated[float, "m"] = 0.55
     folding_place: float = 0.6
     folding_slenderness: float = 1.8
-    leaf: float = 0.010
-    hollow_leaf: float = 0.030
+    leaf: Annotated[float, "m"] = 0.010
+    hollow_leaf: Annotated[float, "m"] = 0.030
 
 
 @dataclass(frozen=True)

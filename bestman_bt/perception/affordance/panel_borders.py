@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
@@ -25,10 +25,10 @@ class PanelBordersParameters:
     """
 
     contrast: float = 14.0
-    span: float = 0.05
+    span: Annotated[float, "m"] = 0.05
     share: tuple[float, float] = (0.7, 0.88)
-    before: float = 0.006
-    clear: float = 0.012
+    before: Annotated[float, "m"] = 0.006
+    clear: Annotated[float, "m"] = 0.012
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -41,26 +42,26 @@ class ProtrusionsParameters:
     ``knob_standoff``: its middle, in radii, else fingers find no room behind it.
     """
 
-    low: float = 0.008
-    high: float = 0.085
-    layers: tuple[tuple[float, float], ...] = ((0.008, 0.040), (0.024, 0.064), (0.044, 0.085))
+    low: Annotated[float, "m"] = 0.008
+    high: Annotated[float, "m"] = 0.085
+    layers: Annotated[tuple[tuple[float, float], ...], "m"] = ((0.008, 0.040), (0.024, 0.064), (0.044, 0.085))
     significance: float = 3.0
-    min_pixels: int = 8
-    gap: float = 0.012
-    bar_gap: float = 0.045
-    bar_length: tuple[float, float] = (0.06, 0.85)
-    bar_width: tuple[float, float] = (0.003, 0.032)
+    min_pixels: Annotated[int, "pixels"] = 8
+    gap: Annotated[float, "m"] = 0.012
+    bar_gap: Annotated[float, "m"] = 0.045
+    bar_length: Annotated[tuple[float, float], "m"] = (0.06, 0.85)
+    bar_width: Annotated[tuple[float, float], "m"] = (0.003, 0.032)
     bar_slenderness: float = 2.5
-    post_reach: float = 0.075
-    knob_size: tuple[float, float] = (0.009, 0.075)
-    knob_radius: tuple[float, float] = (0.006, 0.026)
+    post_reach: Annotated[float, "m"] = 0.075
+    knob_size: Annotated[tuple[float, float], "m"] = (0.009, 0.075)
+    knob_radius: Annotated[tuple[float, float], "m"] = (0.006, 0.026)
     knob_slenderness: float = 2.4
-    knob_height: float = 0.019
+    knob_height: Annotated[float, "m"] = 0.019
     knob_standoff: float = 0.7
-    level_spread: float = 0.012
-    max_slope: float = math.radians(10.0)
+    level_spread: Annotated[float, "m"] = 0.012
+    max_slope: Annotated[float, "rad"] = math.radians(10.0)
     min_filled: float = 0.75
-    finger_room: float = 0.008
+    finger_room: Annotated[float, "m"] = 0.008
     surround: SurroundParameters = field(default_factory=SurroundParameters)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,12 @@ class SurroundParameters:
     ``seen_through``: most share of a bar in which something behind it is seen: between two knobs is no bar.
     """
 
-    ring: float = 0.014
-    edge_pixels: float = 2.5
+    ring: Annotated[float, "m"] = 0.014
+    edge_pixels: Annotated[float, "pixels"] = 2.5
     sides: float = 0.75
     ends: float = 0.5
-    clearance: float = 0.010
-    hiding: float = 0.06
+    clearance: Annotated[float, "m"] = 0.010
+    hiding: Annotated[float, "m"] = 0.06
     seen_through: float = 0.12
 
 

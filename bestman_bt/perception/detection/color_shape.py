@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class ColorShapeParameters(NamingParameters):
     margin: float = 0.6
     most: int = 4
     tie: float = 1.5
-    elevation_step: float = math.radians(10.0)
+    elevation_step: Annotated[float, "rad"] = math.radians(10.0)
 
 
 class ColorShape(Detector):

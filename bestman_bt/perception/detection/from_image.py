@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ class FromImageParameters:
     whole_share: float = 0.7
     min_overlap: float = 0.3
     min_points: int = 30
-    voxel: float = 0.004
+    voxel: Annotated[float, "m"] = 0.004
 
 
 class FromImage(Detector):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 from bestman_bt.perception.detection.base import DetectedScene, Detection
 from bestman_bt.perception.pose_estimation import PoseHypothesis
@@ -20,7 +21,7 @@ class NamingParameters:
 
     min_confidence: float = 0.5
     absorb_share: float = 0.8
-    absorb_margin: float = 0.01
+    absorb_margin: Annotated[float, "m"] = 0.01
 
 
 def named_scene(

@@ -10,7 +10,7 @@ import ast
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -37,7 +37,7 @@ class OnnxDetectorParameters(FromImageParameters):
 
     model: str = ""
     classes: tuple[str, ...] = ()
-    input_size: tuple[int, int] = (640, 640)
+    input_size: Annotated[tuple[int, int], "pixels"] = (640, 640)
     max_overlap: float = 0.5
     threads: int = 1
 

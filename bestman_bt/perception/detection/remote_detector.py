@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import httpx
 
@@ -28,10 +29,10 @@ class RemoteDetectorParameters(FromImageParameters):
     """
 
     url: str = ""
-    connect_timeout: float = 2.0
-    timeout: float = 10.0
+    connect_timeout: Annotated[float, "s"] = 2.0
+    timeout: Annotated[float, "s"] = 10.0
     retries: int = 2
-    backoff: float = 0.25
+    backoff: Annotated[float, "s"] = 0.25
     max_reply: int = 16_000_000
     with_depth: bool = False
 

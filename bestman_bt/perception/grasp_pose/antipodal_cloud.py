@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,18 +47,24 @@ class AntipodalCloudParameters:
     pairs: int = 120
     friction: float = 0.6
     contact_friction: float = 0.9
-    bulge: float = 0.008
-    max_slope: float = math.radians(35.0)
+    bulge: Annotated[float, "m"] = 0.008
+    max_slope: Annotated[float, "rad"] = math.radians(35.0)
     yaws: int = 18
-    beside: float = 0.015
-    tilts: tuple[float, ...] = (0.0, math.radians(20.0), math.radians(-20.0), math.radians(40.0), math.radians(-40.0))
+    beside: Annotated[float, "m"] = 0.015
+    tilts: Annotated[tuple[float, ...], "rad"] = (
+        0.0,
+        math.radians(20.0),
+        math.radians(-20.0),
+        math.radians(40.0),
+        math.radians(-40.0),
+    )
     tilt_weight: float = 0.10
-    patch_depth: float = 0.003
-    object_clearance: float = 0.003
-    surroundings_clearance: float = 0.005
-    support_clearance: float = 0.004
-    apart: float = 0.010
-    apart_angle: float = math.radians(15.0)
+    patch_depth: Annotated[float, "m"] = 0.003
+    object_clearance: Annotated[float, "m"] = 0.003
+    surroundings_clearance: Annotated[float, "m"] = 0.005
+    support_clearance: Annotated[float, "m"] = 0.004
+    apart: Annotated[float, "m"] = 0.010
+    apart_angle: Annotated[float, "rad"] = math.radians(15.0)
     max_candidates: int = 80
     cloud: CompletedCloudParameters = field(default_factory=CompletedCloudParameters)
     quality: ContactQualityParameters = field(default_factory=ContactQualityParameters)

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,11 +41,11 @@ class AnyGraspAdapterParameters:
     """
 
     network: str = ""
-    region: float = 0.03
-    on_target: float = 0.025
-    max_tilt: float = math.radians(100.0)
-    object_clearance: float = 0.0
-    surroundings_clearance: float = 0.004
+    region: Annotated[float, "m"] = 0.03
+    on_target: Annotated[float, "m"] = 0.025
+    max_tilt: Annotated[float, "rad"] = math.radians(100.0)
+    object_clearance: Annotated[float, "m"] = 0.0
+    surroundings_clearance: Annotated[float, "m"] = 0.004
     max_candidates: int = 80
     hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
     shape: HandShapeParameters = field(default_factory=HandShapeParameters)

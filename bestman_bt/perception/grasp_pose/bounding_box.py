@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
@@ -27,7 +28,7 @@ class BoundingBoxParameters:
 
     longer_side: bool = True
     quality: float = 0.6
-    surroundings_clearance: float = 0.004
+    surroundings_clearance: Annotated[float, "m"] = 0.004
     beside: float = 0.5
     hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
     shape: HandShapeParameters = field(default_factory=HandShapeParameters)

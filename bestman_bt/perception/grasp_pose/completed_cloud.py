@@ -8,6 +8,7 @@ for walls, and for overhangs right about the outline, which is what a hand from 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +26,12 @@ class CompletedCloudParameters:
     found; ``column_step``: between the points assumed below it. ``least``: points that an object has at least.
     """
 
-    voxel: float = 0.004
+    voxel: Annotated[float, "m"] = 0.004
     max_points: int = 700
     neighbours: int = 20
-    radius: float = 0.014
-    cell: float = 0.005
-    column_step: float = 0.006
+    radius: Annotated[float, "m"] = 0.014
+    cell: Annotated[float, "m"] = 0.005
+    column_step: Annotated[float, "m"] = 0.006
     least: int = 25
 
 

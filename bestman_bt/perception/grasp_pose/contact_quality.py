@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +31,13 @@ class ContactQualityParameters:
     """
 
     bias: float = 3.7
-    angle: float = -2.4
+    angle: Annotated[float, "1/rad"] = -2.4
     across: float = 0.5
     along: float = 1.2
     offset: float = -1.2
     tip: float = -3.0
     wide: float = -0.8
-    arm: float = -15.0
+    arm: Annotated[float, "1/m"] = -15.0
     hanging_share: float = 0.3
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +26,15 @@ class HandPlacementParameters:
     ``lift_height``: from grasp to lift.
     """
 
-    clearance: float = 0.005
-    least_clearance: float = 0.0035
-    max_depth: float = 0.030
-    palm_clearance: float = 0.008
-    support_clearance: float = 0.006
-    least_support_clearance: float = 0.003
-    hand_half_thickness: float = 0.035
-    approach_distance: float = 0.10
-    lift_height: float = 0.12
+    clearance: Annotated[float, "m"] = 0.005
+    least_clearance: Annotated[float, "m"] = 0.0035
+    max_depth: Annotated[float, "m"] = 0.030
+    palm_clearance: Annotated[float, "m"] = 0.008
+    support_clearance: Annotated[float, "m"] = 0.006
+    least_support_clearance: Annotated[float, "m"] = 0.003
+    hand_half_thickness: Annotated[float, "m"] = 0.035
+    approach_distance: Annotated[float, "m"] = 0.10
+    lift_height: Annotated[float, "m"] = 0.12
 
     def fits(self, width: float, gripper: GripperModel) -> bool:
         """Whether the gripper opens wide enough for ``width`` and can close on it."""

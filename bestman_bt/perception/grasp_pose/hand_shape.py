@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +20,9 @@ class HandShapeParameters:
     ``palm_length``: behind the palm, with the room that the hand needs to come in on a straight line.
     """
 
-    finger_thickness: float = 0.024
-    palm_size: tuple[float, float] = (0.070, 0.210)
-    palm_length: float = 0.200
+    finger_thickness: Annotated[float, "m"] = 0.024
+    palm_size: Annotated[tuple[float, float], "m"] = (0.070, 0.210)
+    palm_length: Annotated[float, "m"] = 0.200
 
 
 @dataclass(frozen=True)

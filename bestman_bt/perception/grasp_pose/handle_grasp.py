@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,21 +33,21 @@ class HandleGraspParameters:
     ``opened_by``: how far the handle has moved at ``lift``.
     """
 
-    bar_tilts: tuple[float, ...] = tuple(math.radians(angle) for angle in (0, 20, -20, 40, -40))
+    bar_tilts: Annotated[tuple[float, ...], "rad"] = tuple(math.radians(angle) for angle in (0, 20, -20, 40, -40))
     knob_turns: int = 6
-    knob_tilts: tuple[float, ...] = tuple(math.radians(angle) for angle in (0, 20, -20))
-    edge_tilts: tuple[float, ...] = tuple(math.radians(angle) for angle in (90, 75, 60))
+    knob_tilts: Annotated[tuple[float, ...], "rad"] = tuple(math.radians(angle) for angle in (0, 20, -20))
+    edge_tilts: Annotated[tuple[float, ...], "rad"] = tuple(math.radians(angle) for angle in (90, 75, 60))
     tilt_weight: float = 0.25
     along: tuple[float, ...] = (0.0, 0.5, -0.5)
-    end: float = 0.025
-    front_clearance: float = 0.003
-    back: float = 0.008
-    recess_width: float = 0.035
-    recess_depth: float = 0.032
-    lip: float = 0.010
-    pocket: float = 0.020
-    surroundings_clearance: float = 0.005
-    opened_by: float = 0.05
+    end: Annotated[float, "m"] = 0.025
+    front_clearance: Annotated[float, "m"] = 0.003
+    back: Annotated[float, "m"] = 0.008
+    recess_width: Annotated[float, "m"] = 0.035
+    recess_depth: Annotated[float, "m"] = 0.032
+    lip: Annotated[float, "m"] = 0.010
+    pocket: Annotated[float, "m"] = 0.020
+    surroundings_clearance: Annotated[float, "m"] = 0.005
+    opened_by: Annotated[float, "m"] = 0.05
     hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
     shape: HandShapeParameters = field(default_factory=HandShapeParameters)
 

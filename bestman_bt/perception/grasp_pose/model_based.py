@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +41,14 @@ class ModelBasedParameters:
     ``tilt_weight``: share of the quality that is lost at a right angle.
     """
 
-    yaw_step: float = math.radians(30.0)
+    yaw_step: Annotated[float, "rad"] = math.radians(30.0)
     sides: bool = True
-    room_below: float = 0.07
-    spacing: float = 0.006
+    room_below: Annotated[float, "m"] = 0.07
+    spacing: Annotated[float, "m"] = 0.006
     max_candidates: int = 120
-    surroundings_clearance: float = 0.004
+    surroundings_clearance: Annotated[float, "m"] = 0.004
     antipodal_count: int = 128
-    max_tilt: float = math.radians(95.0)
+    max_tilt: Annotated[float, "rad"] = math.radians(95.0)
     tilt_weight: float = 0.3
     hand: HandPlacementParameters = field(default_factory=HandPlacementParameters)
     shape: HandShapeParameters = field(default_factory=HandShapeParameters)

@@ -7,6 +7,7 @@ same updates with clamping; instead of walking along each ray, every voxel looks
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,10 +32,10 @@ class LogOddsParameters:
     miss: float = 0.65
     limit: float = 1.2
     min_hits: int = 3
-    noise_base: float = 0.0012
-    noise_quadratic: float = 0.0019
+    noise_base: Annotated[float, "m"] = 0.0012
+    noise_quadratic: Annotated[float, "1/m"] = 0.0019
     noise_deviations: float = 3.0
-    max_range: float = 5.0
+    max_range: Annotated[float, "m"] = 5.0
 
 
 class LogOdds(OccupancyMapper):

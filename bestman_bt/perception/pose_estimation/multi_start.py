@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,13 +56,13 @@ class MultiStartParameters(RegistrationParameters):
     longer by ``hidden_length``.
     """
 
-    size_tolerance: float = 0.022
+    size_tolerance: Annotated[float, "m"] = 0.022
     color_limit: float = 0.15
     tipped: bool = False
     yaw_margin: float = 3.0
     floating_retry: float = 0.05
     explained_retry: float = 0.95
-    hidden_length: float = 0.008
+    hidden_length: Annotated[float, "m"] = 0.008
     confidence: ConfidenceModel = field(default_factory=ConfidenceModel)
     yaw: YawProfileParameters = field(default_factory=YawProfileParameters)
     strays: StrayParameters = field(default_factory=StrayParameters)

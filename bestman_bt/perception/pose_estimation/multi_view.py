@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +50,8 @@ class MultiViewParameters:
     """
 
     single: MultiStartParameters = field(default_factory=MultiStartParameters)
-    camera_position_std: float = 0.0015
-    camera_yaw_std: float = 0.005
+    camera_position_std: Annotated[float, "m"] = 0.0015
+    camera_yaw_std: Annotated[float, "rad"] = 0.005
 
 
 class MultiView:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,23 +40,23 @@ class RegistrationParameters:
     without symmetry hangs on few points: ``asymmetric_yaw_floor``.
     """
 
-    spacing: float = 0.003
+    spacing: Annotated[float, "m"] = 0.003
     coarse_points: int = 120
     fine_points: int = 250
-    yaw_step: float = math.radians(30.0)
-    offsets: tuple[float, ...] = (0.0, 0.012, 0.024)
+    yaw_step: Annotated[float, "rad"] = math.radians(30.0)
+    offsets: Annotated[tuple[float, ...], "m"] = (0.0, 0.012, 0.024)
     coarse_iterations: int = 8
     fine_iterations: int = 6
-    coarse_scale: float = 0.008
-    fine_scale: float = 0.004
+    coarse_scale: Annotated[float, "m"] = 0.008
+    fine_scale: Annotated[float, "m"] = 0.004
     refined: int = 2
-    yaw_separation: float = math.radians(15.0)
-    noise_base: float = 0.0012
-    noise_quadratic: float = 0.0019
+    yaw_separation: Annotated[float, "rad"] = math.radians(15.0)
+    noise_base: Annotated[float, "m"] = 0.0012
+    noise_quadratic: Annotated[float, "1/m"] = 0.0019
     error_factor: float = 2.0
-    position_floor: float = 0.0003
-    yaw_floor: float = 0.003
-    asymmetric_yaw_floor: float = 0.017
+    position_floor: Annotated[float, "m"] = 0.0003
+    yaw_floor: Annotated[float, "rad"] = 0.003
+    asymmetric_yaw_floor: Annotated[float, "rad"] = 0.017
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,11 @@ class StrayParameters:
     point each. ``min_height``: above the plane.
     """
 
-    reach: float = 0.07
-    link: float = 0.015
+    reach: Annotated[float, "m"] = 0.07
+    link: Annotated[float, "m"] = 0.015
     color: float = 0.10
-    voxel: float = 0.004
-    min_height: float = 0.010
+    voxel: Annotated[float, "m"] = 0.004
+    min_height: Annotated[float, "m"] = 0.010
 
 
 def with_strays(

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,13 +40,13 @@ class YawProfileParameters:
     points: int = 500
     slide_points: int = 150
     iterations: int = 6
-    scale: float = 0.004
-    telling: float = 0.005
+    scale: Annotated[float, "m"] = 0.004
+    telling: Annotated[float, "m"] = 0.005
     samples: int = 700
-    model_error: float = 0.001
+    model_error: Annotated[float, "m"] = 0.001
     cap: float = 4.0
     floating_weight: float = 0.5
-    position_error: float = 0.002
+    position_error: Annotated[float, "m"] = 0.002
     color: float = 0.10
     margin: float = 16.0
 

@@ -8,6 +8,7 @@ its slant, so a second difference of inverse depth tells valleys from slopes wit
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -24,12 +25,12 @@ class DepthFragmentParameters:
     smaller ones join a neighbour. ``fill``: pixels over which a piece takes back what was cut away along its border.
     """
 
-    jump: float = 0.010
-    valley: float = 0.0033
-    valley_reach: float = 0.010
-    smoothing: float = 0.010
-    min_fragment_pixels: int = 12
-    fill: float = 6.0
+    jump: Annotated[float, "m"] = 0.010
+    valley: Annotated[float, "m"] = 0.0033
+    valley_reach: Annotated[float, "m"] = 0.010
+    smoothing: Annotated[float, "m"] = 0.010
+    min_fragment_pixels: Annotated[int, "pixels"] = 12
+    fill: Annotated[float, "pixels"] = 6.0
 
 
 def depth_fragments(

@@ -8,6 +8,7 @@ hides its lower end: a handle, so it hangs on its neighbour.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -30,11 +31,11 @@ class FragmentMergingParameters:
     """
 
     merge_overlap: float = 0.30
-    hollow_depth: float = 0.005
-    rim_tolerance: float = 0.015
-    foot_height: float = 0.025
+    hollow_depth: Annotated[float, "m"] = 0.005
+    rim_tolerance: Annotated[float, "m"] = 0.015
+    foot_height: Annotated[float, "m"] = 0.025
     hidden_share: float = 0.35
-    contact_distance: float = 0.020
+    contact_distance: Annotated[float, "m"] = 0.020
 
 
 @dataclass(frozen=True, eq=False)

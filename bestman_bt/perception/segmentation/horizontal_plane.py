@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -26,12 +27,12 @@ class HorizontalPlaneParameters:
     ``ransac_distance``: of an inlier.
     """
 
-    min_plane_points: int = 1500
-    max_plane_points: int = 30000
-    max_tilt: float = math.radians(6.0)
+    min_plane_points: Annotated[int, "pixels"] = 1500
+    max_plane_points: Annotated[int, "pixels"] = 30000
+    max_tilt: Annotated[float, "rad"] = math.radians(6.0)
     ransac_samples: int = 100
     ransac_points: int = 1500
-    ransac_distance: float = 0.008
+    ransac_distance: Annotated[float, "m"] = 0.008
 
 
 def inside_region(local: NDArray[np.float64], region: Region) -> NDArray[np.bool_]:

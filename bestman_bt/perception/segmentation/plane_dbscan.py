@@ -7,6 +7,7 @@ Clusters", 1996. All in numpy and scipy, so that equal input gives equal output 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,15 +36,15 @@ class PlaneDbscanParameters(HorizontalPlaneParameters):
     share of the smaller one.
     """
 
-    min_height: float = 0.008
-    edge_margin: float = 0.008
-    voxel: float = 0.004
-    cluster_distance: float = 0.015
+    min_height: Annotated[float, "m"] = 0.008
+    edge_margin: Annotated[float, "m"] = 0.008
+    voxel: Annotated[float, "m"] = 0.004
+    cluster_distance: Annotated[float, "m"] = 0.015
     core_points: int = 4
     height_weight: float = 0.3
-    min_cluster_points: int = 40
-    min_cluster_height: float = 0.015
-    merge_distance: float = 0.012
+    min_cluster_points: Annotated[int, "voxels"] = 40
+    min_cluster_height: Annotated[float, "m"] = 0.015
+    merge_distance: Annotated[float, "m"] = 0.012
     merge_overlap: float = 0.15
 
 

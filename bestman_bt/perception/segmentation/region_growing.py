@@ -8,6 +8,7 @@ apart however near they stand, as long as the picture shows it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,11 +36,11 @@ class RegionGrowingParameters(HorizontalPlaneParameters, DepthFragmentParameters
     """
 
     min_plane_points: int = 800
-    min_height: float = 0.008
-    edge_margin: float = 0.008
-    voxel: float = 0.004
-    min_cluster_points: int = 30
-    min_cluster_height: float = 0.015
+    min_height: Annotated[float, "m"] = 0.008
+    edge_margin: Annotated[float, "m"] = 0.008
+    voxel: Annotated[float, "m"] = 0.004
+    min_cluster_points: Annotated[int, "voxels"] = 30
+    min_cluster_height: Annotated[float, "m"] = 0.015
 
 
 class RegionGrowing(Segmentation):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -46,19 +47,19 @@ class SupportSurfacesParameters(HorizontalPlaneParameters):
     """
 
     min_plane_points: int = 400
-    min_height: float = 0.10
-    min_size: tuple[float, float] = (0.15, 0.25)
+    min_height: Annotated[float, "m"] = 0.10
+    min_size: Annotated[tuple[float, float], "m"] = (0.15, 0.25)
     min_fill: float = 0.4
-    window: tuple[int, int] = (5, 7)
-    max_normal_tilt: float = math.radians(25.0)
-    min_piece_points: int = 100
-    noise_base: float = 0.0012
-    noise_quadratic: float = 0.0019
+    window: Annotated[tuple[int, int], "pixels"] = (5, 7)
+    max_normal_tilt: Annotated[float, "rad"] = math.radians(25.0)
+    min_piece_points: Annotated[int, "pixels"] = 100
+    noise_base: Annotated[float, "m"] = 0.0012
+    noise_quadratic: Annotated[float, "1/m"] = 0.0019
     max_residual: float = 3.5
-    grow: int = 4
+    grow: Annotated[int, "pixels"] = 4
     trim: float = 0.004
-    join_height: float = 0.015
-    join_gap: float = 0.40
+    join_height: Annotated[float, "m"] = 0.015
+    join_gap: Annotated[float, "m"] = 0.40
 
 
 @dataclass(frozen=True, eq=False)

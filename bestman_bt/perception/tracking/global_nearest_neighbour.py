@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -34,11 +34,11 @@ class GlobalNearestNeighbourParameters:
     is found so near to an object's place, and is not that object, has taken its place.
     """
 
-    moved_distance: float = 0.03
-    moved_turn: float = math.radians(25.0)
+    moved_distance: Annotated[float, "m"] = 0.03
+    moved_turn: Annotated[float, "rad"] = math.radians(25.0)
     deviations: float = 3.0
-    thing_distance: float = 0.08
-    replaced_distance: float = 0.04
+    thing_distance: Annotated[float, "m"] = 0.08
+    replaced_distance: Annotated[float, "m"] = 0.04
 
 
 class GlobalNearestNeighbour(Tracker):

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,17 +39,17 @@ class ExpectedYawParameters:
     weighed in the view that is taken; only the share ``caution`` of what is foreseen is counted on.
     """
 
-    distances: tuple[float, ...] = (0.30, 0.42)
-    elevations: tuple[float, ...] = (math.radians(35.0), math.radians(52.0), math.radians(70.0))
+    distances: Annotated[tuple[float, ...], "m"] = (0.30, 0.42)
+    elevations: Annotated[tuple[float, ...], "rad"] = (math.radians(35.0), math.radians(52.0), math.radians(70.0))
     azimuths: int = 10
     filling: float = 0.7
-    spacing: float = 0.003
+    spacing: Annotated[float, "m"] = 0.003
     samples: int = 2000
     telling_samples: int = 250
     yaw_samples: int = 12
-    min_step: float = math.radians(5.0)
-    noise_base: float = 0.0012
-    noise_quadratic: float = 0.0019
+    min_step: Annotated[float, "rad"] = math.radians(5.0)
+    noise_base: Annotated[float, "m"] = 0.0012
+    noise_quadratic: Annotated[float, "1/m"] = 0.0019
     caution: float = 0.3
     profile: YawProfileParameters = field(default_factory=YawProfileParameters)
 
