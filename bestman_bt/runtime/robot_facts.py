@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,23 @@ def find_robot(name: str) -> RobotModel:
         message = f"a combination has three parts, BASE+ARM+HAND, this one has {len(parts)}"
         raise ConfigurationError([Problem(name, None, "", message)])
     return load_robot_model(name)
+
+
+def parts_for_skills(model: RobotModel) -> dict[str, Iterable[str]]:
+    """What the skills command or read, one part of each kind: kind → the names of the robot's parts of it."""
+    return {
+        "a mobile base": model.bases,
+        "an arm": model.arms,
+        "a gripper": model.grippers,
+        "a pan-tilt head": model.joint_groups,
+        "a camera": model.cameras,
+        "a lidar": model.lidars,
+    }
+
+
+def lacking(model: RobotModel) -> list[str]:
+    """The kinds of parts that a robot lacks for the skills: with none, ``run --robot`` takes it."""
+    return [kind for kind, parts in parts_for_skills(model).items() if not parts]
 
 
 def robot_facts(model: RobotModel) -> dict[str, Any]:
@@ -57,6 +75,7 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
             *model.batteries,
         ],
         "postures": list(model.postures),
+        "lacking": lacking(model),
     }
 
 

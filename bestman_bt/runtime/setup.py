@@ -30,6 +30,7 @@ from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
+from bestman_bt.runtime.robot_facts import lacking, parts_for_skills
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.runtime.tree_checks import known_names, unfilled_entries, unknown_names
@@ -151,9 +152,10 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
     faults.problems += _driver_problems(config)
     if robot_model is not None:
         faults.problems += _robot_problems(config, robot_model)
-        with faults.step():
-            _prepare_algorithms(config, robot_model)
-    if robot_model is None or scene is None:
+        if not lacking(robot_model):
+            with faults.step():
+                _prepare_algorithms(config, robot_model)
+    if robot_model is None or scene is None or lacking(robot_model):
         raise ConfigurationError(dict.fromkeys(faults.problems))
     world = draw_world(scene, config.seed)
     world_model = WorldModel(
@@ -242,17 +244,9 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
 
 
 def _robot_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
-    """The skills command one part of each of these kinds."""
-    needed = {
-        "a mobile base": model.bases,
-        "an arm": model.arms,
-        "a gripper": model.grippers,
-        "a pan-tilt head": model.joint_groups,
-        "a camera": model.cameras,
-        "a lidar": model.lidars,
-    }
+    """The skills command one part of each kind, on hardware through a connection."""
     connected = {part for connection in model.connections.values() for part in connection.parts}
-    for kind, parts in needed.items():
+    for kind, parts in parts_for_skills(model).items():
         if not parts:
             yield Problem(str(config.task.robot), None, "parts", f"the skills need {kind}, this robot has none")
         elif config.driver == "hardware" and not connected & set(parts):

@@ -21,6 +21,18 @@ def test_robots_lists_robots_parts_and_how_many_ways_they_go_together(bestman_bt
     assert "omni_base+ur5_arm+suction" in told["combinations"]
 
 
+def test_robots_that_no_task_takes_stand_apart_and_are_refused_in_words(bestman_bt) -> None:
+    able, _, others = bestman_bt("robots").out.partition("\nRobots that no task takes")
+    assert "  diff_panda " in able
+    assert "  a1 " not in able
+    assert "  a1 " in others
+    assert "the skills need an arm, a gripper, a pan-tilt head, a camera, a lidar" in others
+    answer = bestman_bt("run", "--task", "navigate_kitchen", "--robot", "a1")
+    assert answer.code == 2
+    assert len(answer.err.splitlines()) == 6
+    assert "the skills need an arm, this robot has none" in answer.err
+
+
 def test_show_tells_what_a_combination_can_do_and_draws_it(bestman_bt, folder) -> None:
     answer = bestman_bt("robot", "show", "omni_base+xarm6_arm+xarm_gripper", "--png", "robot.png", "--json")
     assert answer.code == 0
