@@ -17,6 +17,7 @@ from behaviours.context import SkillContext
 from behaviours.failure import Failure
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
+from bestman_bt.errors import Error, MissingExtraError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
@@ -38,11 +39,11 @@ Steps: TypeAlias = Generator[Awaitable, Any, None]
 StepsTo: TypeAlias = Generator[Awaitable, Any, Result]
 """A part of a skill that takes time and hands a value back to ``yield from``."""
 
-ALGORITHM_ERRORS = (ManipulationError, PerceptionError, *READING_ERRORS)
+ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, *READING_ERRORS)
 """What a skill may meet that computes, looks and reads; what it does not catch ends it with FAILURE and its code."""
 
 
-class SkillFailure(Exception):
+class SkillFailure(Error):
     """Ends a skill with FAILURE: ``code`` for programs, the text for people."""
 
     def __init__(self, code: str, text: str) -> None:
@@ -179,7 +180,7 @@ class Skill(Explained, StatefulAction):
             self._steps.close()
             self._steps = None
 
-    def _advance(self, value: Any, error: Exception | None) -> int:
+    def _advance(self, value: Any, error: Error | None) -> int:
         steps = self._steps
         assert steps is not None
         while True:
@@ -190,7 +191,7 @@ class Skill(Explained, StatefulAction):
                 return self.succeed(self.feedback_message)
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
                 self._steps = self._pending = None
-                return self.explain(_code_of(failure), str(failure))
+                return self.explain(str(failure.code), str(failure))
             self._pending = pending
             if not pending.done:
                 return RUNNING
@@ -258,8 +259,3 @@ def _outcome(pending: Awaitable) -> Any:
             raise SkillFailure(error.code.value, error.text)
         return pending.result
     return None
-
-
-def _code_of(failure: Exception) -> str:
-    code = getattr(failure, "code", None)
-    return str(getattr(code, "value", code or "failed"))

@@ -12,7 +12,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-__all__ = ["plan", "session"]
+from bestman_bt.errors import Error
+
+__all__ = ["Error", "plan", "session"]
 
 _HOMES = {"plan": "bestman_bt.runtime.planning", "session": "bestman_bt.runtime"}
 

@@ -18,6 +18,8 @@ from typing import Any, TypeVar
 
 import httpx
 
+from bestman_bt.errors import Error
+
 Answered = TypeVar("Answered")
 
 _BUSY = frozenset({408, 409, 425, 429})
@@ -46,7 +48,7 @@ class Answer:
     content: bytes
 
 
-class TryAgainError(Exception):
+class TryAgainError(Error):
     """A try that may go better the next time, ``wait`` seconds later if the server asks for it."""
 
     def __init__(self, reason: str, wait: float = 0.0) -> None:
@@ -54,11 +56,11 @@ class TryAgainError(Exception):
         self.wait = wait
 
 
-class NoAnswerError(Exception):
+class NoAnswerError(Error):
     """No answer in all tries; the text has their number and the reason of the last."""
 
 
-class AnswerRefusedError(Exception):
+class AnswerRefusedError(Error):
     """An answer longer than is read, or packed in a way that was not asked for: reading it has no bound."""
 
 

@@ -7,12 +7,10 @@ from importlib.util import find_spec
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
+from bestman_bt.errors import MissingExtraError
+
 PACKAGE_OF_EXTRA = {"objects": "coacd", "rerun": "rerun", "sim": "pybullet"}
 """Extra → the package, by the name that it is imported by, without which nothing of the extra works."""
-
-
-class MissingExtraError(ImportError):
-    """A package that is needed is not installed; the message names the extra that brings it."""
 
 
 def is_installed(extra: str) -> bool:

@@ -14,10 +14,12 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Any, TypeVar
 
+from bestman_bt.errors import InputError
+
 T = TypeVar("T")
 
 
-class UnknownNameError(LookupError):
+class UnknownNameError(InputError, LookupError):
     """A name that no registry entry has."""
 
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from bestman_bt.errors import InputError
 from bestman_bt.monitor.control_client import ControlError, request, running_executors
 
 Run = Annotated[
@@ -42,7 +43,7 @@ def running_statuses() -> list[tuple[Path, dict[str, Any]]]:
 
 
 def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
-    """The execution that ``run`` names, or the only one; ends the program with code 1 where none runs, else 2."""
+    """The execution that ``run`` names, or the only one; ends with exit code 1 where none runs, else InputError."""
     running = running_statuses()
     if not running:
         print("nothing is running", file=sys.stderr)
@@ -52,8 +53,7 @@ def chosen(run: str | None) -> tuple[Path, dict[str, Any]]:
         return named[0]
     told = "\n".join(f"  {name_of(path, status)}" for path, status in running)
     which = "several executions run" if run is None else f"{len(named) or 'no'} running execution is named {run!r}"
-    print(f"bestman-bt: {which}; name one of these by process id or run folder:\n{told}", file=sys.stderr)
-    sys.exit(2)
+    raise InputError(f"{which}; name one of these by process id or run folder:\n{told}")
 
 
 def ask(path: Path, message: dict[str, Any]) -> dict[str, Any]:

@@ -6,32 +6,20 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from bestman_bt.errors import InputError
+
 
 @contextmanager
 def input_errors() -> Iterator[None]:
     """Turn the errors that wrong input raises into a message and exit code 2."""
     try:
         yield
-    except Exception as error:
-        if not _is_wrong_input(error):
-            raise
+    except InputError as error:
         print(f"bestman-bt: {_headline(error)}", file=sys.stderr)
         sys.exit(2)
 
 
-def _is_wrong_input(error: Exception) -> bool:
-    """Recognised by class name first: the packages that define them may not be imported at all."""
-    names = {cls.__name__ for cls in type(error).__mro__}
-    return bool(
-        names
-        & {
-            *("ConfigurationError", "TreeLoadError", "SceneError", "MapFileError", "UnknownNameError", "RegistryError"),
-            *("ConnectionFailedError", "GoalError", "DeclarationError", "MissingExtraError"),
-        }
-    )
-
-
-def _headline(error: Exception) -> str:
+def _headline(error: InputError) -> str:
     text = str(error)
     problems = getattr(error, "problems", None)
     count = text.count("\n") + 1 if problems is None else len(problems)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -37,27 +36,22 @@ def command(
 ) -> None:
     """Make pictures and a film of a run that has ended."""
     from bestman_bt.cli.run_view import CONSOLE
-    from bestman_bt.evaluation.film.filmed_run import FilmError, read_filmed_run
+    from bestman_bt.evaluation.film.filmed_run import read_filmed_run
     from bestman_bt.evaluation.film.rendering import RenderOptions, render
-    from bestman_bt.visualization.blender import BlenderError
     from bestman_bt.visualization.blender import install_blender as make_installation
 
     if run is None and not install_blender:
         raise typer.BadParameter("name a run folder, or give --install-blender")
-    try:
-        if install_blender:
-            with CONSOLE.status("installing Blender") as status:
-                python = make_installation(lambda what: status.update(f"installing Blender: {what}"))
-            CONSOLE.print(f"installed: {python}", highlight=False, soft_wrap=True)
-        if run is None:
-            return
-        width, height = (int(pixels) for pixels in size.split("x"))
-        options = RenderOptions(tuple(at or ()), film, blender, (width, height), samples)
-        filmed = read_filmed_run(run)
-        with CONSOLE.status("reading the run") as status:
-            written = render(filmed, out or run / "render", options, status.update)
-    except (FilmError, BlenderError) as error:
-        print(f"bestman-bt: {error}", file=sys.stderr)
-        sys.exit(2)
+    if install_blender:
+        with CONSOLE.status("installing Blender") as status:
+            python = make_installation(lambda what: status.update(f"installing Blender: {what}"))
+        CONSOLE.print(f"installed: {python}", highlight=False, soft_wrap=True)
+    if run is None:
+        return
+    width, height = (int(pixels) for pixels in size.split("x"))
+    options = RenderOptions(tuple(at or ()), film, blender, (width, height), samples)
+    filmed = read_filmed_run(run)
+    with CONSOLE.status("reading the run") as status:
+        written = render(filmed, out or run / "render", options, status.update)
     for path in written:
         print(path)

@@ -42,33 +42,24 @@ def command(
     from bestman_bt.evaluation.report.run_reader import ReportError, read_story, run_folders
 
     stories, faults = [], []
-    try:
-        folders = list(dict.fromkeys(folder.resolve() for given in runs for folder in run_folders(given)))
-    except ReportError as error:
-        sys.exit(_refuse(error))
+    folders = list(dict.fromkeys(folder.resolve() for given in runs for folder in run_folders(given)))
     for folder in folders:
         try:
             stories.append(read_story(folder))
         except ReportError as error:
             faults.append(error)
     if not stories:
-        sys.exit(_refuse(*faults))
+        raise ReportError("\n".join(map(str, faults)))
     if out is None:
         out = folders[0] / REPORT_NAME if len(folders) == 1 else Path(REPORT_NAME)
     page = report_page(stories, datetime.now())
     try:
         out.write_text(page, encoding="utf-8")
     except OSError as error:
-        sys.exit(_refuse(ReportError(f"{out} cannot be written: {error.strerror or error}")))
+        raise ReportError(f"{out} cannot be written: {error.strerror or error}") from error
     for fault in faults:
         print(f"bestman-bt: left out: {fault}", file=sys.stderr)
     for story in stories:
         for note in story.notes:
             print(f"bestman-bt: {story.folder}: {note}", file=sys.stderr)
     print(out)
-
-
-def _refuse(*faults: Exception) -> int:
-    for fault in faults:
-        print(f"bestman-bt: {fault}", file=sys.stderr)
-    return 2

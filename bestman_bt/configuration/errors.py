@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
+from bestman_bt.errors import InputError
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -24,7 +26,7 @@ class Problem:
         return f"{place}: {self.field}: {self.message}" if self.field else f"{place}: {self.message}"
 
 
-class ConfigurationError(ValueError):
+class ConfigurationError(InputError, ValueError):
     """A configuration cannot be used; ``problems`` lists every fault found, each with file, line and field."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:

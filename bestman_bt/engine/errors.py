@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from bestman_bt.errors import Error, InputError
 
-class EngineError(Exception):
+
+class EngineError(Error):
     """Base of everything that the engine raises on purpose."""
 
 
@@ -66,7 +68,7 @@ _SEVERITIES = {"latent": "error once it is ticked", "warning": "warning"}
 _NO_PORTS = frozenset(("name", "path", "ros_pkg", "main_tree_to_execute"))
 
 
-class TreeLoadError(EngineError):
+class TreeLoadError(EngineError, InputError):
     """A tree does not load; ``problems`` holds everything that is wrong with it, in document order."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:

@@ -12,9 +12,10 @@ from bestman_bt.engine.errors import EngineError
 from bestman_bt.engine.node import Node
 from bestman_bt.engine.ports import Port, declared_ports
 from bestman_bt.engine.spelling import closest
+from bestman_bt.errors import InputError
 
 
-class RegistryError(EngineError):
+class RegistryError(EngineError, InputError):
     """A class cannot be registered, or a name is not known."""
 
 

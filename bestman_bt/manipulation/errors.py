@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bestman_bt.errors import AlgorithmError
 
-class ManipulationError(ValueError):
+
+class ManipulationError(AlgorithmError, ValueError):
     """A request that cannot be carried out as asked: wrong shape, NaN, unknown name, impossible limits."""

@@ -11,6 +11,8 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Le
 
+from bestman_bt.errors import Error
+
 Positive = Annotated[float, Gt(0)]
 NonNegative = Annotated[float, Ge(0)]
 Share = Annotated[float, Ge(0), Le(1)]
@@ -20,7 +22,7 @@ Count = Annotated[int, Ge(1)]
 Several = Annotated[int, Ge(2)]
 
 
-class OrderError(ValueError):
+class OrderError(Error, ValueError):
     """Two ``fields`` are each right, and wrong together."""
 
     def __init__(self, message: str, fields: tuple[str, str]) -> None:

@@ -7,12 +7,13 @@ import socket
 from pathlib import Path
 from typing import Any
 
+from bestman_bt.errors import Error
 from bestman_bt.runtime_folder import runtime_folder
 
 LONGEST_ANSWER = 1 << 20
 
 
-class ControlError(Exception):
+class ControlError(Error):
     """A control channel cannot be reached or has refused a request."""
 
 

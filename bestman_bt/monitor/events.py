@@ -12,6 +12,8 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, TypeAdapter, ValidationError
 
+from bestman_bt.errors import Error
+
 VERSION = 1
 MAIN_TREE = 0
 
@@ -28,7 +30,7 @@ Started = Annotated[float, Field(ge=0.0, le=1e11)]
 TickRate = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
-class EventError(ValueError):
+class EventError(Error, ValueError):
     """A line is no event."""
 
 

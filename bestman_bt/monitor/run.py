@@ -7,12 +7,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any
 
+from bestman_bt.errors import Error
 from bestman_bt.monitor.history import RunHistory
 
 TOLD = ("task", "tree", "scene", "robot", "seed", "pid", "folder", "started", "tick_rate", "clock")
 
 
-class RunError(Exception):
+class RunError(Error):
     """A run cannot be read or does not obey; the words are for the person at the page."""
 
 

@@ -18,6 +18,7 @@ from pydantic import AfterValidator, Field
 
 from bestman_bt.configuration import ConfigurationError, Document, check, read_document
 from bestman_bt.configuration.quantity import Number, Share
+from bestman_bt.errors import InputError
 from bestman_bt.messages import OccupancyGrid
 from bestman_bt.messages.occupancy_grid import FREE, OCCUPIED, UNKNOWN
 
@@ -35,7 +36,7 @@ _EIGHT_BITS = ("1", "L", "LA", "P", "RGB", "RGBA")
 """Pillow's modes of images whose shades are 0 to 255."""
 
 
-class MapFileError(ValueError):
+class MapFileError(InputError, ValueError):
     """A map that cannot be read or written: names the file, the field and what would be accepted."""
 
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from bestman_bt.errors import AlgorithmError
 
-class PerceptionError(Exception):
+
+class PerceptionError(AlgorithmError):
     """Input that an algorithm cannot work with; the message names the value and what would be accepted."""
 
 
 class NoSurfaceError(PerceptionError):
     """No support surface was seen where one was expected; the message says how much was seen instead."""
-
-
-class MissingExtraError(PerceptionError):
-    """A package that is needed is not installed; the message names the extra that brings it."""
 
 
 class DetectorModelError(PerceptionError):

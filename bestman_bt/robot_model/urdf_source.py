@@ -13,6 +13,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from bestman_bt.configuration import no_pybullet_data, pybullet_data
+from bestman_bt.errors import Error
 from bestman_bt.extras import install_command
 from bestman_bt.registry import suggestion
 from bestman_bt.robot_model.finger_linkage import MimicJoint
@@ -22,7 +23,7 @@ from bestman_bt.robot_model.urdf_faults import structure_faults, value_faults
 EXAMPLE_ROBOTS = "example_robot_data"
 
 
-class UrdfError(ValueError):
+class UrdfError(Error, ValueError):
     """A URDF or SRDF cannot be used; ``faults`` are all that was found, one line each."""
 
     def __init__(self, *faults: str) -> None:

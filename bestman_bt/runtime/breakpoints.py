@@ -8,13 +8,14 @@ from typing import Any, Literal
 
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, SUCCESS, EngineError, Node
 from bestman_bt.engine.spelling import closest
+from bestman_bt.errors import Error
 from bestman_bt.runtime.executor import Executor, Hold
 
 When = Literal["before", "after"]
 RESULTS = {"SUCCESS": SUCCESS, "FAILURE": FAILURE}
 
 
-class BreakpointError(Exception):
+class BreakpointError(Error):
     """A breakpoint or a forced result that makes no sense, in words."""
 
 

@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.engine import RUNNING, EngineError, status_name
+from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.events import TOPICS, BreakpointsEvent, Topic
 from bestman_bt.runtime.breakpoints import BreakpointError, Breakpoints
@@ -45,7 +46,7 @@ TASK_WAIT = 2.0
 Request = dict[str, Any]
 
 
-class RefusedError(Exception):
+class RefusedError(Error):
     """A request cannot be carried out."""
 
 

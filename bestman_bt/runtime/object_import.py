@@ -14,6 +14,7 @@ import yaml
 from PIL import Image
 
 from bestman_bt.configuration import ConfigurationError, Problem, data_names, read_document
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import Mesh, ObjectModel
 from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.grasp_pose import antipodal_grasps
@@ -85,7 +86,7 @@ def import_object(
     mesh, triangles, watertight = _checked_mesh(mesh_file, new)
     try:
         parts = convex_parts(mesh)
-    except PerceptionError as error:
+    except (PerceptionError, MissingExtraError) as error:
         raise _fault(mesh_file, "", str(error)) from error
     symmetry = new.symmetry if new.symmetry != "auto" else _symmetry(mesh)
     entry = _entry(mesh_file, new, symmetry, parts)

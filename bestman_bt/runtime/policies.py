@@ -10,6 +10,7 @@ from bestman_bt.configuration import ConfigurationError, find_data, in_folders
 from bestman_bt.engine import Tree
 from bestman_bt.engine.errors import Problem
 from bestman_bt.engine.unwritten import problem_at
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.manipulation.policy import Policy, PolicyError, PolicyModelError, load_policy
 from bestman_bt.runtime.tree_checks import literals
 
@@ -35,7 +36,7 @@ def policy_problems(tree: Tree) -> Iterator[Problem]:
         for place, port, name in literals(node, "policy", tree):
             try:
                 _ = find_policy(name, node.folders).specification
-            except PolicyError as error:
+            except (PolicyError, MissingExtraError) as error:
                 if (place.uid, port) not in told:
                     told.add((place.uid, port))
                     yield problem_at(place, port, str(error), "")

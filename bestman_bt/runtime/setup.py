@@ -15,6 +15,7 @@ from py_trees.behaviour import Behaviour
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, find_data, shipped_trees
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
 from bestman_bt.engine.errors import Problem as TreeProblem
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
@@ -197,7 +198,7 @@ def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
     algorithms = make_algorithms(config, robot_model)
     try:
         algorithms.detection.prepare()
-    except PerceptionError as error:
+    except (PerceptionError, MissingExtraError) as error:
         raise ConfigurationError([config.problem(("algorithms", "detection"), str(error))]) from error
 
 

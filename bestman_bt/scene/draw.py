@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from bestman_bt.errors import Error, InputError
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.scene.apartment_generator import ApartmentError
 from bestman_bt.scene.apartment_scene import with_apartment
@@ -28,7 +29,7 @@ _ATTEMPTS = 100  # whole draws
 _TRIES = 100  # places tried for one thing in one draw
 
 
-class SceneError(RuntimeError):
+class SceneError(InputError, RuntimeError):
     """No world could be drawn: the scene's regions leave too little room."""
 
 
@@ -73,7 +74,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     raise SceneError(f"scene {scene.name!r}, seed {seed}: no world in {_ATTEMPTS} draws; {complaint}")
 
 
-class _NoRoomError(Exception):
+class _NoRoomError(Error):
     pass
 
 

@@ -14,6 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from bestman_bt.configuration import no_pybullet_data, pybullet_data
 from bestman_bt.configuration.quantity import PositiveLength
+from bestman_bt.errors import Error
 from bestman_bt.messages import Mesh
 from bestman_bt.scene.generated_shapes import convex_hull
 
@@ -39,7 +40,7 @@ class MeshConfig:
     up: Literal["x", "y", "z"] = "z"
 
 
-class MeshError(ValueError):
+class MeshError(Error, ValueError):
     """A mesh that cannot be found, read or used."""
 
 

@@ -11,6 +11,7 @@ from behaviours.skill import Declaration, Skill
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import NodeRegistry, TreeLoadError
 from bestman_bt.engine.xml.documents import Documents, MetadataEntry, ModelPort, read_documents
+from bestman_bt.errors import InputError
 from bestman_bt.registry import suggestion
 from bestman_bt.task_planning.symbolic.facts import parse_conditions
 from bestman_bt.task_planning.symbolic.problem import Condition, Forall, GoalError, Literal, Operator, PlanningError
@@ -19,7 +20,7 @@ FIELDS = ("pre", "hold", "effects", "cost", "parts")
 """What the metadata of a subtree declares; one that has none of them is no ability."""
 
 
-class DeclarationError(PlanningError):
+class DeclarationError(PlanningError, InputError):
     """A leaf or a subtree declares what cannot be read."""
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from bestman_bt.errors import Error
 
-class VisualizationError(Exception):
+
+class VisualizationError(Error):
     """Base of the errors of this package."""
 
 

@@ -1,11 +1,12 @@
 """The Robotics API: what every robot offers, simulated or real. Nothing here blocks."""
 
+from bestman_bt.errors import RobotError
 from hal.api.arm import Arm
 from hal.api.battery import Battery, BatteryReading
 from hal.api.bumper import Bumper, BumperReading, BumperZone
 from hal.api.camera import Camera
 from hal.api.clock import Clock, Timer
-from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, RobotError, UnknownPartError
+from hal.api.errors import CommandRefusedError, NoDataError, NotConnectedError, UnknownPartError
 from hal.api.force_torque import ForceTorque
 from hal.api.gripper import Gripper, GripperDescription, GripperState
 from hal.api.imu import Imu, ImuReading

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
-
-
-class RobotError(Exception):
-    """Base of all errors that a robot implementation raises."""
-
-    code: ClassVar[str] = "fault"
+from bestman_bt.errors import RobotError
 
 
 class NotConnectedError(RobotError):
     """A part was used before ``connect()`` or after ``disconnect()``."""
 
-    code: ClassVar[str] = "disconnected"
+    code = "disconnected"
 
 
 class NoDataError(RobotError):
     """A sensor did not deliver: it is switched off, unplugged or silent."""
 
-    code: ClassVar[str] = "no_data"
+    code = "no_data"
 
 
 class CommandRefusedError(RobotError, ValueError):
     """A command was refused and nothing moves: it is malformed, beyond a limit, or the robot is stopped."""
 
-    code: ClassVar[str] = "refused"
+    code = "refused"
 
 
 class UnknownPartError(RobotError, LookupError):

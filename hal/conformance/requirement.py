@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from bestman_bt.errors import Error
 from hal.api import RobotError
 
 
-class ConformanceError(AssertionError):
+class ConformanceError(Error, AssertionError):
     """An implementation of the Robotics API does not do what it owes."""
 
 

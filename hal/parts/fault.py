@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bestman_bt.errors import InputError
 from hal.api import MotionErrorCode, RobotError
 
 
@@ -20,5 +21,5 @@ class Fault:
         return f"{self.text} ({self.vendor_code})" if self.vendor_code else self.text
 
 
-class ConnectionFailedError(RobotError):
+class ConnectionFailedError(RobotError, InputError):
     """A controller could not be reached, refused the connection, or its SDK is not installed."""

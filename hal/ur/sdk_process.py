@@ -21,6 +21,8 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
+from bestman_bt.errors import Error
+
 CONTROL_RATE = 125.0
 """Hertz at which the SDK's control interface is told the state of its program."""
 KICK_PERIOD = 0.02
@@ -67,7 +69,7 @@ class Report(NamedTuple):
     moving: bool
 
 
-class RefusedError(Exception):
+class RefusedError(Error):
     """The controller is not in a state to be commanded."""
 
 

@@ -61,7 +61,7 @@ def test_an_installed_package_finds_its_own_data(tmp_path: Path) -> None:
     package = tmp_path / "site-packages" / "bestman_bt"
     for name in ("configuration", "messages"):
         shutil.copytree(ROOT / "bestman_bt" / name, package / name)
-    for name in ("__init__.py", "extras.py", "registry.py"):
+    for name in ("__init__.py", "errors.py", "extras.py", "registry.py"):
         shutil.copy(ROOT / "bestman_bt" / name, package / name)
     for folder in ("assets", "configs"):
         shutil.copytree(ROOT / folder, package / "_data" / folder)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from bestman_bt.engine.errors import Problem, TreeLoadError
+from bestman_bt.errors import Error
 
 MAX_BYTES = 16_000_000
 MAX_DEPTH = 256
@@ -46,7 +47,7 @@ class Element:
             pending.extend(reversed(element.children))
 
 
-class Refused(Exception):
+class Refused(Error):
     """Something in the XML is refused on purpose."""
 
     def __init__(self, line: int, message: str) -> None:

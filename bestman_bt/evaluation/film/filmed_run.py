@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bestman_bt.configuration import RunConfig, read_run
-from bestman_bt.engine import RUNNING, EngineError
+from bestman_bt.engine import RUNNING
 from bestman_bt.engine.logs import LogError, logged_nodes, read_btlog
+from bestman_bt.errors import InputError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.task_goals import task_goals
 from bestman_bt.scene import World, draw_world, load_scene
@@ -16,7 +17,7 @@ from bestman_bt.visualization import RecordingError
 from bestman_bt.visualization.motion_file import MOTION_NAME, Motion, read_motion
 
 
-class FilmError(EngineError):
+class FilmError(InputError):
     """There is nothing to make pictures of, or no way to make them."""
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from PIL import Image, UnidentifiedImageError
 
+from bestman_bt.errors import Error
 from bestman_bt.evaluation.report.story import StoryPicture
 
 MAX_FILE = 16_000_000
@@ -15,7 +16,7 @@ WIDTH = 640
 QUALITY = 78
 
 
-class PictureError(Exception):
+class PictureError(Error):
     """A file is no picture that can be shown."""
 
 

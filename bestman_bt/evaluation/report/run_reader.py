@@ -16,6 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import logged_nodes, read_btlog
+from bestman_bt.errors import InputError
 from bestman_bt.evaluation.report.activities import activities, ended_by
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
 from bestman_bt.evaluation.report.plain_yaml import read_plain_yaml
@@ -46,7 +47,7 @@ SAME_MOMENT = 0.5
 _RESULT = TypeAdapter(RunResult)
 
 
-class ReportError(EngineError):
+class ReportError(InputError):
     """A folder is no run folder, or one whose report cannot be made."""
 
 

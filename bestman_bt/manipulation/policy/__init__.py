@@ -7,7 +7,6 @@ from bestman_bt.manipulation.policy.chunk_stream import ChunkStream, ChunkStream
 from bestman_bt.manipulation.policy.demonstration import Demonstration
 from bestman_bt.manipulation.policy.demonstrations import DatasetError, DemonstrationFormat, DemonstrationRecorder
 from bestman_bt.manipulation.policy.errors import (
-    MissingPolicyExtraError,
     PolicyActionError,
     PolicyError,
     PolicyModelError,
@@ -52,7 +51,6 @@ __all__ = [
     "DemonstrationFormat",
     "DemonstrationRecorder",
     "ExpertPolicy",
-    "MissingPolicyExtraError",
     "Observation",
     "OnnxPolicy",
     "OnnxPolicyParameters",

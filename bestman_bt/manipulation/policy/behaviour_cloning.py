@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.demonstration import Demonstration
-from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyError
+from bestman_bt.manipulation.policy.errors import PolicyError
 from bestman_bt.manipulation.policy.features import feature_vector
 from bestman_bt.manipulation.policy.onnx_policy import PolicyCard, PolicyNormalization
 from bestman_bt.manipulation.policy.reaching import REACHING_FEATURES
@@ -57,12 +58,12 @@ class ClonedPolicy:
     loss: float
 
     def save(self, path: Path) -> None:
-        """Write ``path`` (.onnx) and its .json; MissingPolicyExtraError without the package onnx."""
+        """Write ``path`` (.onnx) and its .json; MissingExtraError without the package onnx."""
         try:
             import onnx
             from onnx import TensorProto, helper, numpy_helper
         except ImportError as error:
-            raise MissingPolicyExtraError(f"writing policies needs onnx: {install_command('policy')}") from error
+            raise MissingExtraError(f"writing policies needs onnx: {install_command('policy')}") from error
         nodes, weights, value = [], [], "features"
         for i, (weight, bias) in enumerate(self.layers):
             last = i == len(self.layers) - 1

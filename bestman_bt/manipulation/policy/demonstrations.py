@@ -17,10 +17,11 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import Observation
 from bestman_bt.manipulation.policy.dataset_statistics import FeatureStatistics
-from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyError, PolicyObservationError
+from bestman_bt.manipulation.policy.errors import PolicyError, PolicyObservationError
 
 FILES_PER_FOLDER = 1000
 _NUMBERED = "chunk-{chunk_index:03d}/file-{file_index:03d}"
@@ -76,7 +77,7 @@ class DemonstrationFormat:
 class DemonstrationRecorder:
     """Writes episodes: ``add`` each frame, then ``end_episode``; ``discard`` forgets the frames since.
 
-    Raises DatasetError at once where the folder cannot be used and MissingPolicyExtraError without pyarrow, later
+    Raises DatasetError at once where the folder cannot be used and MissingExtraError without pyarrow, later
     PolicyObservationError for a frame that does not fit.
     """
 
@@ -268,5 +269,5 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise MissingPolicyExtraError(f"recording needs pyarrow: {install_command('policy')}") from error
+        raise MissingExtraError(f"recording needs pyarrow: {install_command('policy')}") from error
     return pyarrow, pyarrow.parquet

@@ -45,9 +45,3 @@ class PolicyServerError(PolicyError):
     """A policy server answered with an error, or with something that breaks the protocol."""
 
     code = "policy_server"
-
-
-class MissingPolicyExtraError(PolicyError):
-    """A package that is needed is not installed; the message names the extra that brings it."""
-
-    code = "missing_extra"

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
-from bestman_bt.manipulation.policy.errors import MissingPolicyExtraError, PolicyServerError
+from bestman_bt.manipulation.policy.errors import PolicyServerError
 
 _BROKEN = (ValueError, TypeError, KeyError, OverflowError, SyntaxError)
 """What wrong bytes end in, beside msgpack's own errors; numpy parses the names of types as Python."""
@@ -35,7 +36,7 @@ def _msgpack() -> Any:
     try:
         import msgpack
     except ImportError as error:
-        raise MissingPolicyExtraError(f"policy/openpi needs msgpack: {install_command('policy')}") from error
+        raise MissingExtraError(f"policy/openpi needs msgpack: {install_command('policy')}") from error
     return msgpack
 
 

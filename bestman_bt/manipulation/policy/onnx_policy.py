@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import (
-    MissingPolicyExtraError,
     PolicyActionError,
     PolicyModelError,
     PolicyObservationError,
@@ -102,7 +102,7 @@ class PolicyCard:
 class OnnxPolicy(Policy):
     """Gives the network's chunk, turned back into radians; it keeps nothing between two questions.
 
-    The specification is read at the first use of it, the network at the first ``act``. Raises MissingPolicyExtraError
+    The specification is read at the first use of it, the network at the first ``act``. Raises MissingExtraError
     without onnxruntime, PolicyModelError where the files do not fit, PolicyActionError where the network gives NaN.
     """
 
@@ -174,7 +174,7 @@ class OnnxPolicy(Policy):
         try:
             import onnxruntime
         except ImportError as error:
-            raise MissingPolicyExtraError(f"policy/onnx needs onnxruntime: {install_command('onnx')}") from error
+            raise MissingExtraError(f"policy/onnx needs onnxruntime: {install_command('onnx')}") from error
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = self.parameters.threads
         options.log_severity_level = 3

@@ -17,10 +17,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.errors import Error, MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.manipulation.policy.base import ActionChunk, Observation, Policy
 from bestman_bt.manipulation.policy.errors import (
-    MissingPolicyExtraError,
     PolicyActionError,
     PolicyModelError,
     PolicyObservationError,
@@ -73,7 +73,7 @@ class OpenpiPolicy(Policy):
     """Connects at the first question, and again where a connection was lost.
 
     Raises PolicyUnreachableError where no answer came, PolicyServerError where the server tells of an error or breaks
-    the protocol, PolicyActionError for actions of another shape or NaN, MissingPolicyExtraError without the extra.
+    the protocol, PolicyActionError for actions of another shape or NaN, MissingExtraError without the extra.
     """
 
     def __init__(self, parameters: OpenpiPolicyParameters) -> None:
@@ -222,7 +222,7 @@ def resize_with_pad(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[
     return canvas
 
 
-class _ConnectionLostError(Exception):
+class _ConnectionLostError(Error):
     """A try that may go better the next time."""
 
 
@@ -230,7 +230,7 @@ def _websockets_connect() -> Any:
     try:
         from websockets.sync.client import connect
     except ImportError as error:
-        raise MissingPolicyExtraError(f"policy/openpi needs websockets: {install_command('policy')}") from error
+        raise MissingExtraError(f"policy/openpi needs websockets: {install_command('policy')}") from error
     return connect
 
 

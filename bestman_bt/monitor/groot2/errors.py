@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from bestman_bt.errors import Error
 
-class Groot2Error(Exception):
+
+class Groot2Error(Error):
     """The publisher cannot serve: no library, no port, or a tree that the protocol cannot number."""
 
 
-class RequestError(Exception):
+class RequestError(Error):
     """A request cannot be answered; its text is told to the one who asked."""

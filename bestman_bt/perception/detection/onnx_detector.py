@@ -16,11 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.messages import RGBDImage
 from bestman_bt.perception.detection.from_image import FromImage, FromImageParameters
 from bestman_bt.perception.detection.image_detector import ImageDetection, ImageDetector
-from bestman_bt.perception.errors import DetectorModelError, MissingExtraError
+from bestman_bt.perception.errors import DetectorModelError
 from bestman_bt.perception.pose_estimation import PoseEstimator
 from bestman_bt.perception.segmentation import Segmentation
 

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.messages import Mesh
-from bestman_bt.perception.errors import MissingExtraError, PerceptionError
+from bestman_bt.perception.errors import PerceptionError
 from bestman_bt.perception.object_models.closed import bodies_of, closed
 
 

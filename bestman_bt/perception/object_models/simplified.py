@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.messages import Mesh
-from bestman_bt.perception.errors import MissingExtraError
 
 MOST_TRIANGLES = 12_000
 """Edges of about 3 mm on an object as large as a mug."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bestman_bt.errors import Error
 from bestman_bt.scene.apartment_generator.doors import POST, as_standing, hang_doors, moved_doors
 from bestman_bt.scene.apartment_generator.floor_plan import Doorway, FloorPlan, Line, Room, floor_plan
 from bestman_bt.scene.apartment_generator.furnish import OFFSET, TURN, furnish
@@ -21,7 +22,7 @@ _FREE_FLOOR = 0.5
 """Square metres of each room, at least, that the middle of a robot can be at."""
 
 
-class ApartmentError(RuntimeError):
+class ApartmentError(Error, RuntimeError):
     """The options leave no room for an apartment."""
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from bestman_bt.errors import Error
 
-class FurnitureOptionError(ValueError):
+
+class FurnitureOptionError(Error, ValueError):
     """``path``: the option at fault, for example ("handle", "length"); the message gives its value and what fits."""
 
     def __init__(self, path: tuple[str, ...], message: str) -> None:

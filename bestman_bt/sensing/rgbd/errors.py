@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import StrEnum
 
 from bestman_bt.perception import PerceptionError
 
 
-class CameraErrorCode(Enum):
+class CameraErrorCode(StrEnum):
     """Why there is no usable image; skills put it into ``error_code``."""
 
     NO_IMAGE = "camera_no_image"

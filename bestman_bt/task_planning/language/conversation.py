@@ -8,6 +8,7 @@ from typing import TypeVar
 
 from pydantic import ValidationError
 
+from bestman_bt.errors import Error
 from bestman_bt.task_planning.language.chat import ChatEndpoint, ChatReply, ChatRequest, Message, Usage
 from bestman_bt.task_planning.language.errors import NoValidAnswerError, RefusedError
 from bestman_bt.task_planning.language.prompt import fault_message
@@ -21,7 +22,7 @@ _LONGEST_ANSWER = 2000
 _LOG = logging.getLogger(__name__)
 
 
-class FaultyAnswerError(Exception):
+class FaultyAnswerError(Error):
     """An answer cannot be used: ``faults``, in words that the model can mend it by."""
 
     def __init__(self, faults: Sequence[str]) -> None:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
+from bestman_bt.errors import AlgorithmError, InputError
+
 EQUAL = "="
 """The predicate that holds of a thing and itself, in any state."""
 
@@ -16,11 +18,11 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
-class PlanningError(Exception):
+class PlanningError(AlgorithmError):
     """No plan came about; the text says why."""
 
 
-class GoalError(PlanningError):
+class GoalError(PlanningError, InputError):
     """A goal that does not make sense: a name that nothing has, a contradiction, text that is no formula."""
 
 

@@ -12,6 +12,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from bestman_bt.errors import InputError
 from bestman_bt.visualization.errors import VisualizationError
 
 BPY = "bpy==5.0.1"
@@ -21,7 +22,7 @@ SIZE = "about 1 GB"
 INSTALL_COMMAND = "bestman-bt render --install-blender"
 
 
-class BlenderError(VisualizationError):
+class BlenderError(VisualizationError, InputError):
     """Blender is not there, cannot be installed, or has not painted what it should."""
 
 

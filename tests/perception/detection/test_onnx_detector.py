@@ -10,11 +10,12 @@ import pytest
 from onnx import TensorProto, helper
 
 from benchmarks.rendered_table import known_models
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.perception import PerceptionError
 from bestman_bt.perception.detection import ImageDetection, OnnxDetector, OnnxDetectorParameters, OnnxImageDetector
 from bestman_bt.perception.detection.onnx_detector import letterbox
-from bestman_bt.perception.errors import DetectorModelError, MissingExtraError
+from bestman_bt.perception.errors import DetectorModelError
 from tests.perception.detection.train_tiny_detector import CLASSES, train, training_scene, true_boxes
 
 
@@ -217,7 +218,6 @@ def test_without_onnxruntime_the_error_names_the_extra(tmp_path: Path, monkeypat
 
 def test_all_errors_are_errors_of_perception() -> None:
     assert issubclass(DetectorModelError, PerceptionError)
-    assert issubclass(MissingExtraError, PerceptionError)
 
 
 @pytest.mark.slow
