@@ -89,7 +89,7 @@ def dock(seed: int, by_furniture: bool, measured: Docks) -> None:
         execution = judged.session.executor(tree).run()
         judged.robot.clock.sleep(REST)
         away, turn = _errors(judged.true_pose, goal, setup.world if by_furniture else None)
-        audited = audit(judged.robot.honesty_record())
+        audited = audit(judged.robot.audit_record())
         told = "; ".join([*(failure.why for failure in judged.session.skills.failures[-1:]), execution.why])
     measured.docked.append(execution.succeeded and away <= POSITION and turn <= YAW)
     measured.contacts += len(audited.collisions)

@@ -121,7 +121,7 @@ class GraspRig:
 
     def audit(self) -> dict[str, int]:
         """How often this run cheated, by kind: an honest one has zeros."""
-        record = self._robot.honesty_record()
+        record = self._robot.audit_record()
         counts = {
             "resets": record.resets,
             "constraints": record.constraints,
@@ -210,7 +210,7 @@ class GraspRig:
         return self.truth.object_pose(name).apply(_surface(model))
 
     def _contacts_since(self, start: float, target: str) -> tuple[str, ...]:
-        incidents = [i for i in self._robot.honesty_record().contacts if i.end >= start]
+        incidents = [i for i in self._robot.audit_record().contacts if i.end >= start]
         return tuple(sorted({i.second for i in incidents if target not in (i.first, i.second)}))
 
     def _place_in_hand(self, name: str) -> NDArray[np.float64]:

@@ -151,7 +151,7 @@ def drive(model: RobotModel, planner: str, seed: int, boxes: int, monitored: boo
         while not handle.done and robot.clock.now() < started + TIME_LIMIT:
             robot.clock.sleep(0.1)
             places.append(truth.base_pose().to_pose2d())
-        contacts = robot.honesty_record().contacts
+        contacts = robot.audit_record().contacts
         measured.drives += 1
         measured.contacts += len(contacts)
         measured.times.append(robot.clock.now() - started)

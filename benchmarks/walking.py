@@ -83,7 +83,7 @@ def walk(seed: int, film: Path | None = None) -> Walk:
             if not arrived:
                 break
         end = begin.inverse() @ truth.base_pose()
-        record = robot.honesty_record()
+        record = robot.audit_record()
     if film is not None:
         Image.fromarray(np.hstack(pictures)).save(film)
     x, y, _ = straight.position

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 SUITE = "hal.conformance"
-NOT_APPLICABLE, MISSING = "does_not_apply", "declared_missing"
+NOT_APPLICABLE, MISSING = "does_not_apply", "unsupported"
 """Names of the properties by which tests tell what the report ends with."""
 
 

@@ -99,7 +99,7 @@ def drive_in_one_world(task: str, seed: int, goals: int, settings: list[str], dr
             judged.robot.clock.sleep(REST)
             pose = judged.true_pose
             off, turn = pose.distance_to(goal), abs(wrap_angle(pose.theta - goal.theta))
-            collisions = audit(judged.robot.honesty_record()).collisions
+            collisions = audit(judged.robot.audit_record()).collisions
             if not why and (off > POSITION_TOLERANCE or turn > YAW_TOLERANCE):
                 why = f"believed to be at the goal, {1e3 * off:.0f} mm and {math.degrees(turn):.1f}° off"
             elif not why and len(collisions) > touched:
@@ -113,7 +113,7 @@ def drive_in_one_world(task: str, seed: int, goals: int, settings: list[str], dr
             drives.reached.append(not why)
             drives.why += [f"seed {seed}, goal {number}: {why}"] if why else []
             touched = len(collisions)
-        verdict = audit(judged.robot.honesty_record())
+        verdict = audit(judged.robot.audit_record())
         drives.contacts += len(verdict.collisions)
         drives.contacts_by_walkers += len(verdict.contacts_by_walkers)
         drives.honest = drives.honest and verdict.honest

@@ -117,7 +117,7 @@ def explore(setup: Setup, mean_slip: float) -> Exploration:
         lidar = robot.part("lidar", Lidar)
         height = float(ForwardKinematics(setup.robot_model).pose(lidar.frame, {}).position[2])
         told_by_skills = [f"{failure.error_code}: {failure.why}" for failure in skills.failures]
-        contacts = [str(contact) for contact in robot.honesty_record().contacts]
+        contacts = [str(contact) for contact in robot.audit_record().contacts]
     return Exploration(
         seed=seed,
         succeeded=execution.succeeded,

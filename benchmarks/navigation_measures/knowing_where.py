@@ -185,7 +185,7 @@ def _run(setup: Setup, goal: Pose2D, found: KnowingWhere) -> Ran:
 
         execution = judged.session.run(DRIVE.replace("{goal}", f"{goal.x};{goal.y};{goal.theta}"), look)
         look()
-        found.contacts += len(judged.robot.honesty_record().contacts)
+        found.contacts += len(judged.robot.audit_record().contacts)
         told = [f"{failure.error_code}: {failure.why}" for failure in judged.session.skills.failures]
     found.simulated += judged.simulated
     found.wall += judged.wall

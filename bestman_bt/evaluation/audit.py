@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from bestman_bt.evaluation.declared_contacts import Declared, DeclaredContacts
 
 if TYPE_CHECKING:
-    from hal.pybullet import ContactIncident, Deed, Finding, HonestyRecord
+    from hal.pybullet import AuditRecord, ContactIncident, DisturbanceEvent, Finding
 
-    T = TypeVar("T", ContactIncident, Deed, Finding, Declared)
+    T = TypeVar("T", ContactIncident, DisturbanceEvent, Finding, Declared)
 
 TIMES = ("stamp", "start", "end", "until")
 """What times are called in records."""
@@ -99,9 +99,9 @@ class Audit:
 
 
 def audit(
-    record: HonestyRecord,
+    record: AuditRecord,
     allowed_contacts: Iterable[tuple[str, str]] | None = None,
-    script: Collection[Deed] = (),
+    script: Collection[DisturbanceEvent] = (),
     declared: Sequence[Declared] | None = None,
     models: Mapping[str, str] | None = None,
     began: float = 0.0,
@@ -115,7 +115,7 @@ def audit(
     the monitor was told to forgive is tampering. ``began``: when the run did, seconds on the monitor's clock; times are
     told from then on.
     """
-    record, script = _since(record, began), [_shifted(deed, began) for deed in script]
+    record, script = _since(record, began), [_shifted(event, began) for event in script]
     declared = None if declared is None else [_shifted(one, began) for one in declared]
     pairs = None if allowed_contacts is None else {frozenset(pair) for pair in allowed_contacts}
     judged = DeclaredContacts(declared or (), models or {}, lambda one: pairs is None or _is_allowed(one, pairs))
@@ -145,7 +145,7 @@ def audit(
     calls = [f"{name} was called {count} times after the scene was built" for name, count in record.calls.items()]
     if record.missed_looks:
         calls.append(f"the monitor was kept from looking {record.missed_looks} times")
-    others = _deeds_of_others(record.deeds, script)
+    others = _events_of_others(record.events, script)
     details += others
     seen = [f"{detail.stamp:.2f} s: {detail.text}" for detail in sorted(details, key=lambda detail: detail.stamp)]
     return Audit(
@@ -170,7 +170,7 @@ def audit(
     )
 
 
-def _since(record: HonestyRecord, began: float) -> HonestyRecord:
+def _since(record: AuditRecord, began: float) -> AuditRecord:
     """The record with all times but those of penetrations, which nobody is told, counted from ``began`` on."""
     lists = {field.name: getattr(record, field.name) for field in fields(record) if field.name != "penetrations"}
     shifted: dict[str, Any] = {
@@ -183,12 +183,16 @@ def _shifted(seen: T, began: float) -> T:
     return replace(seen, **{name: getattr(seen, name) - began for name in TIMES if hasattr(seen, name)})
 
 
-def _deeds_of_others(forgiven: Collection[Deed], script: Collection[Deed]) -> list[Finding]:
+def _events_of_others(forgiven: Collection[DisturbanceEvent], script: Collection[DisturbanceEvent]) -> list[Finding]:
     """Where what the monitor has forgiven and what the script has done differ."""
     from hal.pybullet import Finding
 
-    unasked = [Finding(deed.stamp, f"not by the task's script: {deed.text}") for deed in forgiven if deed not in script]
-    unknown = [Finding(deed.stamp, f"hidden from the monitor: {deed.text}") for deed in script if deed not in forgiven]
+    unasked = [
+        Finding(event.stamp, f"not by the task's script: {event.text}") for event in forgiven if event not in script
+    ]
+    unknown = [
+        Finding(event.stamp, f"hidden from the monitor: {event.text}") for event in script if event not in forgiven
+    ]
     return unasked + unknown
 
 

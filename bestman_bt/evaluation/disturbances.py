@@ -1,4 +1,4 @@
-"""The script of a task's disturbances: somebody interferes when the robot believes something and it is so."""
+"""The script of a task's disturbances: somebody disturbs when the robot believes something and it is so."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bestman_bt.evaluation.new_places import NewPlace, NewPlaces
 from bestman_bt.messages import JointKind
 from bestman_bt.runtime import Session
 from bestman_bt.world_model import is_open, leaf_called, openness_of
-from hal.pybullet import Deed, Disturber, GroundTruth
+from hal.pybullet import DisturbanceEvent, DisturbanceInjector, GroundTruth
 
 HAND_AWAY = 0.6
 """Metres between the robot's hand and an object that somebody else takes."""
@@ -34,9 +34,12 @@ TRIES_AGAIN = 1.0
 """Seconds after which somebody tries again who was in the robot's way or found no room."""
 
 
+_Event = DisturbanceEvent | None
+
+
 @dataclass
 class _Script:
-    """``delay``: seconds from trigger to deed. ``due``: when that is. ``deed``: once it is done.
+    """``delay``: seconds from trigger to event. ``due``: when that is. ``event``: once it is done.
 
     ``stood_at``: where an object last stood.
     """
@@ -45,7 +48,7 @@ class _Script:
     rng: np.random.Generator
     delay: float
     due: float | None = None
-    deed: Deed | None = None
+    event: DisturbanceEvent | None = None
     stood_at: tuple[float, ...] | None = None
 
 
@@ -56,8 +59,8 @@ class Disturbances:
     done; what found no occasion was not.
     """
 
-    def __init__(self, session: Session, truth: GroundTruth, disturber: Disturber) -> None:
-        self._session, self._truth, self._disturber = session, truth, disturber
+    def __init__(self, session: Session, truth: GroundTruth, injector: DisturbanceInjector) -> None:
+        self._session, self._truth, self._injector = session, truth, injector
         self._places = NewPlaces(session, truth)
         self._was_held: set[str] = set()
         self._scripts = []
@@ -65,7 +68,7 @@ class Disturbances:
             rng = np.random.default_rng([session.setup.config.seed, zlib.crc32(b"disturbances"), index])
             if asked.object is None or asked.object in truth.object_names:  # else the seed has left it out
                 self._scripts.append(_Script(asked, rng, float(rng.uniform(*asked.after))))
-        self._kinds: Mapping[DisturbanceKind, tuple[Callable[[_Script], bool], Callable[[_Script], Deed | None]]] = {
+        self._kinds: Mapping[DisturbanceKind, tuple[Callable[[_Script], bool], Callable[[_Script], _Event]]] = {
             "moved": (self._is_seen, self._move_on_surface),
             "elsewhere": (self._is_seen, self._move_elsewhere),
             "slips": (self._is_lifted, self._let_slip),
@@ -79,18 +82,18 @@ class Disturbances:
             self._was_held.add(held.name)
         for script in self._scripts:
             happens, act = self._kinds[script.asked.kind]
-            if script.deed is not None or not happens(script):
+            if script.event is not None or not happens(script):
                 continue
             if script.due is None:
                 script.due = now + script.delay
             if now >= script.due:
-                script.deed = act(script)
+                script.event = act(script)
                 script.due = now + TRIES_AGAIN
 
     @property
-    def deeds(self) -> tuple[Deed, ...]:
+    def events(self) -> tuple[DisturbanceEvent, ...]:
         """What was done up to now: whatever else the monitor was told is none of this script's doing."""
-        return tuple(script.deed for script in self._scripts if script.deed is not None)
+        return tuple(script.event for script in self._scripts if script.event is not None)
 
     # What has to happen
 
@@ -127,25 +130,25 @@ class Disturbances:
 
     # What somebody then does
 
-    def _move_on_surface(self, script: _Script) -> Deed | None:
+    def _move_on_surface(self, script: _Script) -> _Event:
         asked = script.asked
         return self._put(asked, self._places.beside(str(asked.object), asked.distance, script.rng))
 
-    def _move_elsewhere(self, script: _Script) -> Deed | None:
+    def _move_elsewhere(self, script: _Script) -> _Event:
         asked = script.asked
         return self._put(asked, self._places.elsewhere(str(asked.object), asked.surface, script.rng))
 
-    def _let_slip(self, script: _Script) -> Deed | None:
-        return self._disturber.let_slip(str(script.asked.object))
+    def _let_slip(self, script: _Script) -> _Event:
+        return self._injector.let_slip(str(script.asked.object))
 
-    def _shut(self, script: _Script) -> Deed | None:
+    def _shut(self, script: _Script) -> _Event:
         name = str(script.asked.articulation)
-        return self._disturber.push_shut(name, PUSH_SPEED[leaf_called(self._session.skills.world, name).kind])
+        return self._injector.push_shut(name, PUSH_SPEED[leaf_called(self._session.skills.world, name).kind])
 
-    def _put(self, asked: DisturbanceConfig, place: NewPlace | None) -> Deed | None:
+    def _put(self, asked: DisturbanceConfig, place: NewPlace | None) -> _Event:
         if place is None:
             return None
-        return self._disturber.move_object(str(asked.object), place.pose, place.surface)
+        return self._injector.move_object(str(asked.object), place.pose, place.surface)
 
     def _hand(self) -> tuple[float, ...]:
         """Where the hand really is, in the map frame, metres."""

@@ -27,7 +27,7 @@ from bestman_bt.runtime import Ending, Execution, Session, Setup, open_session, 
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
-from hal.pybullet import Deed, Disturber, GroundTruth, HonestyRecord, PyBulletRobot, SceneRecorder
+from hal.pybullet import AuditRecord, DisturbanceEvent, DisturbanceInjector, GroundTruth, PyBulletRobot, SceneRecorder
 from hal.replay import TAPE_NAME, RecordedRobot
 from hal.twins.remote_truth import RemoteTruth
 
@@ -49,7 +49,7 @@ class _Observers:
         self.driven: DrivenPath | None = None
         self.contacts: ContactLog | None = None
         self.began = 0.0
-        self.disturber: Disturber | None = None
+        self.injector: DisturbanceInjector | None = None
         self.disturbances: Disturbances | None = None
 
     def attach(self, robot: Robot) -> None:
@@ -62,7 +62,7 @@ class _Observers:
             if self._folder is not None:
                 self.pictures = Pictures(robot, self.truth, self._folder)
             if self._disturbed:
-                self.disturber = Disturber(robot)
+                self.injector = DisturbanceInjector(robot)
             robot.close_truth()
         elif self._judge is not None:
             self.truth = RemoteTruth(self._judge)
@@ -77,15 +77,15 @@ class _Observers:
         return self.contacts.after_tick
 
     @property
-    def script(self) -> tuple[Deed, ...]:
+    def script(self) -> tuple[DisturbanceEvent, ...]:
         """What the task's disturbances have done."""
-        return self.disturbances.deeds if self.disturbances is not None else ()
+        return self.disturbances.events if self.disturbances is not None else ()
 
-    def honesty_record(self) -> HonestyRecord | None:
+    def audit_record(self) -> AuditRecord | None:
         """What the monitor of the world has seen; None of a world that nobody watches."""
         if self.robot is not None:
-            return self.robot.honesty_record()
-        return self.truth.honesty_record() if isinstance(self.truth, RemoteTruth) else None
+            return self.robot.audit_record()
+        return self.truth.audit_record() if isinstance(self.truth, RemoteTruth) else None
 
 
 def prepare_episode(config: RunConfig) -> Setup:
@@ -207,8 +207,8 @@ def _after_tick(
         calls.append(observers.watch_contacts(session))
     if observers.driven is not None and session.setup.config.task.drive is not None:
         calls.append(observers.driven.after_tick)
-    if observers.disturber is not None and observers.truth is not None:
-        observers.disturbances = Disturbances(session, observers.truth, observers.disturber)
+    if observers.injector is not None and observers.truth is not None:
+        observers.disturbances = Disturbances(session, observers.truth, observers.injector)
         calls.append(observers.disturbances.after_tick)
     if observers.pictures is not None:
         calls.append(_picture_of_the_grasp(session, observers.pictures))
@@ -238,7 +238,7 @@ def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], 
 
 
 def _audit(setup: Setup, observers: _Observers) -> Audit | None:
-    record = observers.honesty_record()
+    record = observers.audit_record()
     if record is None:
         return None
     declared = observers.contacts.declared if observers.contacts is not None else ()

@@ -60,7 +60,7 @@ class Robot(ABC):
         """Whether the stop is latched."""
 
     @property
-    def declared_missing(self) -> Mapping[str, str]:
+    def unsupported(self) -> Mapping[str, str]:
         """What of this API, or of its model, the robot does not have → why, in words.
 
         ``hal.conformance`` fails a robot that lacks something without saying so. It takes for an answer the name of a

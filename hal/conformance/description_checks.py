@@ -34,8 +34,8 @@ def the_description_can_be_read_before_connecting(robot: Robot) -> None:
 
 
 def every_part_of_the_model_is_there_or_declared_missing(robot: Robot) -> None:
-    """A driver that cannot offer a part says so and why: ``declared_missing``."""
-    declared = robot.declared_missing
+    """A driver that cannot offer a part says so and why: ``unsupported``."""
+    declared = robot.unsupported
     silent = [name for name in robot.model.part_names if name not in robot.parts and not declared.get(name)]
     require(not silent, f"the model lists {', '.join(silent)}, which the robot has not and does not declare missing")
 

@@ -65,9 +65,9 @@ class PromisesAboutConnecting:
     def test_what_is_declared_missing_has_a_reason(self, make_robot: MakeRobot, record_property: Properties) -> None:
         """And is listed when all is done."""
         robot = make_robot()
-        for what, why in robot.declared_missing.items():
+        for what, why in robot.unsupported.items():
             record_property(MISSING, f"{_title(robot)}: {what}: {why}")
-        unexplained = [what for what, why in robot.declared_missing.items() if not why.strip()]
+        unexplained = [what for what, why in robot.unsupported.items() if not why.strip()]
         assert not unexplained, f"{', '.join(unexplained)}: declared missing without a reason"
 
 

@@ -71,7 +71,7 @@ class Check:
 
     def why_not(self, robot: Robot) -> str | None:
         """Why it does not apply to a robot, by what that declares; None: it applies."""
-        declared = robot.declared_missing
+        declared = robot.unsupported
         if self.name in declared:
             return declared[self.name]
         if self.commands and COMMANDS in declared:

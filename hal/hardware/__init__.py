@@ -4,7 +4,7 @@ from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop, Lateness
 from hal.hardware.isolated_robot import IsolatedRobot
-from hal.hardware.late_watch import LateWatch
+from hal.hardware.latency_monitor import LatencyMonitor
 from hal.hardware.remote_time import RemoteTime
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.sensors import (
@@ -27,7 +27,7 @@ __all__ = [
     "HardwareRobot",
     "HardwareSensor",
     "IsolatedRobot",
-    "LateWatch",
+    "LatencyMonitor",
     "Lateness",
     "RealTimeClock",
     "RemoteTime",

@@ -14,7 +14,7 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from hal.api import Clock, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
-from hal.hardware.only_client import OnlyClient
+from hal.hardware.controller_lock import ControllerLock
 from hal.parts import ConnectionFailedError, ControlledPart, Fault, StopLatch
 
 LONGEST_BRAKING = 0.6
@@ -32,7 +32,7 @@ class Connection(ABC):
     ``serves``: kind of part → how many of it have to, and may, be behind one controller; empty: any parts. It and
     ``needs_address`` are checked when the robot's YAML is read, before anything connects.
     ``one_client``: whether its controller follows whoever speaks to it, so that a second client is to be refused here.
-    ``declared_missing``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
+    ``unsupported``: what of the Robotics API the controller cannot do, or a check of the conformance suite that it
     cannot pass → why; conformance lists it.
     """
 
@@ -42,7 +42,7 @@ class Connection(ABC):
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {}
     needs_address: ClassVar[bool] = True
     one_client: ClassVar[bool] = False
-    declared_missing: Mapping[str, str] = {}
+    unsupported: Mapping[str, str] = {}
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class Connection(ABC):
         self._loops: list[ControlLoop] = []
         self._crash: Fault | None = None
         self._connected = False
-        self._only = OnlyClient(name, self.driver, settings.address) if self.one_client else None
+        self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
         self._parts: dict[str, Part] = self.make_parts()
 
     @property

@@ -66,9 +66,9 @@ class IsolatedRobot(Robot):
         return self._parts
 
     @property
-    def declared_missing(self) -> dict[str, str]:
+    def unsupported(self) -> dict[str, str]:
         """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
-        return self._description.declared_missing
+        return self._description.unsupported
 
     def connect(self) -> None:
         """Start the other process and connect all controllers; raises as ``HardwareRobot.connect``; idempotent."""

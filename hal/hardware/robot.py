@@ -76,11 +76,11 @@ class HardwareRobot(Robot):
         return self._connections
 
     @property
-    def declared_missing(self) -> dict[str, str]:
+    def unsupported(self) -> dict[str, str]:
         """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
         missing = {name: "it is behind no connection" for name in self._model.part_names if name not in self._parts}
         for name, connection in self._connections.items():
-            for what, why in connection.declared_missing.items():
+            for what, why in connection.unsupported.items():
                 reason = f"{name}: {why}"
                 missing[what] = f"{missing[what]}; {reason}" if what in missing else reason
         return missing

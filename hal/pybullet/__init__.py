@@ -1,23 +1,23 @@
 """The Robotics API over PyBullet: honest physics, no resets, no glue."""
 
+from hal.pybullet.audit_record import AuditRecord, ContactIncident, DisturbanceEvent, Finding, Penetration
 from hal.pybullet.client import SimulationError
-from hal.pybullet.disturber import Disturber
+from hal.pybullet.disturbance_injector import DisturbanceInjector
 from hal.pybullet.ground_truth import GroundTruth
-from hal.pybullet.honesty_record import ContactIncident, Deed, Finding, HonestyRecord, Penetration
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.portrait import portrait
-from hal.pybullet.reading_line import SensorFault
 from hal.pybullet.render import ScenePhotographer, Viewpoint
 from hal.pybullet.robot import PyBulletRobot
 from hal.pybullet.scene_recorder import SceneRecorder, SceneSnapshot
+from hal.pybullet.sensor_pipeline import SensorFault
 
 __all__ = [
+    "AuditRecord",
     "ContactIncident",
-    "Deed",
-    "Disturber",
+    "DisturbanceEvent",
+    "DisturbanceInjector",
     "Finding",
     "GroundTruth",
-    "HonestyRecord",
     "Penetration",
     "PhysicsParameters",
     "PyBulletRobot",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import BatteryModel
 from hal.api import Battery, BatteryReading
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
 
@@ -27,7 +27,7 @@ class SimulatedBattery(Battery):
         self._energy = model.charge * model.capacity
         self._drawn = self._drawn_for = 0.0  # since the last reading, joules and seconds
         self._most: NDArray[np.float64] = np.zeros(0)
-        self.line: ReadingLine[BatteryReading] = ReadingLine(name, model.rate, model.latency)
+        self.line: SensorPipeline[BatteryReading] = SensorPipeline(name, model.rate, model.latency)
 
     def read(self) -> BatteryReading:
         """The latest reading."""

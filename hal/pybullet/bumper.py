@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bestman_bt.robot_model import BumperModel
 from hal.api import Bumper, BumperReading, BumperZone
 from hal.pybullet.client import Reader, ReadPurpose
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
 
@@ -24,7 +24,7 @@ class SimulatedBumper(Bumper):
         self._zones = tuple(BumperZone(start, end) for start, end in model.zones)
         self._middles = np.array([zone.middle for zone in self._zones])
         self._halves = np.array([(np.array(zone.end) - np.array(zone.start)) / 2 for zone in self._zones])
-        self.line: ReadingLine[BumperReading] = ReadingLine(name, model.rate, model.latency)
+        self.line: SensorPipeline[BumperReading] = SensorPipeline(name, model.rate, model.latency)
 
     @property
     def zones(self) -> tuple[BumperZone, ...]:

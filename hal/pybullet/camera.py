@@ -16,7 +16,7 @@ from hal.api import Camera, NoDataError
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.lens import Lens
 from hal.pybullet.package import pybullet
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
 NUDGE = 1e-4
@@ -47,7 +47,7 @@ class SimulatedCamera(Camera):
         super().__init__(name)
         self._model, self._rng = model, rng
         self._last: RGBDImage | None = None
-        self._line: ReadingLine[RGBDImage] = ReadingLine(name, model.rate, model.latency, on_demand=True)
+        self._line: SensorPipeline[RGBDImage] = SensorPipeline(name, model.rate, model.latency, on_demand=True)
         self.fault: CameraFault | None = None
 
     @property

@@ -88,7 +88,7 @@ class ReadPurpose(Enum):
     EVALUATION = "evaluation"
     RECORDING = "recording"
     WALKER = "walker"  # what people see of the robot
-    SCRIPT = "script"  # what somebody who interferes sees
+    SCRIPT = "script"  # what somebody who disturbs sees
 
 
 class SimulationError(RobotError):

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 from hal.pybullet.approach_watcher import ApproachWatcher
-from hal.pybullet.honesty_record import Body, ContactIncident, Penetration
+from hal.pybullet.audit_record import Body, ContactIncident, Penetration
 from hal.pybullet.observation import Observation
 from hal.pybullet.simulation import Simulation
 

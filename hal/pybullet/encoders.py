@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import EncoderModel
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
 Array = NDArray[np.float64]
@@ -30,7 +30,7 @@ class Encoders:
         self._model, self._rng = model, rng
         rate, on_demand = model.rate or step_rate, model.rate is None
         line_name = f"{name} (encoders)"
-        self.line: ReadingLine[EncoderReading] = ReadingLine(line_name, rate, model.latency, on_demand)
+        self.line: SensorPipeline[EncoderReading] = SensorPipeline(line_name, rate, model.latency, on_demand)
 
     def read(self) -> EncoderReading:
         """The latest reading; NotConnectedError, NoDataError."""

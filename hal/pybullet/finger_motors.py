@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.robot_model import GripperModel
 from hal.parts import GripperChannel, GripperReading
-from hal.pybullet.contact_renewal import ContactRenewal
+from hal.pybullet.contact_refresh import ContactRefresh
 from hal.pybullet.package import pybullet
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.simulated_channel import SimulatedChannel
@@ -27,7 +27,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         self._holding_force = min(parameters.gripper_holding_force, model.max_force)
         self._slots: NDArray[np.intp] = np.zeros(0, np.intp)
         self._indices: list[int] = []
-        self._contacts: ContactRenewal | None = None
+        self._contacts: ContactRefresh | None = None
         self._sent_to = model.max_width
 
     def attach(self, simulation: Simulation) -> None:
@@ -35,7 +35,7 @@ class FingerMotors(SimulatedChannel, GripperChannel):
         super().attach(simulation)
         self._slots = simulation.slots(self._model.joint_names)
         self._indices = simulation.indices(self._model.joint_names)
-        self._contacts = ContactRenewal(simulation, self._model.finger_links, self._parameters.contact_turn)
+        self._contacts = ContactRefresh(simulation, self._model.finger_links, self._parameters.contact_turn)
         self._drive(self.read().width, self._holding_force, self._model.max_speed)
         simulation.controls.append(self._follow_contacts)
 

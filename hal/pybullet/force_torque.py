@@ -17,7 +17,7 @@ from bestman_bt.messages import Wrench
 from bestman_bt.robot_model import ForceTorqueModel
 from hal.api import ForceTorque
 from hal.pybullet.client import Reader, ReadPurpose, SimulationError
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
 GRAVITY = 9.81
@@ -47,7 +47,7 @@ class SimulatedForceTorque(ForceTorque):
         super().__init__(name)
         self._model, self._rng = model, rng
         self._offset = rng.standard_normal(6) * np.repeat([model.offset_force, model.offset_torque], 3)
-        self.line: ReadingLine[Wrench] = ReadingLine(name, model.rate, model.latency, on_demand=True)
+        self.line: SensorPipeline[Wrench] = SensorPipeline(name, model.rate, model.latency, on_demand=True)
         self._masses: dict[int, float] = {}
         self._latest: Wrench | None = None
         self._motion: _Motion | None = None

@@ -9,7 +9,7 @@ from bestman_bt.robot_model import ImuModel
 from hal.api import Imu, ImuReading
 from hal.pybullet.client import ReadPurpose
 from hal.pybullet.link_motion import FrameTracker
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -29,7 +29,7 @@ class SimulatedImu(Imu):
         bias = np.repeat([model.bias_angular_velocity, model.bias_acceleration], 3)
         self._bias = bias * rng.standard_normal(6)
         self._before: tuple[float, NDArray[np.float64]] | None = None
-        self.line: ReadingLine[ImuReading] = ReadingLine(name, model.rate, model.latency)
+        self.line: SensorPipeline[ImuReading] = SensorPipeline(name, model.rate, model.latency)
 
     @property
     def frame(self) -> str:

@@ -9,7 +9,7 @@ from bestman_bt.messages import LaserScan, Pose
 from bestman_bt.robot_model import LidarModel, joints_above
 from hal.api import Lidar
 from hal.pybullet.client import Reader, ReadPurpose
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
 
@@ -22,7 +22,7 @@ class SimulatedLidar(Lidar):
     def __init__(self, name: str, model: LidarModel, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
-        self.line: ReadingLine[LaserScan] = ReadingLine(name, model.rate, model.latency, on_demand=True)
+        self.line: SensorPipeline[LaserScan] = SensorPipeline(name, model.rate, model.latency, on_demand=True)
         angles = model.angle_min + (model.angle_max - model.angle_min) / model.beams * np.arange(model.beams)
         self._directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(model.beams)])
 

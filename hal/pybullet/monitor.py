@@ -8,28 +8,28 @@ from typing import Literal
 import numpy as np
 
 from bestman_bt.scene import World
+from hal.pybullet.attachment_check import AttachmentCheck
+from hal.pybullet.audit_record import AuditRecord, DisturbanceEvent, Finding
 from hal.pybullet.client import ReadPurpose
 from hal.pybullet.contact_watcher import ContactWatcher
-from hal.pybullet.honesty_record import Deed, Finding, HonestyRecord
-from hal.pybullet.interference import Interference
-from hal.pybullet.leaf_watcher import LeafWatcher
+from hal.pybullet.disturbance_log import DisturbanceLog
+from hal.pybullet.door_watcher import DoorWatcher
+from hal.pybullet.integrity_check import IntegrityCheck
 from hal.pybullet.motion_watcher import MotionWatcher
 from hal.pybullet.observation import BodyState, Observation, Observer
-from hal.pybullet.open_hand_watcher import OpenHandWatcher
 from hal.pybullet.simulation import Simulation
-from hal.pybullet.tamper_watcher import TamperWatcher
 
 FULL_CHECK_EVERY = 60
 PUT_THERE = (2e-3, 1e-2)
 """Metres and radians from where somebody has put it, within which an object is at the next look."""
 
 
-class HonestyMonitor:
+class AuditMonitor:
     """Watches one simulation of ``world`` from the moment its scene is built.
 
-    What somebody tells of by ``interference`` is forgiven him: it explains what happens to one object, door or drawer
-    for a while. Each such deed is in the record for good, whatever becomes of ``interference``: whoever evaluates
-    compares it with what his own script has done.
+    What ``disturbance_log`` holds is forgiven: it explains what happens to one object, door or drawer for a while. Each
+    such event is in the record for good, whatever becomes of the log: whoever evaluates compares it with what the
+    task's own script has done.
     """
 
     def __init__(self, simulation: Simulation, world: World) -> None:
@@ -39,24 +39,24 @@ class HonestyMonitor:
         self._observer = Observer(simulation, reader)
         self._contacts = ContactWatcher(simulation)
         self._motions = MotionWatcher(simulation, reader)
-        self._leaves = LeafWatcher(simulation, world, reader)
-        self._open_hand = OpenHandWatcher(simulation, client, reader)
-        self._tampering = TamperWatcher(simulation, client, reader)
-        self.interference = Interference()
-        self._deeds: tuple[Deed, ...] = ()
-        self._new: list[Deed] = []
+        self._leaves = DoorWatcher(simulation, world, reader)
+        self._open_hand = AttachmentCheck(simulation, client, reader)
+        self._tampering = IntegrityCheck(simulation, client, reader)
+        self.disturbance_log = DisturbanceLog()
+        self._events: tuple[DisturbanceEvent, ...] = ()
+        self._new: list[DisturbanceEvent] = []
         self._looks = self._steps = 0
         simulation.step_observers.append(self._after_step)
         simulation.observers.append(self._look)
 
-    def record(self) -> HonestyRecord:
+    def record(self) -> AuditRecord:
         """What was seen up to now."""
         simulation, motions, leaves, tampering = self._simulation, self._motions, self._leaves, self._tampering
         stamp = simulation.steps * simulation.parameters.time_step
         self._take_in_deeds()
         tampering.watch_everything(stamp, self._forgiven("slip", stamp))
         counts = simulation.client.counts
-        return HonestyRecord(
+        return AuditRecord(
             duration=stamp,
             resets=counts["resets"],
             constraints=counts["constraints"],
@@ -77,13 +77,13 @@ class HonestyMonitor:
                     (
                         *simulation.walkers.log,
                         *simulation.moving_doors.log,
-                        *(Finding(deed.stamp, deed.text) for deed in self._deeds),
-                        *self.interference.log,
+                        *(Finding(event.stamp, event.text) for event in self._events),
+                        *self.disturbance_log.log,
                     ),
                     key=lambda finding: finding.stamp,
                 )
             ),
-            deeds=self._deeds,
+            events=self._events,
             missed_looks=max(0, simulation.steps // simulation.parameters.monitor_every - self._looks)
             + max(0, simulation.steps - self._steps),
         )
@@ -109,18 +109,18 @@ class HonestyMonitor:
 
     def _take_in_deeds(self) -> None:
         """After every step, and never forgotten."""
-        deeds = self.interference.deeds
-        if deeds != self._deeds:
-            new = [deed for deed in deeds if deed not in self._deeds]
-            self._deeds += tuple(new)
+        events = self.disturbance_log.events
+        if events != self._events:
+            new = [event for event in events if event not in self._events]
+            self._events += tuple(new)
             self._new += new
 
     def _forgiven(self, kind: Literal["slip", "push"], now: float) -> frozenset[str]:
         """The objects, or doors and drawers, to which that is being done."""
         return frozenset(
-            deed.name
-            for deed in self._deeds
-            if deed.kind == kind and deed.stamp <= now <= deed.until and not self.interference.rests(deed)
+            event.name
+            for event in self._events
+            if event.kind == kind and event.stamp <= now <= event.until and not self.disturbance_log.rests(event)
         )
 
     def _put_down(self, observation: Observation) -> set[int]:
@@ -128,9 +128,9 @@ class HonestyMonitor:
         objects = self._simulation.built.objects
         new, self._new = self._new, []
         return {
-            objects[deed.name]
-            for deed in new
-            if deed.kind == "put" and _is_at(observation.bodies[objects[deed.name]], deed.pose)
+            objects[event.name]
+            for event in new
+            if event.kind == "put" and _is_at(observation.bodies[objects[event.name]], event.pose)
         }
 
 

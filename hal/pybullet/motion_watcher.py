@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model import ArmModel, JointGroupModel
+from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import Reader
-from hal.pybullet.honesty_record import Finding
 from hal.pybullet.observation import BodyState, Observation
 from hal.pybullet.simulation import Simulation
 

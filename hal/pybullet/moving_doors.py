@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from bestman_bt.scene import MovingDoor, World
+from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import PhysicsClient, ReadPurpose
-from hal.pybullet.honesty_record import Finding
 from hal.pybullet.leaf_push import Hand, Push
 
 

@@ -15,7 +15,7 @@ class PhysicsParameters:
     believes, drawn once from the robot's seed.
     ``object_sleep_speed``: objects that stay slower (m/s, rad/s) for two seconds are left out of the solver until
     something that moves touches them. ``contact_turn``: radians that a hand and what it holds turn until the contacts
-    between them have been found afresh (see contact_renewal).
+    between them have been found afresh (see contact_refresh).
     """
 
     step_rate: float = 240.0

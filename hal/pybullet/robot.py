@@ -24,20 +24,20 @@ from hal.parts import (
     StreamedJointGroup,
     ToolLimits,
 )
+from hal.pybullet.audit_record import AuditRecord
 from hal.pybullet.battery import SimulatedBattery
 from hal.pybullet.bumper import SimulatedBumper
 from hal.pybullet.camera import SimulatedCamera
 from hal.pybullet.client import PhysicsClient
+from hal.pybullet.disturbance_log import DisturbanceLog
 from hal.pybullet.encoders import Encoders
 from hal.pybullet.finger_motors import FingerMotors
 from hal.pybullet.force_torque import SimulatedForceTorque
-from hal.pybullet.honesty_record import HonestyRecord
 from hal.pybullet.imu import SimulatedImu
-from hal.pybullet.interference import Interference
 from hal.pybullet.joint_motors import JointMotors
 from hal.pybullet.leg_drive import LEGS_CANNOT, LegDrive
 from hal.pybullet.lidar import SimulatedLidar
-from hal.pybullet.monitor import HonestyMonitor
+from hal.pybullet.monitor import AuditMonitor
 from hal.pybullet.parameters import PhysicsParameters
 from hal.pybullet.raw_call_guard import RawCallGuard
 from hal.pybullet.simulation import Simulation
@@ -79,7 +79,7 @@ class PyBulletRobot(Robot):
         self._parameters = parameters or PhysicsParameters()
         self._clock = SimulatedClock(self._parameters.time_step)
         self._simulation: Simulation | None = None
-        self._monitor: HonestyMonitor | None = None
+        self._monitor: AuditMonitor | None = None
         self._guard: RawCallGuard | None = None
         self._latch = StopLatch()
         self._lock = threading.RLock()
@@ -129,21 +129,21 @@ class PyBulletRobot(Robot):
         return self._simulation
 
     @property
-    def declared_missing(self) -> Mapping[str, str]:
+    def unsupported(self) -> Mapping[str, str]:
         """Legs cannot do all that wheels can."""
         return LEGS_CANNOT if any(base.legs for base in self._model.bases.values()) else {}
 
-    def honesty_record(self) -> HonestyRecord:
+    def audit_record(self) -> AuditRecord:
         """What the monitor has seen since the scene was built; NotConnectedError without a connection."""
         if self._simulation is None or self._monitor is None:
             raise NotConnectedError("the robot is not connected: ask for its record before disconnect()")
         return self._monitor.record()
 
-    def interference(self) -> Interference:
-        """Where somebody who interferes tells the monitor of it; once the truth is closed, nobody listens there."""
+    def disturbance_log(self) -> DisturbanceLog:
+        """Where somebody who disturbs tells the monitor of it; once the truth is closed, nobody listens there."""
         if self._monitor is None or self.simulation.client.truth_closed:
-            return Interference()
-        return self._monitor.interference
+            return DisturbanceLog()
+        return self._monitor.disturbance_log
 
     def close_truth(self) -> None:
         """Everybody who evaluates has a view of the truth: whoever opens one from now on is counted. NotConnectedError.
@@ -162,7 +162,7 @@ class PyBulletRobot(Robot):
         client.connect(self._gui)
         try:
             simulation = Simulation(client, self._model, self._world, self._parameters)
-            self._monitor = HonestyMonitor(simulation, self._world)
+            self._monitor = AuditMonitor(simulation, self._world)
             self._attach(simulation)
         except BaseException:
             self._detach_all()

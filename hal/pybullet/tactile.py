@@ -9,7 +9,7 @@ from bestman_bt.robot_model import TactileModel
 from hal.api import Tactile, TactileReading
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.link_motion import FrameMotion, FrameTracker, body_velocity_at
-from hal.pybullet.reading_line import ReadingLine
+from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Contact, Simulation
 
 FACING = 0.7
@@ -33,7 +33,7 @@ class SimulatedTactile(Tactile):
         width, height = model.size
         self._x = (np.arange(model.columns) + 0.5) / model.columns * width - width / 2
         self._y = (np.arange(model.rows) + 0.5) / model.rows * height - height / 2
-        self.line: ReadingLine[TactileReading] = ReadingLine(name, model.rate, model.latency)
+        self.line: SensorPipeline[TactileReading] = SensorPipeline(name, model.rate, model.latency)
 
     @property
     def frame(self) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.scene import Walker, World
+from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import PhysicsClient, Reader, ReadPurpose
-from hal.pybullet.honesty_record import Finding
 from hal.pybullet.package import pybullet
 
 FORCE = 120.0

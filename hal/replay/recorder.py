@@ -72,9 +72,9 @@ class RecordedRobot(Robot):
         return self._parts
 
     @property
-    def declared_missing(self) -> Mapping[str, str]:
+    def unsupported(self) -> Mapping[str, str]:
         """The robot's own."""
-        return self._robot.declared_missing
+        return self._robot.unsupported
 
     @property
     def stopped(self) -> bool:

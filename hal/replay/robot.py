@@ -86,7 +86,7 @@ class ReplayRobot(Robot):
         return MappingProxyType({name: self._part(name) for name in self.tape.parts})
 
     @property
-    def declared_missing(self) -> Mapping[str, str]:
+    def unsupported(self) -> Mapping[str, str]:
         """New commands."""
         return {"commands": "a recording takes the commands that it holds, and no others"}
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from bestman_bt.robot_model import GripperModel
 from hal.api import Clock, MotionErrorCode, NoDataError
-from hal.hardware import LateWatch
+from hal.hardware import LatencyMonitor
 from hal.parts import ConnectionFailedError, Fault, GripperChannel, GripperReading
 from hal.robotiq.faults import fault_of
 from hal.robotiq.options import RobotiqOptions
@@ -32,7 +32,7 @@ class RobotiqChannel(GripperChannel):
         self._wire: RobotiqWire | None = None
         self._status: RobotiqStatus | None = None
         self._asked: int | None = None
-        self._lateness = LateWatch()
+        self._lateness = LatencyMonitor()
         self.heard = 0.0
 
     def open(self, wire: RobotiqWire) -> None:

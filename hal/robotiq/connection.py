@@ -20,7 +20,7 @@ class RobotiqConnection(Connection):
     extra: ClassVar[str] = "ur"
     options_type: ClassVar[type] = RobotiqOptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"gripper": (1, 1)}
-    declared_missing: Mapping[str, str] = {
+    unsupported: Mapping[str, str] = {
         "gripper force below least_force": "the gripper presses with its least force",
     }
 

@@ -55,7 +55,7 @@ class RosbridgeConnection(Connection):
     extra: ClassVar[str] = "rosbridge"
     options_type: ClassVar[type] = RosbridgeOptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = dict.fromkeys(TOPICS, (0, MANY))
-    declared_missing: Mapping[str, str] = {
+    unsupported: Mapping[str, str] = {
         "command(efforts=…)": "joints are commanded by set-points of a trajectory controller",
     }
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Generic, TypeVar
 
 from hal.api import Clock, NoDataError
-from hal.hardware import LateWatch, RemoteTime
+from hal.hardware import LatencyMonitor, RemoteTime
 from hal.rosbridge.decoding import Message, stamp
 
 Value = TypeVar("Value")
@@ -35,7 +35,7 @@ class Stream(Generic[Value]):
         self._decode, self._clock, self._ros_time, self._header = decode, clock, ros_time, header
         self._arrived = threading.Condition()
         self._newest: tuple[Value, float] | None = None
-        self._lateness = LateWatch()
+        self._lateness = LatencyMonitor()
 
     def take(self, message: Message, received: float) -> None:
         """A message has come; raises what ``decode`` raises."""

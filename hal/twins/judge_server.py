@@ -16,7 +16,7 @@ from hal.twins.world import TwinWorld
 class JudgeServer(JsonLineServer):
     """Answers ``{"ask": QUESTION, "name": NAME}`` by ``{"answer": …}``.
 
-    Questions are the methods of ``hal.pybullet.GroundTruth``, ``honesty_record``, ``time``, ``joints`` (of a part:
+    Questions are the methods of ``hal.pybullet.GroundTruth``, ``audit_record``, ``time``, ``joints`` (of a part:
     true positions and velocities) and ``width`` (of a gripper).
     """
 
@@ -35,7 +35,7 @@ class JudgeServer(JsonLineServer):
             "frame_pose": truth.frame_pose,
             "touches_robot": truth.touches_robot,
             "supports": truth.supports,
-            "honesty_record": lambda name: dataclasses.asdict(world.robot.honesty_record()),
+            "audit_record": lambda name: dataclasses.asdict(world.robot.audit_record()),
             "time": lambda name: {"time": world.now(), "given_up": world.given_up},
             "joints": self._joints,
             "width": lambda name: world.robot.part(name, Gripper).width(),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from bestman_bt.messages import Pose
-from hal.pybullet import ContactIncident, Deed, Finding, GroundTruth, HonestyRecord, Penetration
+from hal.pybullet import AuditRecord, ContactIncident, DisturbanceEvent, Finding, GroundTruth, Penetration
 from hal.twins.json_lines import ask
 
 FINDINGS = (
@@ -81,15 +81,15 @@ class RemoteTruth(GroundTruth):
         """What an object rests on or touches."""
         return tuple(self._ask("supports", name))
 
-    def honesty_record(self) -> HonestyRecord:
+    def audit_record(self) -> AuditRecord:
         """What the monitor of the twins' world has seen."""
-        record = self._ask("honesty_record")
+        record = self._ask("audit_record")
         for name in FINDINGS:
             record[name] = tuple(Finding(**finding) for finding in record[name])
         record["contacts"] = tuple(ContactIncident(**_tupled(contact, "kinds")) for contact in record["contacts"])
         record["penetrations"] = tuple(Penetration(**penetration) for penetration in record["penetrations"])
-        record["deeds"] = tuple(Deed(**_tupled(deed, "pose")) for deed in record["deeds"])
-        return HonestyRecord(**record)
+        record["events"] = tuple(DisturbanceEvent(**_tupled(event, "pose")) for event in record["events"])
+        return AuditRecord(**record)
 
     def _ask(self, question: str, name: str = "") -> Any:
         return ask(self._judge, {"ask": question, "name": name})["answer"]

@@ -13,7 +13,7 @@ from bestman_bt.messages import RGBDImage
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
-from hal.twins.darkroom import Darkroom, Exposure
+from hal.twins.camera_render_process import CameraRenderProcess, Exposure
 from hal.twins.errors import TwinError
 
 Result = TypeVar("Result")
@@ -45,7 +45,7 @@ class TwinWorld:
         self._cameras = cameras
         self._truth: GroundTruth | None = None
         self._exposure: Exposure | None = None
-        self._darkroom: Darkroom | None = None
+        self._darkroom: CameraRenderProcess | None = None
         self._work: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._closing = threading.Event()
         self._thread: int | None = None
@@ -97,7 +97,7 @@ class TwinWorld:
             with self.robot as robot:
                 self._truth, self._exposure = GroundTruth(robot), Exposure(robot)
                 if self._cameras:
-                    self._darkroom = Darkroom(*self._drawing)
+                    self._darkroom = CameraRenderProcess(*self._drawing)
                 ready()
                 self._step(robot.simulation.parameters.time_step)
         finally:

@@ -12,7 +12,7 @@ BAUD_RATE_2M = 11
 OPEN, CLOSE = 0b01, 0b10
 
 
-class FlangeBoard:
+class ToolIO:
     """Registers by ``host, address, value, …``; values are written as little-endian floats."""
 
     def __init__(self, controller: XArmController) -> None:

@@ -21,7 +21,7 @@ from hal.twins.flange import FlangePose
 from hal.twins.tcp_server import TcpServer
 from hal.twins.world import TwinWorld
 from hal.twins.xarm_controller import COLLISION_ERROR, JOINT_LIMIT_ERROR, State, XArmController
-from hal.twins.xarm_flange_board import FlangeBoard
+from hal.twins.xarm_flange_board import ToolIO
 from hal.twins.xarm_gripper_bus import GripperBus
 
 CONTROL_PORT = 502
@@ -57,7 +57,7 @@ class XArmTwin:
             is_lite6=connection.options.arm == "lite6",
         )
         self._device_type = LITE6_TYPE if self.controller.is_lite6 else self.controller.axes
-        self._board = FlangeBoard(self.controller)
+        self._board = ToolIO(self.controller)
         self._bus = GripperBus(self.controller)
         self._flange = FlangePose(model, arm_name)
         self.faults = Faults()

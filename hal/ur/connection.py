@@ -32,7 +32,7 @@ class URConnection(Connection):
     extra: ClassVar[str] = "ur"
     options_type: ClassVar[type] = UROptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"arm": (1, 1), "force_torque": (0, 1)}
-    declared_missing: Mapping[str, str] = {
+    unsupported: Mapping[str, str] = {
         "command(efforts=…)": "the controller takes no joint torques in this mode",
         "measured joint torques": "ur-rtde reads the torques that the controller's model wants, not measured ones",
     }

@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from hal.api import Clock
-from hal.hardware import LateWatch, RemoteTime
+from hal.hardware import LatencyMonitor, RemoteTime
 from hal.parts import ConnectionFailedError
 from hal.ur import sdk_process
 from hal.ur.sdk_process import Report
@@ -34,7 +34,7 @@ class URLink:
         self._calling, self._reading = threading.Lock(), threading.Lock()
         self._report: Report | None = None
         self._controller_time = RemoteTime()
-        self._lateness = LateWatch()
+        self._lateness = LatencyMonitor()
 
     def open(self, address: str, settings: dict[str, float], timeout: float) -> None:
         """Start the process and let it connect; ConnectionFailedError says why it could not."""

@@ -29,7 +29,7 @@ class XArmConnection(Connection):
     options_type: ClassVar[type] = XArmOptions
     serves: ClassVar[Mapping[str, tuple[int, int]]] = {"arm": (1, 1), "gripper": (0, 1)}
     one_client: ClassVar[bool] = True
-    declared_missing: Mapping[str, str] = {
+    unsupported: Mapping[str, str] = {
         "command(efforts=…)": "the controller takes no joint torques",
         "gripper force": "the gripper presses with a force of its own",
     }
@@ -56,7 +56,7 @@ class XArmConnection(Connection):
 
     def _make_gripper(self, name: str, model: GripperModel) -> CommandedGripper:
         if self.options.arm == "lite6":
-            self.declared_missing = {**self.declared_missing, "a gripper opens and closes": BLIND}
+            self.unsupported = {**self.unsupported, "a gripper opens and closes": BLIND}
             self._lite6_gripper = Lite6GripperWire(self._wire, model, self.clock)
             return Lite6Gripper(name, model, self._lite6_gripper, self.latch)
         channel = XArmGripper(self._wire, model, self.options.gripper_pulses)

@@ -34,7 +34,7 @@ def explored(file: Path) -> Iterator[tuple[Session, Execution]]:
 def test_it_ends_when_nothing_is_left_to_see_and_has_touched_nothing(explored: tuple[Session, Execution]) -> None:
     opened, execution = explored
     assert execution.tree_status == "SUCCESS", opened.skills.failures
-    assert not opened.robot.honesty_record().contacts
+    assert not opened.robot.audit_record().contacts
     assert fastest(opened) < 0.01
 
 

@@ -12,7 +12,7 @@ from behaviours.skill import Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Node, NodeError, Tree, load_tree
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.runtime import Session
-from hal.pybullet.reading_line import SensorFault
+from hal.pybullet.sensor_pipeline import SensorFault
 from tests.behaviours.at_the_table import PERIOD, failures_of, tick, tree_of
 
 

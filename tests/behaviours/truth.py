@@ -83,4 +83,4 @@ def put(session: Session, name: str, shift: ArrayLike) -> None:
 def audited(session: Session) -> Audit:
     """What the simulation has to object to so far."""
     assert isinstance(session.robot, PyBulletRobot)
-    return audit(session.robot.honesty_record())
+    return audit(session.robot.audit_record())

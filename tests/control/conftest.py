@@ -52,7 +52,7 @@ class Simulated:
 
     def touched(self) -> list[str]:
         """What of the robot's body has been touched by something other than the floor."""
-        return [f"{contact.first} on {contact.second}" for contact in self.robot.honesty_record().contacts]
+        return [f"{contact.first} on {contact.second}" for contact in self.robot.audit_record().contacts]
 
 
 @pytest.fixture(scope="session")

@@ -8,15 +8,15 @@ from typing import Any
 import pytest
 
 from bestman_bt.evaluation.audit import CHEATS, LISTED, audit
-from hal.pybullet import ContactIncident, Deed, Finding, HonestyRecord
-from hal.pybullet.honesty_record import Penetration
+from hal.pybullet import AuditRecord, ContactIncident, DisturbanceEvent, Finding
+from hal.pybullet.audit_record import Penetration
 
-NOTHING = HonestyRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), (), ())
+NOTHING = AuditRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), (), ())
 CONTACT = ContactIncident("panda_hand", "cup", ("robot", "object"), 1.0, 1.25, 40.0)
 FINGER = ContactIncident("panda_leftfinger", "cup", ("fingers", "object"), 1.0, 2.0, 40.0)
 WALKER = ContactIncident("base_link", "walker_1", ("robot", "walker"), 2.0, 3.0, 12.0, by_walker=True)
-PUT = Deed(1.0, 1.0, "put", "cup", "somebody moves the cup")
-SLIP = Deed(2.0, 4.0, "slip", "can", "the can slips")
+PUT = DisturbanceEvent(1.0, 1.0, "put", "cup", "somebody moves the cup")
+SLIP = DisturbanceEvent(2.0, 4.0, "slip", "can", "the can slips")
 
 
 def findings(*stamps: float) -> tuple[Finding, ...]:
@@ -63,13 +63,13 @@ def test_each_kind_of_finding_goes_to_its_counter_alone_and_only_cheats_are_dish
 
 def test_tampering_is_the_sum_of_all_its_kinds() -> None:
     record = replace(
-        NOTHING, tampering=1, changes=findings(1, 2), unexplained_forces=findings(3), missed_looks=10, deeds=(PUT,)
+        NOTHING, tampering=1, changes=findings(1, 2), unexplained_forces=findings(3), missed_looks=10, events=(PUT,)
     )
     assert audit(record).tampering == 1 + 2 + 1 + 10 + 1
 
 
 def test_what_was_forgiven_must_be_what_the_script_has_done() -> None:
-    record = replace(NOTHING, deeds=(PUT, SLIP))
+    record = replace(NOTHING, events=(PUT, SLIP))
     assert audit(record, script=(SLIP, PUT)).honest
     unasked = audit(record, script=(SLIP,))
     assert unasked.tampering == 1
@@ -78,7 +78,7 @@ def test_what_was_forgiven_must_be_what_the_script_has_done() -> None:
     assert hidden.tampering == 1
     assert hidden.findings == ("2.00 s: hidden from the monitor: the can slips",)
     later = replace(PUT, stamp=1.5)
-    assert audit(replace(NOTHING, deeds=(PUT,)), script=(later,)).tampering == 2, "another time is another deed"
+    assert audit(replace(NOTHING, events=(PUT,)), script=(later,)).tampering == 2, "another time is another event"
 
 
 def test_allowed_pairs_are_no_collisions_in_either_order() -> None:
@@ -188,7 +188,7 @@ def test_details_come_in_the_order_of_time_and_calls_first_and_no_more_than_a_pa
 
 
 def test_times_are_told_from_the_begin_of_the_run_on() -> None:
-    record = replace(NOTHING, jumps=findings(1.5), contacts=(CONTACT,), deeds=(PUT,), disturbances=findings(1.0))
+    record = replace(NOTHING, jumps=findings(1.5), contacts=(CONTACT,), events=(PUT,), disturbances=findings(1.0))
     judged = audit(record, script=(PUT,), began=0.5)
     assert judged.findings == ("1.00 s: seen at 1.5",)
     assert judged.disturbances == ("0.50 s: seen at 1",)

@@ -37,7 +37,7 @@ def cup(robot: PyBulletRobot) -> int:
 def judge(robot: PyBulletRobot) -> Callable[[], Audit]:
     def judge() -> Audit:
         robot.clock.sleep(0.3)
-        return audit(robot.honesty_record())
+        return audit(robot.audit_record())
 
     return judge
 
@@ -80,7 +80,7 @@ def test_a_view_of_the_truth_made_in_time_is_free() -> None:
         truth.object_pose("cup")
         truth.base_pose()
         assert truth.trusted
-        assert audit(robot.honesty_record()).ground_truth_reads == 0
+        assert audit(robot.audit_record()).ground_truth_reads == 0
 
 
 def test_reading_poses_through_the_client_is_counted(robot, cup, judge) -> None:

@@ -55,7 +55,7 @@ def hidden(robot: PyBulletRobot) -> Callable[[str], Callable[..., Any]]:
 
 def judged(robot: PyBulletRobot, seconds: float = 0.1) -> Audit:
     robot.clock.sleep(seconds)
-    return audit(robot.honesty_record())
+    return audit(robot.audit_record())
 
 
 def says(verdict: Audit, words: str) -> bool:

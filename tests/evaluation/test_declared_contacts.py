@@ -10,7 +10,7 @@ import pytest
 from behaviours.contacts import Contact, grasp, handle, push, support
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import AFTER, BEFORE, MOST_FORCE, ContactLog, Declared
-from hal.pybullet import ContactIncident, HonestyRecord
+from hal.pybullet import AuditRecord, ContactIncident
 
 MODELS = {"cup": "cup", "can": "can", "counter_can": "can", "box": "box"}
 FINGERS_ON_CUP = ContactIncident("left_finger", "cup", ("fingers", "object"), 1.0, 2.0, 40.0)
@@ -26,7 +26,7 @@ def judged(
     allowed: Sequence[tuple[str, str]] | None = None,
 ) -> Audit:
     """The audit of contacts, with one declaration from 0.9 to 1.6 s or with those given."""
-    record = HonestyRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), contacts, ())
+    record = AuditRecord(10.0, 0, 0, 0, 0, {}, (), (), (), (), (), (), (), contacts, ())
     given = (Declared(declared, 0.9, 1.6),) if isinstance(declared, Contact) else tuple(declared)
     return audit(record, allowed, declared=given, models=MODELS)
 

@@ -1,4 +1,4 @@
-"""When somebody interferes, and where: the script of a task's disturbances on a truth that a test writes."""
+"""When somebody disturbs, and where: the script of a task's disturbances on a truth that a test writes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bestman_bt.evaluation.new_places import NewPlaces
 from bestman_bt.messages import Pose
 from bestman_bt.scene import planar_radius
 from bestman_bt.world_model import HeldObject, ObjectBelief
-from hal.pybullet import Deed
+from hal.pybullet import DisturbanceEvent
 from tests.evaluation.predicates.scripted import ScriptedEnd, shifted
 
 PERIOD = 0.05
@@ -30,19 +30,19 @@ class ScriptedDisturber:
         self._clock, self.refusals = clock, refusals
         self.asked: list[tuple[float, str, Any]] = []
 
-    def move_object(self, name: str, pose: Pose, surface: str) -> Deed | None:
+    def move_object(self, name: str, pose: Pose, surface: str) -> DisturbanceEvent | None:
         return self._do("put", name, (pose, surface))
 
-    def push_shut(self, articulation: str, speed: float) -> Deed | None:
+    def push_shut(self, articulation: str, speed: float) -> DisturbanceEvent | None:
         return self._do("push", articulation, speed)
 
-    def let_slip(self, name: str) -> Deed | None:
+    def let_slip(self, name: str) -> DisturbanceEvent | None:
         return self._do("slip", name, None)
 
-    def _do(self, kind: Any, name: str, what: Any) -> Deed | None:
+    def _do(self, kind: Any, name: str, what: Any) -> DisturbanceEvent | None:
         now = self._clock.now()
         self.asked.append((now, name, what))
-        return None if len(self.asked) <= self.refusals else Deed(now, now, kind, name, f"{kind} {name}")
+        return None if len(self.asked) <= self.refusals else DisturbanceEvent(now, now, kind, name, f"{kind} {name}")
 
 
 class Stage(ScriptedEnd):
@@ -54,11 +54,11 @@ class Stage(ScriptedEnd):
         self.session.robot = type("Robot", (), {"clock": self.clock})()
         self.world = self.session.skills.world
         self.truth.frames[self.tool_frame] = Pose(np.array([0.0, 0.0, 9.0]))
-        self.disturber = ScriptedDisturber(self.clock, refusals)
+        self.injector = ScriptedDisturber(self.clock, refusals)
         session: Any = self.session
         truth: Any = self.truth
-        disturber: Any = self.disturber
-        self.script = Disturbances(session, truth, disturber)
+        injector: Any = self.injector
+        self.script = Disturbances(session, truth, injector)
 
     def believe(self, name: str) -> None:
         pose = self.truth.poses[name]
@@ -73,10 +73,10 @@ class Stage(ScriptedEnd):
             self.clock.advance(PERIOD)
 
     def acts_after(self, seconds: float) -> list[float]:
-        """When, from now on, the disturber was asked for something."""
+        """When, from now on, the injector was asked for something."""
         begin = self.clock.now()
         self.wait(seconds)
-        return [round(stamp - begin, 3) for stamp, *_ in self.disturber.asked if stamp >= begin]
+        return [round(stamp - begin, 3) for stamp, *_ in self.injector.asked if stamp >= begin]
 
 
 MOVED = "{kind: moved, object: cup, distance: [10 cm, 12 cm], after: [1 s, 3 s]}"
@@ -104,7 +104,7 @@ def test_the_seed_draws_where() -> None:
         stood = stage.truth.poses["cup"].position
         stage.believe("cup")
         stage.wait(4.0)
-        ((_, name, (pose, surface)),) = stage.disturber.asked
+        ((_, name, (pose, surface)),) = stage.injector.asked
         assert (name, surface) == ("cup", "table/top")
         assert 0.10 <= np.linalg.norm((pose.position - stood)[:2]) <= 0.12
         places.add(round(math.atan2(*(pose.position - stood)[:2]), 3))
@@ -115,8 +115,8 @@ def test_a_deed_is_done_once_and_one_that_was_in_the_way_is_tried_again_after_a_
     stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]", refusals=2)
     stage.believe("cup")
     assert stage.acts_after(5.0) == pytest.approx([0.0, 1.0, 2.0], abs=0.11)
-    (deed,) = stage.script.deeds
-    assert deed.text == "put cup"
+    (event,) = stage.script.events
+    assert event.text == "put cup"
 
 
 def test_nothing_is_done_before_the_robot_has_seen_it_and_nothing_after_it_was_in_the_hand() -> None:
@@ -212,7 +212,7 @@ def test_what_was_opened_is_pushed_shut_once_the_hand_is_out_of_it(
 
     shut = opened_stage(opened, opened, 0.36)
     shut.wait(PERIOD)
-    ((_, pushed, at_speed),) = shut.disturber.asked
+    ((_, pushed, at_speed),) = shut.injector.asked
     assert (pushed, at_speed) == (name, speed)
     assert opened_stage(opened, opened, 0.34).acts_after(1.0) == []
     assert opened_stage(0.02, opened, 9.0).acts_after(1.0) == [], "the robot does not believe that it is open"
@@ -234,7 +234,7 @@ def test_a_disturbance_of_a_thing_that_the_seed_has_left_out_is_none() -> None:
     stage = Stage("fetch_cup", "[{kind: slips, object: cup}, {kind: moved, object: can}]", absent)
     stage.believe("can")
     stage.wait(1.0)
-    assert {name for _, name, _ in stage.disturber.asked} == {"can"}
+    assert {name for _, name, _ in stage.injector.asked} == {"can"}
 
 
 @pytest.mark.slow

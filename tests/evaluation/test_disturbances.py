@@ -15,7 +15,7 @@ from bestman_bt.evaluation.episode import prepare_episode, run_episode
 from bestman_bt.messages import Pose
 from bestman_bt.runtime import Session, open_session
 from bestman_bt.world_model import HeldObject, ObjectBelief
-from hal.pybullet import Disturber, GroundTruth, PyBulletRobot
+from hal.pybullet import DisturbanceInjector, GroundTruth, PyBulletRobot
 
 DRAWER = "drawer_chest/drawer_3"
 
@@ -23,9 +23,9 @@ DRAWER = "drawer_chest/drawer_3"
 class Stage:
     """A session in which no tree runs; a test decides what the robot believes."""
 
-    def __init__(self, session: Session, truth: GroundTruth, disturber: Disturber) -> None:
+    def __init__(self, session: Session, truth: GroundTruth, injector: DisturbanceInjector) -> None:
         self.session, self.truth = session, truth
-        self.script = Disturbances(session, truth, disturber)
+        self.script = Disturbances(session, truth, injector)
 
     def believe(self, name: str) -> None:
         placed = next(o for o in self.session.setup.world.objects if o.name == name)
@@ -43,8 +43,8 @@ class Stage:
 
     def told(self) -> list[str]:
         assert isinstance(self.session.robot, PyBulletRobot)
-        record = self.session.robot.honesty_record()
-        assert record.deeds == self.script.deeds
+        record = self.session.robot.audit_record()
+        assert record.events == self.script.events
         assert not record.jumps
         assert not record.changes
         assert not record.unexplained_forces
@@ -55,8 +55,8 @@ class Stage:
 @contextmanager
 def staged(task: str, disturbances: str, *settings: str, seed: int = 3) -> Iterator[Stage]:
     config = load_run(task, seed=seed, settings=[f"disturbances={disturbances}", *settings])
-    made: list[tuple[GroundTruth, Disturber]] = []
-    with open_session(config, lambda robot: made.append((GroundTruth(robot), Disturber(robot)))) as session:
+    made: list[tuple[GroundTruth, DisturbanceInjector]] = []
+    with open_session(config, lambda robot: made.append((GroundTruth(robot), DisturbanceInjector(robot)))) as session:
         yield Stage(session, *made[0])
 
 
@@ -156,8 +156,8 @@ def test_a_run_without_disturbances_has_none(fetch) -> None:
 
 
 def test_a_task_without_disturbances_forgives_nothing() -> None:
-    """A plug-in that makes a disturber in time, and uses it during the run, is found by ``run_episode`` itself."""
-    made: list[Disturber] = []
+    """A plug-in that makes an injector in time, and uses it during the run, is found by ``run_episode`` itself."""
+    made: list[DisturbanceInjector] = []
 
     def watch(session: Session, tree: Tree) -> Callable[[], None]:
         cup = next(placed for placed in session.setup.world.objects if placed.name == "cup")
@@ -172,6 +172,6 @@ def test_a_task_without_disturbances_forgives_nothing() -> None:
         return after_tick
 
     config = load_run("pick_place_table", seed=3, settings=["time_limit=1 s", "predicate=null"])
-    result = run_episode(config, watch=watch, prepare_robot=lambda robot: made.append(Disturber(robot)))
+    result = run_episode(config, watch=watch, prepare_robot=lambda robot: made.append(DisturbanceInjector(robot)))
     assert result.audit["tampering"] == 1
     assert any("not by the task's script: somebody moves the cup" in finding for finding in result.audit["findings"])

@@ -49,7 +49,7 @@ def test_it_closes_and_opens_all_fingers(empty_hand: PyBulletRobot) -> None:
     assert not closed.object_held
     opened = finish(empty_hand, hand.open())
     assert opened.closure == pytest.approx(0.0, abs=0.02)
-    assert not empty_hand.honesty_record().joint_limits
+    assert not empty_hand.audit_record().joint_limits
 
 
 def test_it_stops_at_the_closure_that_is_asked_for(empty_hand: PyBulletRobot) -> None:

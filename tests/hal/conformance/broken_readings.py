@@ -68,7 +68,7 @@ def in_millimetres_and_degrees(scan: Any) -> Any:
 
 def lazy(robot: Any) -> None:
     """It could, but says that it takes no commands."""
-    changed(robot, declared_missing=property(lambda self: {COMMANDS: "too much work"}))
+    changed(robot, unsupported=property(lambda self: {COMMANDS: "too much work"}))
 
 
 def in_multiples_of_gravity(reading: Any) -> Any:

@@ -26,7 +26,7 @@ class Blind(MemoryRobot):
 
 class Honest(Blind):
     @property
-    def declared_missing(self):
+    def unsupported(self):
         return {"lidar": "it is being repaired"}
 
 class Deaf(MemoryRobot):

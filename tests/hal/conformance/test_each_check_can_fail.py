@@ -110,7 +110,7 @@ def test_a_base_that_drives_on_and_says_that_it_stands_is_found_out(make: Make) 
 def test_what_is_declared_missing_is_not_asked_for(make: Make) -> None:
     robot = make()
     del robot._parts["lidar"]
-    changed(robot, declared_missing=property(lambda self: {"lidar": "it is being repaired"}))
+    changed(robot, unsupported=property(lambda self: {"lidar": "it is being repaired"}))
     (lidars,) = (check for check in CHECKS if check.name == "lidars give ranges within theirs")
     assert lidars.why_not(robot) == "it is being repaired"
     (parts,) = (check for check in LIFE_CHECKS if check.name.startswith("every part of the model"))
@@ -119,7 +119,7 @@ def test_what_is_declared_missing_is_not_asked_for(make: Make) -> None:
 
 def test_a_robot_that_only_tells_owes_no_motions(make: Make) -> None:
     robot = make()
-    changed(robot, declared_missing=property(lambda self: {"commands": "this is a recording"}))
+    changed(robot, unsupported=property(lambda self: {"commands": "this is a recording"}))
     asked = {check.name for check in CHECKS if check.why_not(robot) is None}
     assert "readings are stamped" in asked
     assert "joints arrive within their limits" not in asked

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.messages import Pose
-from hal.pybullet import Deed, Disturber, GroundTruth, PyBulletRobot
+from hal.pybullet import DisturbanceEvent, DisturbanceInjector, GroundTruth, PyBulletRobot
 from hal.pybullet.client import _FUNCTIONS
 
 ASIDE = np.array((0.05, 0.25, 0.0))
@@ -21,7 +21,7 @@ class Run:
     """A can stands on a table; ``somebody`` is there from the beginning, and the truth is closed."""
 
     def __init__(self, robot: PyBulletRobot) -> None:
-        self.robot, self.truth, self.somebody = robot, GroundTruth(robot), Disturber(robot)
+        self.robot, self.truth, self.somebody = robot, GroundTruth(robot), DisturbanceInjector(robot)
         robot.close_truth()
         robot.clock.sleep(0.1)
         self.can = robot.simulation.built.objects["can"]
@@ -33,17 +33,17 @@ class Run:
     def teleport(self, position: np.ndarray) -> None:
         self.past_every_wrapper("resetBasePositionAndOrientation", self.can, position.tolist(), UPRIGHT)
 
-    def stolen_disturber(self) -> Disturber:
+    def stolen_injector(self) -> DisturbanceInjector:
         owners = (getattr(control, "__self__", None) for control in self.robot.simulation.controls)
-        return next(owner for owner in owners if isinstance(owner, Disturber))
+        return next(owner for owner in owners if isinstance(owner, DisturbanceInjector))
 
-    def slip(self) -> Deed:
+    def slip(self) -> DisturbanceEvent:
         now = self.robot.clock.now()
-        return Deed(now, now + 10.0, "slip", "can", "the can slips in the hand")
+        return DisturbanceEvent(now, now + 10.0, "slip", "can", "the can slips in the hand")
 
-    def judged(self, *script: Deed) -> Audit:
+    def judged(self, *script: DisturbanceEvent) -> Audit:
         self.robot.clock.sleep(1.2)
-        return audit(self.robot.honesty_record(), script=script)
+        return audit(self.robot.audit_record(), script=script)
 
 
 @pytest.fixture
@@ -53,11 +53,13 @@ def run(robot_model, table_worlds) -> Iterator[Run]:
 
 
 def test_what_the_monitor_is_told_by_others_than_the_script_is_tampering(run: Run) -> None:
-    """The cheat reaches the monitor's own ear, and tells it of a teleport as somebody would who interferes."""
+    """The cheat reaches the monitor's own ear, and tells it of a teleport as somebody would who disturbs."""
     run.teleport(run.aside)
     now = run.robot.clock.now()
     monitor = run.robot._monitor
-    monitor.interference.announce(Deed(now, now, "put", "can", "somebody moves the can", (*run.aside, *UPRIGHT)))
+    monitor.disturbance_log.announce(
+        DisturbanceEvent(now, now, "put", "can", "somebody moves the can", (*run.aside, *UPRIGHT))
+    )
     judged = run.judged()
     assert judged.teleports == 0  # it was forgiven
     assert judged.tampering == 1
@@ -67,76 +69,78 @@ def test_what_the_monitor_is_told_by_others_than_the_script_is_tampering(run: Ru
 def test_nobody_listens_to_who_asks_for_the_monitors_ear_during_a_run(run: Run) -> None:
     run.teleport(run.aside)
     now = run.robot.clock.now()
-    run.robot.interference().announce(Deed(now, now, "put", "can", "somebody moves the can", (*run.aside, *UPRIGHT)))
+    run.robot.disturbance_log().announce(
+        DisturbanceEvent(now, now, "put", "can", "somebody moves the can", (*run.aside, *UPRIGHT))
+    )
     assert run.judged().teleports == 1
 
 
-def test_a_deed_of_a_stolen_disturber_is_tampering_even_if_its_trace_is_wiped_out(run: Run) -> None:
-    deed = run.stolen_disturber().move_object("can", Pose(run.aside), "table/top")
-    assert deed is not None
+def test_an_event_of_a_stolen_injector_is_tampering_even_if_its_trace_is_wiped_out(run: Run) -> None:
+    event = run.stolen_injector().move_object("can", Pose(run.aside), "table/top")
+    assert event is not None
     run.robot.clock.sleep(0.1)
-    run.robot._monitor.interference._deeds = ()
+    run.robot._monitor.disturbance_log._deeds = ()
     judged = run.judged()
     assert judged.tampering == 1
     assert not judged.honest
-    assert run.judged(deed).honest  # so it is the script that makes the difference
+    assert run.judged(event).honest  # so it is the script that makes the difference
 
 
 def test_a_deed_whose_trace_is_wiped_out_before_the_monitor_looks_is_a_teleport(run: Run) -> None:
-    assert run.stolen_disturber().move_object("can", Pose(run.aside), "table/top")
-    run.robot._monitor.interference._deeds = ()
+    assert run.stolen_injector().move_object("can", Pose(run.aside), "table/top")
+    run.robot._monitor.disturbance_log._deeds = ()
     assert run.judged().teleports == 1
 
 
 def test_a_deed_that_the_monitor_was_kept_from_is_tampering(run: Run) -> None:
-    deed = run.slip()
-    judged = run.judged(deed)
+    event = run.slip()
+    judged = run.judged(event)
     assert judged.tampering == 1
     assert any("hidden from the monitor" in finding for finding in judged.findings)
 
 
 def test_reads_with_a_stolen_reader_are_counted(run: Run) -> None:
-    thief_reads = run.stolen_disturber()._reader.getBasePositionAndOrientation(run.can)
+    thief_reads = run.stolen_injector()._reader.getBasePositionAndOrientation(run.can)
     assert thief_reads[0] == pytest.approx(run.truth.object_pose("can").position)
     assert run.judged().ground_truth_reads == 1
 
 
 def test_the_script_itself_and_the_evaluation_read_for_nothing(run: Run) -> None:
-    deed = run.somebody.move_object("can", Pose(run.aside), "table/top")
+    event = run.somebody.move_object("can", Pose(run.aside), "table/top")
     run.truth.object_pose("can")
-    assert run.judged(deed).ground_truth_reads == 0
+    assert run.judged(event).ground_truth_reads == 0
 
 
 @pytest.mark.parametrize(
     "changed", [{"lateralFriction": 50.0}, {"mass": 0.001}, {"lateralFriction": 0.0, "mass": 0.001}]
 )
 def test_what_slips_by_the_script_may_lose_its_friction_and_nothing_else(run: Run, changed: dict[str, float]) -> None:
-    deed = run.slip()
-    run.robot._monitor.interference.announce(deed)
+    event = run.slip()
+    run.robot._monitor.disturbance_log.announce(event)
     run.past_every_wrapper("changeDynamics", run.can, -1, **changed)
-    judged = run.judged(deed)
+    judged = run.judged(event)
     assert judged.tampering == 1
     assert any("of can, link -1 changed" in finding for finding in judged.findings)
 
 
 def test_what_slips_by_the_script_is_not_accused_of_having_no_friction(run: Run) -> None:
-    deed = run.slip()
-    run.robot._monitor.interference.announce(deed)
+    event = run.slip()
+    run.robot._monitor.disturbance_log.announce(event)
     run.past_every_wrapper("changeDynamics", run.can, -1, lateralFriction=0.0, spinningFriction=0.0)
-    assert run.judged(deed).honest
+    assert run.judged(event).honest
 
 
 @pytest.mark.parametrize("off", [(0.0, 0.1, 0.0), (0.0, 0.0, 0.02)])
 def test_what_the_script_has_put_down_has_to_be_where_it_was_put(run: Run, off: tuple[float, ...]) -> None:
-    deed = run.somebody.move_object("can", Pose(run.aside), "table/top")
+    event = run.somebody.move_object("can", Pose(run.aside), "table/top")
     run.teleport(run.aside + np.array(off))
-    judged = run.judged(deed)
+    judged = run.judged(event)
     assert judged.teleports == 1
 
 
 def test_what_has_slipped_long_ago_is_watched_as_ever(run: Run) -> None:
-    deed = replace(run.slip(), until=run.robot.clock.now() + 0.2)
-    run.robot._monitor.interference.announce(deed)
+    event = replace(run.slip(), until=run.robot.clock.now() + 0.2)
+    run.robot._monitor.disturbance_log.announce(event)
     run.robot.clock.sleep(0.3)
     run.past_every_wrapper("changeDynamics", run.can, -1, lateralFriction=0.0)
-    assert run.judged(deed).tampering == 1
+    assert run.judged(event).tampering == 1

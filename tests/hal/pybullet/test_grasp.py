@@ -44,7 +44,7 @@ def test_an_object_stays_in_a_moving_hand_and_where_it_is_released(name, robot_m
         assert left.tilt < np.radians(1.0)
         assert not hand.gripper.state().object_held
 
-        judged = audit(robot.honesty_record(), ALLOWED)
+        judged = audit(robot.audit_record(), ALLOWED)
         assert judged.honest, judged.findings
         assert judged.collisions == ()
         assert judged.max_penetration_mm < 1.5
@@ -108,7 +108,7 @@ def test_an_object_that_sticks_to_the_opened_hand_is_seen(robot_model, table_wor
         hand.finish(hand.gripper.open())
         hand.move_vertically(0.1)
         assert hand.truth.object_pose("box").position[2] > 0.85
-        judged = audit(robot.honesty_record(), ALLOWED)
+        judged = audit(robot.audit_record(), ALLOWED)
         assert judged.object_follows_open_hand >= 1
         assert judged.grasp_constraints == 1
 
@@ -133,4 +133,4 @@ def test_an_arm_that_meets_an_obstacle_reports_that_it_cannot_follow(robot_model
             robot.clock.sleep(0.05)
         assert motion.error is not None
         assert motion.error.code.value == "tracking"
-        assert audit(robot.honesty_record(), ALLOWED).collisions
+        assert audit(robot.audit_record(), ALLOWED).collisions

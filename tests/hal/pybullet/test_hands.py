@@ -36,7 +36,7 @@ def test_a_can_stays_in_the_hand_while_the_arm_turns(name: str, table_worlds, op
         slip = gripped.inverse() @ hand.in_hand("can")
         assert np.linalg.norm(slip.position) < 0.002
         assert _follower_error(robot) < 0.02
-        judged = audit(robot.honesty_record(), ALLOWED)
+        judged = audit(robot.audit_record(), ALLOWED)
     assert judged.honest, judged.findings
     assert judged.max_penetration_mm < 1.5
     assert judged.joint_limit_violations == judged.velocity_limit_violations == 0
@@ -126,5 +126,5 @@ def test_a_cup_lifts_what_its_rated_force_bears_and_no_more(mass: float, lifted:
         robot.clock.sleep(0.5)
         assert not picker.cup.state().object_held
         assert picker.truth.object_pose("box").position[2] < 0.81
-        judged = audit(robot.honesty_record(), ALLOWED)
+        judged = audit(robot.audit_record(), ALLOWED)
     assert judged.honest, judged.findings

@@ -111,11 +111,11 @@ def test_a_stop_brings_it_to_rest_upright_within_half_a_second(
 
 
 def test_what_legs_cannot_do_is_declared_by_the_names_of_the_checks(walk: Walk) -> None:
-    assert set(walk.robot.declared_missing) <= {check.name for check in BASE_CHECKS}
+    assert set(walk.robot.unsupported) <= {check.name for check in BASE_CHECKS}
 
 
 def test_nothing_but_its_joints_moved_it_and_that_cost_energy(walk: Walk) -> None:
-    record = walk.robot.honesty_record()
+    record = walk.robot.audit_record()
     assert (record.resets, record.tampering, record.constraints, record.truth_reads) == (0, 0, 0, 0)
     assert not record.jumps
     assert not record.joint_limits

@@ -30,7 +30,7 @@ def run() -> Iterator[tuple[list[tuple[float, float]], Audit]]:
                 base.set_velocity(0.3, 0.0, 0.0)
             robot.clock.sleep(0.05)
             seen.append((math.hypot(*truth.base_pose().position[:2]), truth.articulation_position(DOOR)))
-        yield seen, audit(robot.honesty_record())
+        yield seen, audit(robot.audit_record())
 
 
 def test_the_door_stands_until_the_robot_is_near_and_is_then_shut(run: tuple[list[tuple[float, float]], Audit]) -> None:

@@ -65,7 +65,7 @@ def test_a_walker_goes_its_round_at_its_speed_and_the_audit_stays_clean(
         for _ in range(20):
             robot.clock.sleep(0.1)
             places.append(truth.walker_position("walker_1"))
-        record = robot.honesty_record()
+        record = robot.audit_record()
     speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / 0.1
     assert np.median(speeds) == pytest.approx(0.5, rel=0.05)
     assert np.abs(np.array(places)[:, 1] - 1.0).max() < 0.02
@@ -93,7 +93,7 @@ def test_a_considerate_walker_stops_before_the_robot_and_goes_back(
         waiting = truth.walker_position("walker_1")[0] - START.x
         robot.clock.sleep(4.5)
         assert truth.walker_position("walker_1")[0] - START.x > waiting + 0.3
-        record = robot.honesty_record()
+        record = robot.audit_record()
     assert 0.7 < waiting <= 1.15
     assert not record.contacts
     assert ["stops before the robot" in event.text or "turns round" in event.text for event in record.disturbances[1:3]]
@@ -106,7 +106,7 @@ def test_who_walks_into_a_robot_at_rest_is_told_apart_and_the_run_is_not_blamed(
         before = truth.base_pose().to_pose2d()
         robot.clock.sleep(5.0)
         assert truth.base_pose().to_pose2d().distance_to(before) < 0.05
-        record = robot.honesty_record()
+        record = robot.audit_record()
     assert [contact.by_walker for contact in record.contacts] == [True]
     judged = audit(record)
     assert (len(judged.collisions), len(judged.contacts_by_walkers)) == (0, 1)
@@ -130,7 +130,7 @@ def test_people_who_run_into_each_other_are_not_held_against_the_run(
             robot.clock.sleep(0.05)
             places = [np.array(truth.walker_position(name)) for name in ("walker_1", "walker_2")]
             apart = min(apart, float(np.linalg.norm(places[0] - places[1])))
-        record = robot.honesty_record()
+        record = robot.audit_record()
     assert apart < 2 * there.radius + 0.01
     assert not record.contacts
     assert not [
@@ -159,7 +159,7 @@ def test_a_robot_that_drives_into_a_walker_has_collided(
 ) -> None:
     with running(model, world_with(considerate)) as (robot, _):
         drive(robot, 0.3, 4.0)
-        judged = audit(robot.honesty_record())
+        judged = audit(robot.audit_record())
     assert judged.collisions[0].second == "walker_1"
     assert not judged.contacts_by_walkers
     assert "collision of base_link with walker_1" in judged.faults(max_penetration=0.1)[0]
@@ -188,7 +188,7 @@ def test_a_robot_that_drives_away_is_not_blamed_for_who_runs_it_down(
 ) -> None:
     with running(model, world_with(False, 0.8)) as (robot, _):
         drive(robot, -0.2, 4.5)
-        judged = audit(robot.honesty_record())
+        judged = audit(robot.audit_record())
     assert (len(judged.collisions), len(judged.contacts_by_walkers)) == (0, 1)
 
 

@@ -90,7 +90,7 @@ def test_a_snapshot_holds_the_whole_scene(robot_model, table_worlds) -> None:
         assert snapshot.base_pose.position == pytest.approx(truth.base_pose().position)
         assert snapshot.object_poses["box"].position == pytest.approx(truth.object_pose("box").position)
         assert snapshot.joint_positions["panda_joint2"] == pytest.approx(-1.6, abs=1e-3)
-        assert robot.honesty_record().truth_reads == 0
+        assert robot.audit_record().truth_reads == 0
 
 
 def test_a_picture_shows_the_object(robot_model, table_worlds) -> None:

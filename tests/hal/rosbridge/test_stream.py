@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from hal.api import NoDataError
-from hal.hardware import LateWatch, RemoteTime
+from hal.hardware import LatencyMonitor, RemoteTime
 from hal.parts import SimulatedClock
 from hal.rosbridge.stream import Stream
 
@@ -82,7 +82,7 @@ def test_messages_that_come_late_for_a_while_are_late(stream: Stream[int], clock
 
 
 def test_a_single_late_message_is_none_and_counting_begins_anew() -> None:
-    watch = LateWatch()
+    watch = LatencyMonitor()
     for start in (10.0, 20.0):
         watch.lag = 0.2
         assert watch.late(0.1, start) is None

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.pybullet import HonestyRecord
+from hal.pybullet import AuditRecord
 from hal.twins.judge_server import JudgeServer
 from hal.twins.remote_truth import RemoteTruth
 from hal.twins.world import TwinWorld
@@ -59,8 +59,8 @@ def test_it_answers_all_that_ground_truth_does(judged: tuple[TwinWorld, RemoteTr
 
 def test_the_record_of_the_monitor_comes_as_it_is(judged: tuple[TwinWorld, RemoteTruth]) -> None:
     _, remote = judged
-    record = remote.honesty_record()
-    assert isinstance(record, HonestyRecord)
+    record = remote.audit_record()
+    assert isinstance(record, AuditRecord)
     assert record.duration > 0.0
     assert record.resets == record.constraints == record.truth_reads == record.tampering == 0
     assert record.jumps == ()

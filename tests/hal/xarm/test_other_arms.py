@@ -86,7 +86,7 @@ def test_a_lite6s_gripper_claims_nothing_that_it_cannot_know(robot: HardwareRobo
     assert not gripper.state().object_held
     with pytest.raises(CommandRefusedError, match="nothing between"):
         gripper.move(0.01)
-    assert "no encoder" in robot.declared_missing["a gripper opens and closes"]
+    assert "no encoder" in robot.unsupported["a gripper opens and closes"]
 
 
 def test_a_controller_of_another_arm_is_refused_before_anything_moves(

@@ -1,4 +1,4 @@
-"""Somebody who interferes with a run: puts objects elsewhere, pushes drawers shut, makes what is held slip."""
+"""Somebody who disturbs with a run: puts objects elsewhere, pushes drawers shut, makes what is held slip."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.messages import Pose
+from hal.pybullet.audit_record import DisturbanceEvent, Finding
 from hal.pybullet.client import ReadPurpose, SimulationError
-from hal.pybullet.contact_renewal import DEFAULT_FILTER, EVERYTHING
-from hal.pybullet.honesty_record import Deed, Finding
+from hal.pybullet.contact_refresh import DEFAULT_FILTER, EVERYTHING
 from hal.pybullet.leaf_push import Hand, Push
 from hal.pybullet.package import pybullet
 from hal.pybullet.robot import PyBulletRobot
@@ -36,7 +36,7 @@ PUSH_EFFORT = {"prismatic": 30.0, "revolute": 10.0}
 
 @dataclass
 class _Push:
-    deed: Deed
+    event: DisturbanceEvent
     push: Push
     until: float
 
@@ -48,28 +48,27 @@ class _Slip:
     ``touched_at``: when the robot last touched it.
     """
 
-    deed: Deed
+    event: DisturbanceEvent
     friction: float
     spinning: float
     until: float
     touched_at: float
 
 
-class Disturber:
+class DisturbanceInjector:
     """The verbs of a scripted disturbance. Make it right after ``robot.connect()``, before ``close_truth``.
 
-    What it does is told in ``HonestyRecord.disturbances`` and is no fault of the run, if whoever evaluates the run
-    knows of it: each verb gives back its deed, ``audit`` compares them with those that the monitor has forgiven. A
-    disturber that is made later works, too, but is a cheat like any other: each of its acts is counted and seen. It
-    never acts on what is within ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever
-    its doing.
+    What it does is told in ``AuditRecord.disturbances`` and is no fault of the run, if whoever evaluates the run
+    knows of it: each verb gives back its event, ``audit`` compares them with those that the monitor has forgiven. One
+    that is made later works, too, but is a cheat like any other: each of its acts is counted and seen. It never acts on
+    what is within ``KEEPS_AWAY`` of the robot, but for ``let_slip``; so no contact of the robot is ever its doing.
     """
 
     def __init__(self, robot: PyBulletRobot) -> None:
         self._simulation = simulation = robot.simulation
         client = simulation.client
         self._reader = client.reader(ReadPurpose.SCRIPT)
-        self._interference = robot.interference()
+        self._log = robot.disturbance_log()
         self._put = client.function("resetBasePositionAndOrientation")
         self._set_velocity = client.function("resetBaseVelocity")
         self._change = client.function("changeDynamics")
@@ -81,10 +80,10 @@ class Disturber:
         }
         self._pushes: list[_Push] = []
         self._slips: dict[int, _Slip] = {}
-        self._falls: dict[int, tuple[Deed, float]] = {}
+        self._falls: dict[int, tuple[DisturbanceEvent, float]] = {}
         simulation.controls.append(self._update)
 
-    def move_object(self, name: str, pose: Pose, surface: str) -> Deed | None:
+    def move_object(self, name: str, pose: Pose, surface: str) -> DisturbanceEvent | None:
         """Lift an object and put it down at ``pose`` in the map frame, at rest; ``surface``: where that is, in words.
 
         None, and nothing is done, while the robot or another object is at it, or while its new place is not free.
@@ -102,11 +101,11 @@ class Disturber:
         self._change(body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP)
         way = float(np.linalg.norm(pose.position - before[0]))
         text = f"somebody moves the {name} by {way:.2f} m, on {surface}"
-        deed = Deed(self._now, self._now, "put", name, text, (*raised, *pose.quaternion.tolist()))
-        self._interference.announce(deed)
-        return deed
+        event = DisturbanceEvent(self._now, self._now, "put", name, text, (*raised, *pose.quaternion.tolist()))
+        self._log.announce(event)
+        return event
 
-    def push_shut(self, articulation: str, speed: float) -> Deed | None:
+    def push_shut(self, articulation: str, speed: float) -> DisturbanceEvent | None:
         """Begin to push a door or drawer shut with the force of a hand; ``speed``: m/s or rad/s.
 
         None, and nothing is done, while the robot is near. If it comes near later, the hand waits.
@@ -120,22 +119,24 @@ class Disturber:
             return None
         push = Push(place, leaf, 0.0, speed, PUSH_EFFORT[leaf.kind])
         until, text = self._now + PUSH_TIME, f"somebody pushes {articulation} shut"
-        deed = Deed(self._now, until + ENDS_WITHIN, "push", articulation, text)
-        self._pushes.append(_Push(deed, push, until))
-        self._interference.announce(deed)
-        return deed
+        event = DisturbanceEvent(self._now, until + ENDS_WITHIN, "push", articulation, text)
+        self._pushes.append(_Push(event, push, until))
+        self._log.announce(event)
+        return event
 
-    def let_slip(self, name: str) -> Deed | None:
+    def let_slip(self, name: str) -> DisturbanceEvent | None:
         """Take an object's friction away until it is out of the hand; None if the robot does not touch it."""
         body = self._object(name)
         if body in self._slips or not self._touched(body):
             return None
         values, until = self._values(body, -1), self._now + SLIP_TIME
-        deed = Deed(self._now, until + FALL_TIME + ENDS_WITHIN, "slip", name, f"the {name} slips in the hand")
-        self._slips[body] = _Slip(deed, values[1], values[7], until, self._now)
-        self._interference.announce(deed)
+        event = DisturbanceEvent(
+            self._now, until + FALL_TIME + ENDS_WITHIN, "slip", name, f"the {name} slips in the hand"
+        )
+        self._slips[body] = _Slip(event, values[1], values[7], until, self._now)
+        self._log.announce(event)
         self._set_friction(body, 0.0, 0.0)
-        return deed
+        return event
 
     @property
     def _now(self) -> float:
@@ -143,14 +144,14 @@ class Disturber:
         return self._simulation.steps * self._simulation.parameters.time_step
 
     def _tell(self, text: str) -> None:
-        self._interference.tell(Finding(self._now, text))
+        self._log.tell(Finding(self._now, text))
 
     def _update(self) -> None:
         """Before each control period."""
         self._pushes = [running for running in self._pushes if not self._push_ends(running)]
-        for body, (deed, until) in list(self._falls.items()):
+        for body, (event, until) in list(self._falls.items()):
             if self._now > until or self._touched(body):
-                self._interference.rest(deed)
+                self._log.rest(event)
                 del self._falls[body]
         for body, slip in list(self._slips.items()):
             if self._touched(body):
@@ -159,26 +160,26 @@ class Disturber:
             if out or self._now > slip.until:
                 self._set_friction(body, slip.friction, slip.spinning)
                 del self._slips[body]
-                self._falls[body] = (slip.deed, self._now + FALL_TIME)
-                self._tell(f"the {slip.deed.name} is {'out of' if out else 'still in'} the hand")
+                self._falls[body] = (slip.event, self._now + FALL_TIME)
+                self._tell(f"the {slip.event.name} is {'out of' if out else 'still in'} the hand")
 
     def _push_ends(self, running: _Push) -> bool:
         """Push on, or wait where the robot is near; whether that was the last of it."""
-        push, deed = running.push, running.deed
+        push, event = running.push, running.event
         if self._near_robot(*push.place):
             self._hand.rest(push)
-            self._interference.rest(deed)
+            self._log.rest(event)
         elif self._hand.push(push):
-            self._interference.rest(deed)
-            self._tell(f"somebody has shut {deed.name}")
+            self._log.rest(event)
+            self._tell(f"somebody has shut {event.name}")
             return True
         else:
-            self._interference.resume(deed)
+            self._log.resume(event)
         if self._now < running.until:
             return False
         self._hand.rest(push)
-        self._interference.rest(deed)
-        self._tell(f"somebody lets go of {deed.name}")
+        self._log.rest(event)
+        self._tell(f"somebody lets go of {event.name}")
         return True
 
     def _set_friction(self, body: int, lateral: float, spinning: float) -> None:

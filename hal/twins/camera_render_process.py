@@ -66,7 +66,7 @@ class Exposure:
         )
 
 
-class Darkroom:
+class CameraRenderProcess:
     """Holds a copy of the world in another process, puts it into a state, and takes a camera's picture of it.
 
     Noise, lens and faults are those of the simulated camera. ``develop`` may be called from any thread; one frame
@@ -82,10 +82,10 @@ class Darkroom:
         other.close()
         if not self._wire.poll(START_TIME) or self._wire.recv() != "ready":
             self.close()
-            raise TwinError("the darkroom for the cameras did not start")
+            raise TwinError("the camera_render_process for the cameras did not start")
 
     def develop(self, camera: str, state: WorldState) -> RGBDImage:
-        """The picture; LookupError for an unknown camera, TwinError where the darkroom is gone."""
+        """The picture; LookupError for an unknown camera, TwinError where the camera_render_process is gone."""
         with self._lock:
             try:
                 self._wire.send((camera, state))
@@ -93,7 +93,7 @@ class Darkroom:
                     raise TwinError(f"no picture of {camera} within {FRAME_TIME:g} s")
                 answer = self._wire.recv()
             except (OSError, EOFError) as error:
-                raise TwinError("the darkroom is gone") from error
+                raise TwinError("the camera_render_process is gone") from error
         if isinstance(answer, Exception):
             raise answer
         image: RGBDImage = answer

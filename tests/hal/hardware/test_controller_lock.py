@@ -15,16 +15,16 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.runtime_folder import runtime_folder
 from hal.api import Part
-from hal.hardware import Connection, RealTimeClock, only_client
-from hal.hardware.only_client import OnlyClient
+from hal.hardware import Connection, RealTimeClock, controller_lock
+from hal.hardware.controller_lock import ControllerLock
 from hal.parts import ConnectionFailedError, Fault, StopLatch
 
 pytestmark = pytest.mark.real_time
 
 ADDRESS = "192.168.77.203"
 HOLDER = f"""
-from hal.hardware.only_client import OnlyClient
-OnlyClient("arm_controller", "xarm", "{ADDRESS}").take()
+from hal.hardware.controller_lock import ControllerLock
+ControllerLock("arm_controller", "xarm", "{ADDRESS}").take()
 print("taken", flush=True)
 input()
 """
@@ -34,11 +34,11 @@ input()
 def own_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Locks of these tests are apart from those of anybody's robots."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr(only_client, "PATIENCE", 0.3)
+    monkeypatch.setattr(controller_lock, "PATIENCE", 0.3)
 
 
-def client(driver: str = "xarm", address: str = ADDRESS) -> OnlyClient:
-    return OnlyClient("arm_controller", driver, address)
+def client(driver: str = "xarm", address: str = ADDRESS) -> ControllerLock:
+    return ControllerLock("arm_controller", driver, address)
 
 
 def test_a_second_client_is_refused_until_the_first_one_is_gone() -> None:

@@ -6,7 +6,7 @@ LATE_TIME = 0.15
 """Seconds that things have to come late before that counts."""
 
 
-class LateWatch:
+class LatencyMonitor:
     """``lag``: seconds by which the last message, or the last answer, was late. A single late one does not count."""
 
     def __init__(self) -> None:

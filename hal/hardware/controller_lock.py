@@ -15,7 +15,7 @@ PATIENCE = 3.0
 """Seconds that a new client waits: the robot process of a program that was killed brings the robot to rest first."""
 
 
-class OnlyClient:
+class ControllerLock:
     """Holds the place of the only client of one controller from ``take`` to ``release``, or to the end of the process.
 
     A file lock (flock) in the user's runtime folder, which the kernel releases with the process, however that ends. The

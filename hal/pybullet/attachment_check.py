@@ -6,8 +6,8 @@ import math
 from collections import deque
 from collections.abc import Collection, Mapping
 
+from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import PhysicsClient, Reader
-from hal.pybullet.honesty_record import Finding
 from hal.pybullet.observation import Observation, Vector
 from hal.pybullet.simulation import Simulation
 
@@ -22,7 +22,7 @@ ROLLING = 1.5
 GRAVITY = 9.81
 
 
-class OpenHandWatcher:
+class AttachmentCheck:
     """Over half a second: an object moved as a finger did, while the robot pressed on it with less than a tenth of
     its weight. To carry takes normal forces of its weight over the friction; to push takes its friction on the table.
 

@@ -9,8 +9,8 @@ import pytest
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import draw_world, load_scene
 from hal.pybullet import PyBulletRobot
+from hal.pybullet.attachment_check import AttachmentCheck
 from hal.pybullet.observation import BodyState, Observation
-from hal.pybullet.open_hand_watcher import OpenHandWatcher
 from hal.pybullet.simulation import Simulation
 
 STEP = 0.0005
@@ -36,7 +36,7 @@ def simulation() -> Iterator[Simulation]:
 def findings(simulation: Simulation, touches: str, drawer_step: float) -> list[str]:
     """What is found where the cup, which touches the named drawer, and a finger move alike for half a second."""
     built, slide = simulation.built, Slide()
-    watcher = OpenHandWatcher(simulation, simulation.client, slide)
+    watcher = AttachmentCheck(simulation, simulation.client, slide)
     cup, finger = built.objects["cup"], built.links["panda_leftfinger"]
     body, joint = built.articulations["drawer_chest/drawer_3"]
     contacts = [(0, cup, body, -1, joint, 0.0)] if touches == "drawer" else [(0, cup, body, -1, -1, 0.0)]

@@ -19,7 +19,7 @@ DEFAULT_FILTER = 1
 EVERYTHING = -1
 
 
-class ContactRenewal:
+class ContactRefresh:
     """Drops the kept contacts of a hand's fingers, one finger after the other, so that the others hold meanwhile.
 
     ``turn``: radians that the hand may turn until each finger has had its turn.

@@ -21,7 +21,7 @@ class SensorFault(Enum):
     FROZEN = "frozen"
 
 
-class ReadingLine(Generic[Reading]):
+class SensorPipeline(Generic[Reading]):
     """Brings readings: taken when asked for, or ``rate`` times a second and told ``latency`` seconds later.
 
     ``on_demand``: a reading is taken when it is asked for, unless there is a latency. ``fault``: set it to make the

@@ -6,8 +6,8 @@ import math
 from collections.abc import Collection
 from typing import Any
 
+from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import PhysicsClient, Reader
-from hal.pybullet.honesty_record import Finding
 from hal.pybullet.simulation import Simulation
 
 FIXED_BODY_MOVED = 1e-4
@@ -16,7 +16,7 @@ FRICTIONS = (1, 7)
 ENGINE_KEYS = ("fixedTimeStep", "gravityAccelerationX", "gravityAccelerationY", "gravityAccelerationZ")
 
 
-class TamperWatcher:
+class IntegrityCheck:
     """Compares with what was there when the scene was built."""
 
     def __init__(self, simulation: Simulation, client: PhysicsClient, reader: Reader) -> None:

@@ -51,8 +51,8 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Deed:
-    """What somebody who interferes has done to an object, door or drawer ``name``, from ``stamp`` to ``until`` (s).
+class DisturbanceEvent:
+    """What somebody who disturbs has done to an object, door or drawer ``name``, from ``stamp`` to ``until`` (s).
 
     ``put``: set down at ``pose`` (x, y, z and quaternion xyzw of its centre of mass, in the map). ``slip``: without
     friction, until it has come to rest. ``push``: a hand shuts it. ``text``: the same in words.
@@ -67,13 +67,13 @@ class Deed:
 
 
 @dataclass(frozen=True)
-class HonestyRecord:
+class AuditRecord:
     """Everything seen since the scene was built.
 
     ``calls``: calls of pybullet that are not allowed then, by function name; ``resets``, ``constraints``,
     ``truth_reads`` and ``tampering`` are their sums by kind. ``missed_looks``: how often the
     monitor should have looked and was not let. The findings come from watching, whoever did it. ``disturbances``:
-    what the scene's script did, such as people who walk. ``deeds``: those that were forgiven; whose they were, the
+    what the scene's script did, such as people who walk. ``events``: those that were forgiven; whose they were, the
     monitor does not know.
     """
 
@@ -94,4 +94,4 @@ class HonestyRecord:
     penetrations: tuple[Penetration, ...]
     missed_looks: int = 0
     disturbances: tuple[Finding, ...] = ()
-    deeds: tuple[Deed, ...] = ()
+    events: tuple[DisturbanceEvent, ...] = ()

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, World
+from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import Reader
 from hal.pybullet.furniture_urdf import mass_distribution
-from hal.pybullet.honesty_record import Finding
 from hal.pybullet.simulation import Simulation
 
 # Radians or metres, seconds, N m or N. Honest leaves keep to their velocity within 1e-15; in a hand that trembles the
@@ -46,7 +46,7 @@ class _Leaf:
     accused: bool = False
 
 
-class LeafWatcher:
+class DoorWatcher:
     """Looks after every physics step.
 
     A leaf has then moved by exactly its velocity. It has gained speed only if something presses on it, its weight
