@@ -114,3 +114,32 @@ test("two thousand nodes open folded, and unfold", async () => {
   await eventually(rows, run.tree.records.length);
   assert.ok((await page.locator(".outline-row").count()) < 80, "only the rows in view exist");
 });
+
+test("at 1400 px map and legend lie beside the drawing of a tall tree, so that they cover no node", async () => {
+  const run = new FakeRun("tall", big(300), { task: "tall", tree: "tall" });
+  run.tick();
+  const { page } = await open([run], { width: 1400, height: 900 });
+  await page.locator(".minimap:visible").waitFor();
+  const drawing = await page.locator(".graph-host").boundingBox();
+  for (const cover of [".minimap", ".legend"]) {
+    const box = await page.locator(cover).boundingBox();
+    assert.ok(box.y >= drawing.y + drawing.height, `${cover} begins below the drawing`);
+    assert.ok(box.y + box.height <= 900);
+  }
+});
+
+test("of two runs the one that is opened late shows what came before", async () => {
+  const [first, second] = [errand("first"), errand("second")];
+  const { page } = await open([first, second]);
+  for (let tick = 0; tick < 8; tick++) for (const run of [first, second]) run.tick();
+  await page.locator(".run-button").click();
+  await page.locator(".run-line").nth(1).click();
+  await page.keyboard.press("o");
+  await eventually(() => shownStates(page), trueStates(second));
+  await page.keyboard.press("4");
+  await page.locator(".log-line.warning", { hasText: "KEY_SLIPPED" }).first().waitFor();
+  const slider = page.getByRole("slider", { name: "Moment of the run" });
+  await slider.focus();
+  await page.keyboard.press("Home");
+  await eventually(() => shownStates(page).then((states) => states.open_door), 0);
+});
