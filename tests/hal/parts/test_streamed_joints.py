@@ -475,6 +475,7 @@ class Torques(Joints):
 def test_efforts_act_at_once_and_end_with_a_stop_from_where_the_joints_are(latch: StopLatch) -> None:
     channel = Torques(2)
     group = StreamedJointGroup("head", MODEL, channel, latch, PERIOD)
+    channel.stream_at_rest = True  # also such a controller gets no set-point while efforts act
     group.attach()
     motion = group.move_to([1.0, 0.5])
     run(group, 0.2)
