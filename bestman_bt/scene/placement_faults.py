@@ -28,7 +28,8 @@ def placement_faults(scene: SceneConfig, document: Document, found: Sequence[Pro
     faults = list(_surface_faults(scene, document))
     yield from faults
     yield from _object_overlaps(scene, document)
-    if not any(problem.field.startswith("furniture") for problem in (*found, *faults)):
+    read = all(name in scene.furniture for name in scene.file.furniture)
+    if read and not any(problem.field.startswith("furniture") for problem in (*found, *faults)):
         for earlier, later, depth in furniture_overlaps(standing_furniture(scene)):
             message = (
                 f"stands {100.0 * depth:.1f} cm deep in {earlier!r}; furniture may touch or stand on other furniture"

@@ -186,6 +186,39 @@ colour: red
     assert "goals.place.region: lies beside 'table/top'" in found[5]
 
 
+BENCH_ROOM = """walls: {height: 1 m, thickness: 8 cm, lines: [[[-2.5, -2.5], [3.0, -2.5]]]}
+furniture:
+  bench: {model: parts/bench.yaml, at: [2.2, 0.2, 0]}
+  desk: {model: table, at: [0.2, 1.8, 90 deg]}
+objects:
+  cup: {model: cup, surface: bench/plate, at: [-20 cm, 10 cm, 0]}
+robot_start: {x: [-1.5, -1.0], y: [-0.8, 0.2]}
+"""
+
+
+def bench_room(folder: Path, without: str = "\0") -> Path:
+    """A scene with the bench of the page of scenes, less the lines that begin with ``without``."""
+    page = (Path(__file__).parents[2] / "docs/scenes.md").read_text()
+    bench = page.partition("```yaml\n# bench.yaml\n")[2].partition("```")[0]
+    (folder / "parts").mkdir()
+    lines = [line for line in bench.splitlines(keepends=True) if not line.startswith(without)]
+    (folder / "parts/bench.yaml").write_text("".join(lines))
+    (folder / "room.yaml").write_text(BENCH_ROOM)
+    return folder / "room.yaml"
+
+
+def test_furniture_of_ones_own_is_named_by_its_path_from_the_scene(tmp_path: Path) -> None:
+    world = draw_world(load_scene(bench_room(tmp_path)), 3)
+    (cup,) = world.objects
+    assert [piece.name for piece in world.furniture] == ["bench", "desk"]
+    assert cup.pose.position[2] == pytest.approx(0.75 + 0.05)
+
+
+def test_a_fault_in_furniture_of_ones_own_is_located_in_its_file(tmp_path: Path) -> None:
+    found = problems(bench_room(tmp_path, without="footprint:"))
+    assert found == [f"{tmp_path / 'parts/bench.yaml'}:1: footprint: is missing"]
+
+
 @pytest.mark.parametrize(("x", "beside"), [("40 cm", False), ("40.1 cm", True), ("-40 cm", False), ("-40.1 cm", True)])
 def test_an_object_may_stand_up_to_the_edge_of_its_surface(tmp_path: Path, x: str, beside: bool) -> None:
     path = variant(tmp_path, f"objects: {{cup: {{at: [{x}, 0, 0], region: null}}}}")
