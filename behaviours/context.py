@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from behaviours.computation import Computation, TimeSource
 from behaviours.contacts import Contact
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import WorldModel
 
@@ -110,7 +110,7 @@ class SkillContext:
     planners: Callable[[str, tuple[Path, ...]], GlobalPlanner]
     followers: Callable[[str, tuple[Path, ...]], PathFollower]
     policies: Callable[[str, tuple[Path, ...]], Policy]
-    failures: list[Failure] = field(default_factory=list)
+    failures: list[NodeFailure] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     handled: str | None = None
     observations: dict[str, list[Observation]] = field(default_factory=dict)

@@ -150,11 +150,8 @@ class ExploreAndMap(Skill):
             yield Until(handle, skills.clock.now, skills.clock.now() + LOOK_PERIOD)
             if handle.done and handle.status is not ControlStatus.SUCCEEDED:
                 error = handle.error
-                if error is None or error.code.value not in ("blocked", "tolerance"):
-                    raise SkillFailure(
-                        "fault" if error is None else error.code.value,
-                        "the controller gave up without a reason" if error is None else error.text,
-                    )
+                if error is None or error.code not in ("blocked", "tolerance"):
+                    raise SkillFailure.of(error)
                 return False
             grid, costmap = self._look(overhangs)
             if explorer.gain(grid, view.pose.xy) < explorer.parameters.min_gain:

@@ -98,10 +98,9 @@ class PolicyMotion:
         for handle in (self._arm, self._fingers):
             if handle is not None and handle.done and handle.status is not ControlStatus.SUCCEEDED:
                 error = handle.error
-                assert error is not None
-                if error.code.value == "guarded" and self._skills.clock.now() >= self.deadline:
+                if error is not None and error.code == "guarded" and self._skills.clock.now() >= self.deadline:
                     raise SkillFailure("timeout", "stopped in the middle of a chunk: not there in time")
-                raise SkillFailure(error.code.value, error.text)
+                raise SkillFailure.of(error)
 
     def _objection(self) -> str | None:
         if self._skills.clock.now() >= self.deadline:

@@ -14,12 +14,12 @@ from py_trees.ports import PortInformation
 from behaviours.computation import Job
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
 from bestman_bt.errors import Error, MissingExtraError
 from bestman_bt.manipulation.errors import ManipulationError
-from bestman_bt.messages import Goals, Pose, Pose2D
+from bestman_bt.messages import Failure, Goals, Pose, Pose2D
 from bestman_bt.perception.errors import PerceptionError
 
 Result = TypeVar("Result")
@@ -44,11 +44,18 @@ ALGORITHM_ERRORS = (ManipulationError, PerceptionError, MissingExtraError, *READ
 
 
 class SkillFailure(Error):
-    """Ends a skill with FAILURE: ``code`` for programs, the text for people."""
+    """Ends a skill with FAILURE: ``code`` for programs, ``failure`` of a part of the robot, where that is why."""
 
-    def __init__(self, code: str, text: str) -> None:
+    def __init__(self, code: str, text: str, failure: Failure | None = None) -> None:
         super().__init__(text)
         self.code = code
+        self.failure = failure
+
+    @classmethod
+    def of(cls, failure: Failure | None) -> SkillFailure:
+        """The end of a skill whose motion has failed; None: it gave no reason."""
+        told = failure or Failure("fault", "the controller gave up without a reason")
+        return cls(str(told.code), str(told), told)
 
 
 @dataclass(frozen=True)
@@ -104,12 +111,14 @@ class Explained(OnRobot):
         """SkillFailure (``bad_input``) for a value that a port does not accept."""
         return SkillFailure("bad_input", message)
 
-    def explain(self, code: str, why: str) -> int:
-        """Record why the leaf fails; returns FAILURE."""
+    def explain(self, code: str, why: str, failure: Failure | None = None) -> int:
+        """Record why the leaf fails, and which part of the robot did; returns FAILURE."""
         self.feedback_message = why
         self.set_output("error_code", code)
         self.set_output("error_message", why)
-        self.skills.failures.append(Failure(self.path, code, why, self.skills.clock.now(), self.where))
+        part, vendor_code = (failure.part, failure.vendor_code) if failure is not None else ("", "")
+        now = self.skills.clock.now()
+        self.skills.failures.append(NodeFailure(self.path, code, why, self.where, now, part, vendor_code))
         return FAILURE
 
     def succeed(self, why: str = "") -> int:
@@ -191,7 +200,7 @@ class Skill(Explained, StatefulAction):
                 return self.succeed(self.feedback_message)
             except (SkillFailure, *ALGORITHM_ERRORS) as failure:
                 self._steps = self._pending = None
-                return self.explain(str(failure.code), str(failure))
+                return self.explain(str(failure.code), str(failure), getattr(failure, "failure", None))
             self._pending = pending
             if not pending.done:
                 return RUNNING
@@ -253,9 +262,6 @@ def _outcome(pending: Awaitable) -> Any:
         return pending.result()
     if isinstance(pending, ControlHandle):
         if pending.status is not ControlStatus.SUCCEEDED:
-            error = pending.error
-            if error is None:
-                raise SkillFailure("fault", "the controller gave up without a reason")
-            raise SkillFailure(error.code.value, error.text)
+            raise SkillFailure.of(pending.error)
         return pending.result
     return None

@@ -31,5 +31,7 @@ def _words(status: dict[str, Any]) -> str:
     lines += [f"  parts: {parts}"] if parts else []
     failure = status["last_failure"]
     if failure is not None:
-        lines.append(f"  last failure: {failure['where'] or failure['node']}: {failure['code']}: {failure['words']}")
+        lines.append(
+            f"  last failure: {failure['where'] or failure['node']}: {failure['error_code']}: {failure['why']}"
+        )
     return "\n".join(lines)

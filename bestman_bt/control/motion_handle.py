@@ -5,21 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
-from bestman_bt.control.handle import ControlError, ControlErrorCode, ControlHandle, ControlStatus
+from bestman_bt.control.handle import ControlHandle, ControlStatus
 from bestman_bt.control.reading import READING_ERRORS
-from hal.api import CommandRefusedError, Motion, MotionError, MotionErrorCode, MotionStatus
+from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus
 
 Result = TypeVar("Result")
-
-_CODES = {
-    MotionErrorCode.STOPPED: ControlErrorCode.STOPPED,
-    MotionErrorCode.SUPERSEDED: ControlErrorCode.SUPERSEDED,
-    MotionErrorCode.TRACKING: ControlErrorCode.TRACKING,
-    MotionErrorCode.TIMEOUT: ControlErrorCode.TIMEOUT,
-    MotionErrorCode.COLLISION: ControlErrorCode.COLLISION,
-    MotionErrorCode.DISCONNECTED: ControlErrorCode.DISCONNECTED,
-    MotionErrorCode.FAULT: ControlErrorCode.FAULT,
-}
 
 
 class MotionHandle(ControlHandle[Result]):
@@ -37,7 +27,7 @@ class MotionHandle(ControlHandle[Result]):
         return super().status
 
     @property
-    def error(self) -> ControlError | None:
+    def error(self) -> Failure | None:
         """Why it failed or was cancelled, else None."""
         self._follow_motion()
         return super().error
@@ -56,8 +46,7 @@ class MotionHandle(ControlHandle[Result]):
             self._result = self._read_result() if self._read_result is not None else None
             self._status = ControlStatus.SUCCEEDED
         elif status is not MotionStatus.RUNNING:
-            error = self._motion.error or MotionError(MotionErrorCode.FAULT, "the part gave no reason")
-            self._error = ControlError(_CODES[error.code], error.text)
+            self._error = self._motion.error or Failure(MotionErrorCode.FAULT, "the part gave no reason")
             failed = status is MotionStatus.FAILED
             self._status = ControlStatus.FAILED if failed else ControlStatus.CANCELED
 
@@ -69,5 +58,5 @@ def start_motion(command: Callable[[], Motion], result: Callable[[], Result] | N
     except (CommandRefusedError, *READING_ERRORS) as error:
         refused: ControlHandle[Result] = ControlHandle()
         read = isinstance(error, READING_ERRORS)
-        refused.fail(ControlErrorCode.DISCONNECTED if read else ControlErrorCode.REFUSED, str(error))
+        refused.fail(MotionErrorCode.DISCONNECTED if read else MotionErrorCode.REFUSED, str(error))
         return refused

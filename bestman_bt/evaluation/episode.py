@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig
 from bestman_bt.engine import Tree
 from bestman_bt.evaluation.audit import Audit, audit
@@ -20,7 +20,7 @@ from bestman_bt.evaluation.motion import MotionLog
 from bestman_bt.evaluation.pictures import Pictures
 from bestman_bt.evaluation.predicates import Verdict, find_judge
 from bestman_bt.evaluation.recording import Recording
-from bestman_bt.evaluation.result import NO_GOAL, FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
 from bestman_bt.runtime import Ending, Execution, Session, Setup, open_session, prepare
@@ -289,19 +289,19 @@ def _why_not_judged(config: RunConfig, execution: Execution) -> str:
 
 def _failure(
     session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None
-) -> FailureReport | None:
+) -> NodeFailure | None:
     """The leaf at fault, else the judge's or the audit's objection, else None."""
     if execution.ending is not Ending.FINISHED:
-        return FailureReport("", str(execution.ending), execution.why)
+        return NodeFailure("", str(execution.ending), execution.why)
     if not execution.succeeded:
-        told: list[Failure] = session.skills.failures
+        told: list[NodeFailure] = session.skills.failures
         if told:
-            return FailureReport(told[-1].node, told[-1].error_code, told[-1].why, told[-1].where)
-        return FailureReport("", "tree_failed", "the tree failed and no skill has told why")
+            return told[-1]
+        return NodeFailure("", "tree_failed", "the tree failed and no skill has told why")
     if verdict is not None and not verdict.holds:
-        return FailureReport("judge", "predicate", verdict.why)
+        return NodeFailure("judge", "predicate", verdict.why)
     if audited is not None:
         faults = audited.faults(session.setup.config.task.max_penetration)
         if faults or not audited.honest:
-            return FailureReport("audit", "audit", "; ".join(faults) or "; ".join(audited.findings))
+            return NodeFailure("audit", "audit", "; ".join(faults) or "; ".join(audited.findings))
     return None

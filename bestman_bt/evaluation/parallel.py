@@ -11,9 +11,10 @@ from collections.abc import Generator, Sequence
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
+from behaviours.failure import NodeFailure
 from bestman_bt.configuration import RunConfig
 from bestman_bt.evaluation.episode import run_episode
-from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.run_folder import make_run_folder
 from bestman_bt.evaluation.versions import versions
 
@@ -147,7 +148,7 @@ def _broken(config: RunConfig, why: str, wall_time: float) -> RunResult:
         outcome=Outcome.ERROR,
         tree_status="IDLE",
         predicate=None,
-        failure=FailureReport("", "error", why),
+        failure=NodeFailure("", "error", why),
         audit={},
         metrics={},
         sim_time_s=0.0,

@@ -10,6 +10,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from behaviours.failure import NodeFailure
+
 DERIVED = ("judged", "real_time_factor")
 """Keys of ``result.json`` that follow from others."""
 NO_GOAL = "not judged: the tree names no goal"
@@ -22,21 +24,6 @@ class Outcome(StrEnum):
     FAILURE = "failure"
     CANCELLED = "cancelled"
     ERROR = "error"
-
-
-@dataclass(frozen=True)
-class FailureReport:
-    """The leaf at fault: its path in the tree, its error code, why, in words, and its name with file and line."""
-
-    node: str
-    error_code: str
-    why: str
-    where: str = ""
-
-    @property
-    def named(self) -> str:
-        """What people call the node; its path where no file defines it."""
-        return self.where or self.node
 
 
 @dataclass(frozen=True)
@@ -55,7 +42,7 @@ class RunResult:
     outcome: Outcome
     tree_status: str
     predicate: bool | None
-    failure: FailureReport | None
+    failure: NodeFailure | None
     audit: dict[str, Any]
     metrics: dict[str, float]
     sim_time_s: float
@@ -91,7 +78,7 @@ class RunResult:
             **{
                 **fields,
                 "outcome": Outcome(fields["outcome"]),
-                "failure": None if failure is None else FailureReport(**failure),
+                "failure": None if failure is None else NodeFailure(**failure),
                 "metrics": {key: math.nan if value is None else value for key, value in fields["metrics"].items()},
             }
         )

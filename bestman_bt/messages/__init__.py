@@ -1,5 +1,6 @@
 """Value types that travel between floors: frozen dataclasses over numpy arrays, SI units, quaternions xyzw."""
 
+from bestman_bt.messages.failure import Failure, MotionErrorCode
 from bestman_bt.messages.goals import Goals
 from bestman_bt.messages.handle import Handle, HandleKind, HingeSide, JointKind
 from bestman_bt.messages.image import CameraIntrinsics, RGBDImage
@@ -25,6 +26,7 @@ __all__ = [
     "Box",
     "CameraIntrinsics",
     "Cylinder",
+    "Failure",
     "Goals",
     "Handle",
     "HandleKind",
@@ -33,6 +35,7 @@ __all__ = [
     "JointTrajectory",
     "LaserScan",
     "Mesh",
+    "MotionErrorCode",
     "ObjectGrasp",
     "ObjectModel",
     "OccupancyGrid",

@@ -3,21 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from bestman_bt.engine import FAILURE, Tree
 from bestman_bt.monitor.described_tree import category_of
-
-
-@dataclass(frozen=True)
-class FailureLine:
-    """``node``: its path. ``code`` is empty for a leaf that tells none. ``where``: as of ``Node.where``."""
-
-    node: str
-    code: str
-    words: str
-    where: str = ""
 
 
 class FailureLines:
@@ -26,11 +15,11 @@ class FailureLines:
     ``told``: what skills told, oldest first; it grows while the run goes on.
     """
 
-    def __init__(self, told: Sequence[Failure] = ()) -> None:
+    def __init__(self, told: Sequence[NodeFailure] = ()) -> None:
         self._told = told
         self._read = len(told)
 
-    def of(self, tree: Tree, uids: Iterable[int]) -> list[FailureLine]:
+    def of(self, tree: Tree, uids: Iterable[int]) -> list[NodeFailure]:
         """The lines of leaves that have just failed."""
         new = {failure.node: failure for failure in self._told[self._read :]}
         self._read = len(self._told)
@@ -39,9 +28,9 @@ class FailureLines:
             node = tree.nodes[uid - 1]
             failure = new.get(node.path)
             if failure is not None:
-                lines.append(FailureLine(node.path, failure.error_code, failure.why, node.where))
+                lines.append(failure)
             else:
-                lines.append(FailureLine(node.path, "", node.feedback_message or f"{node.type_id} failed", node.where))
+                lines.append(NodeFailure(node.path, "", node.feedback_message or f"{node.type_id} failed", node.where))
         return lines
 
 

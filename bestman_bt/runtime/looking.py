@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from behaviours.grasp_candidates import grasp_candidates, handle_grasp_candidates
 from behaviours.surfaces import SLAB_GROWTH
 from bestman_bt.configuration import RunConfig, load_run
@@ -42,7 +42,7 @@ class Look:
     furniture: str
     views: tuple[RGBDView, ...]
     marks: SceneMarks
-    failures: tuple[Failure, ...]
+    failures: tuple[NodeFailure, ...]
 
 
 def furniture_to_look_at(scene: str | Path, seed: int, settings: Iterable[str] = ()) -> dict[str, MapFurniture]:
@@ -73,7 +73,7 @@ def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -
 
 def unseen(furniture: str, code: str, why: Exception) -> Look:
     """What is told of furniture that could not be looked at."""
-    return Look(furniture, (), SceneMarks(), (Failure("", code, str(why), 0.0),))
+    return Look(furniture, (), SceneMarks(), (NodeFailure("", code, str(why)),))
 
 
 def standing_before(

@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from bestman_bt.engine import RUNNING, Node, Tree
 from bestman_bt.monitor.events import (
     EndEvent,
@@ -28,7 +28,7 @@ from bestman_bt.monitor.run_log import RunLogWriter
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, blackboard_event
 from bestman_bt.runtime.event_stream import EventStream, Tell
 from bestman_bt.runtime.executor import Ending, Execution, Executor, Hold
-from bestman_bt.runtime.failure_lines import FailureLine, FailureLines
+from bestman_bt.runtime.failure_lines import FailureLines
 from bestman_bt.runtime.outbox import Outbox
 from bestman_bt.runtime.package_log import PackageLog
 from bestman_bt.runtime.tree_tap import TreeTap
@@ -67,7 +67,7 @@ class Telemetry:
         executor: Executor,
         run: RunEvent,
         folder: Path | None = None,
-        told: Sequence[Failure] = (),
+        told: Sequence[NodeFailure] = (),
         sources: Sequence[Source] = (),
     ) -> None:
         self.run = run
@@ -75,7 +75,7 @@ class Telemetry:
         self._sources = sources
         self._stream = EventStream()
         self._failures = FailureLines(told)
-        self.last_failure: FailureLine | None = None
+        self.last_failure: NodeFailure | None = None
         """Of an action; None as long as none has failed, and where nobody watches and nothing is kept."""
         self._start = executor.clock.now()
         self._taps: dict[Tree, TreeTap] = {}
@@ -232,6 +232,6 @@ class Telemetry:
         time = self.now()
         for line in self._failures.of(tree, uids):
             self.last_failure = line
-            self.tell(LogEvent(time, "warning", line.words, line.node, line.code, where=line.where))
+            self.tell(LogEvent(time, "warning", line.why, line.node, line.error_code, where=line.where))
             for source in self._sources:
                 source.failed(time, line.node)

@@ -1,6 +1,7 @@
 """The Robotics API: what every robot offers, simulated or real. Nothing here blocks."""
 
 from bestman_bt.errors import RobotError
+from bestman_bt.messages import Failure, MotionErrorCode
 from hal.api.arm import Arm
 from hal.api.battery import Battery, BatteryReading
 from hal.api.bumper import Bumper, BumperReading, BumperZone
@@ -13,7 +14,7 @@ from hal.api.imu import Imu, ImuReading
 from hal.api.joint_group import JointGroup
 from hal.api.lidar import Lidar
 from hal.api.mobile_base import BaseDescription, MobileBase
-from hal.api.motion import Motion, MotionError, MotionErrorCode, MotionStatus
+from hal.api.motion import Motion, MotionStatus
 from hal.api.part import JointLimits, Part, Sensor
 from hal.api.robot import Robot
 from hal.api.tactile import Tactile, TactileReading
@@ -29,6 +30,7 @@ __all__ = [
     "Camera",
     "Clock",
     "CommandRefusedError",
+    "Failure",
     "ForceTorque",
     "Gripper",
     "GripperDescription",
@@ -40,7 +42,6 @@ __all__ = [
     "Lidar",
     "MobileBase",
     "Motion",
-    "MotionError",
     "MotionErrorCode",
     "MotionStatus",
     "NoDataError",

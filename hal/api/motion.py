@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from enum import Enum
+
+from bestman_bt.messages import Failure
 
 
 class MotionStatus(Enum):
@@ -14,26 +15,6 @@ class MotionStatus(Enum):
     SUCCEEDED = "succeeded"
     FAILED = "failed"
     CANCELED = "canceled"
-
-
-class MotionErrorCode(Enum):
-    """Why a motion failed or was cancelled."""
-
-    STOPPED = "stopped"  # Robot.stop() or the part's stop()
-    SUPERSEDED = "superseded"  # a newer command took the part over
-    TRACKING = "tracking"  # the part did not follow within its tolerance
-    TIMEOUT = "timeout"  # the target was not reached in time
-    COLLISION = "collision"  # the controller reports a collision or a protective stop
-    DISCONNECTED = "disconnected"
-    FAULT = "fault"  # any other fault of the part
-
-
-@dataclass(frozen=True)
-class MotionError:
-    """The code for programs, the text for people."""
-
-    code: MotionErrorCode
-    text: str
 
 
 class Motion(ABC):
@@ -46,7 +27,7 @@ class Motion(ABC):
 
     @property
     @abstractmethod
-    def error(self) -> MotionError | None:
+    def error(self) -> Failure | None:
         """Why it failed or was cancelled, else None."""
 
     @abstractmethod

@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 from bestman_bt.extras import install_command
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
-from hal.api import Clock, MotionErrorCode, Part
+from hal.api import Clock, Failure, MotionErrorCode, Part
 from hal.hardware.control_loop import ControlLoop
 from hal.hardware.controller_lock import ControllerLock
-from hal.parts import ConnectionFailedError, ControlledPart, Fault, StopLatch
+from hal.parts import ConnectionFailedError, ControlledPart, StopLatch
 
 LONGEST_BRAKING = 0.6
 """Seconds that parts get to come to rest before their wire is closed."""
@@ -56,7 +56,7 @@ class Connection(ABC):
         self.name, self.settings, self.model, self.limits = name, settings, model, limits
         self.clock, self.latch = clock, latch
         self._loops: list[ControlLoop] = []
-        self._crash: Fault | None = None
+        self._crash: Failure | None = None
         self._connected = False
         self._only = ControllerLock(name, self.driver, settings.address) if self.one_client else None
         self._parts: dict[str, Part] = self.make_parts()
@@ -98,7 +98,7 @@ class Connection(ABC):
         """Time of the clock at which the controller last gave a sign of life."""
 
     @abstractmethod
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         """What the controller reports now; it does not wait."""
 
     @abstractmethod
@@ -146,7 +146,7 @@ class Connection(ABC):
         for part in self._parts.values():
             part.stop()
 
-    def fault(self) -> Fault | None:
+    def fault(self) -> Failure | None:
         """Why nothing behind this controller can be relied on now, else None."""
         if not self.connected:
             return None
@@ -158,15 +158,15 @@ class Connection(ABC):
         silence = self.clock.now() - self.heard()
         if silence > self.limits.watchdog:
             text = f"nothing was heard of {self.name} for {silence:.2f} s"
-            return Fault(MotionErrorCode.DISCONNECTED, text)
+            return Failure(MotionErrorCode.DISCONNECTED, text)
         return None
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """End the motions of its parts as failed, and bring the parts to rest as far as that is possible."""
         for part in self._moving():
             part.fail(fault)
 
-    def clear(self, noted: Fault | None) -> None:
+    def clear(self, noted: Failure | None) -> None:
         """After a stop because of ``noted``: clear what the controller reports, or connect again where it was lost.
 
         A wire that was lost for a while is opened anew, even if it works again: nobody knows what has happened since.
@@ -199,7 +199,7 @@ class Connection(ABC):
             ) from error
 
     def _crashed(self, error: Exception) -> None:
-        self._crash = Fault(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")
+        self._crash = Failure(MotionErrorCode.FAULT, f"{self.name} stopped working: {type(error).__name__}: {error}")
 
     def _moving(self) -> list[ControlledPart]:
         return [part for part in self._parts.values() if isinstance(part, ControlledPart)]

@@ -17,19 +17,10 @@ from typing import Any
 
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.api import (
-    Motion,
-    MotionError,
-    MotionErrorCode,
-    MotionStatus,
-    NotConnectedError,
-    Part,
-    Robot,
-)
+from hal.api import Failure, Motion, MotionErrorCode, MotionStatus, NotConnectedError, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.robot import HardwareRobot
 from hal.hardware.robot_process import ROBOT, Call, MotionNumber, MotionReport, Setup
-from hal.parts import Fault
 
 END_TIME = 5.0
 PROGRAM = "from hal.hardware.robot_process import main; main()"
@@ -121,7 +112,7 @@ class IsolatedRobot(Robot):
         return float(answer) if answer is not None else None
 
     @property
-    def faults(self) -> Mapping[str, Fault]:
+    def faults(self) -> Mapping[str, Failure]:
         """Controller → the fault that stopped the robot."""
         return dict(self._line.call(Call(ROBOT, "noted_faults"))) if self._line.open else {}
 
@@ -233,7 +224,7 @@ class RemoteMotion(Motion):
         return self._poll("poll").status
 
     @property
-    def error(self) -> MotionError | None:
+    def error(self) -> Failure | None:
         """Why it failed or was cancelled."""
         return self._poll("poll").error
 
@@ -244,7 +235,7 @@ class RemoteMotion(Motion):
     def lose(self, text: str) -> None:
         """Nothing more will be heard of it."""
         if self._report.status is MotionStatus.RUNNING:
-            self._report = MotionReport(MotionStatus.FAILED, MotionError(MotionErrorCode.DISCONNECTED, text))
+            self._report = MotionReport(MotionStatus.FAILED, Failure(MotionErrorCode.DISCONNECTED, text))
 
     def _poll(self, method: str) -> MotionReport:
         if self._report.status is MotionStatus.RUNNING:

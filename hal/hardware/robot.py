@@ -11,11 +11,11 @@ from typing import cast
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
-from hal.api import Part, Robot
+from hal.api import Failure, Part, Robot
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.connection import Connection
 from hal.hardware.control_loop import ControlLoop
-from hal.parts import ConnectionFailedError, Fault, StopLatch
+from hal.parts import ConnectionFailedError, StopLatch
 
 WATCH_RATE = 100.0
 """Hertz: how often the watchdog looks at each controller."""
@@ -43,7 +43,7 @@ class HardwareRobot(Robot):
         self._clock = clock or RealTimeClock()
         self._latch = StopLatch()
         self._lock = threading.RLock()
-        self._faults: dict[str, Fault] = {}
+        self._faults: dict[str, Failure] = {}
         self._watchdog: ControlLoop | None = None
         self._watchdog_ended = False
         self._stopped_at: float | None = None
@@ -144,11 +144,11 @@ class HardwareRobot(Robot):
         return self._stopped_at
 
     @property
-    def faults(self) -> Mapping[str, Fault]:
+    def faults(self) -> Mapping[str, Failure]:
         """Controller → the fault that stopped the robot; empty after ``clear_stop()``."""
         return MappingProxyType(dict(self._faults))
 
-    def noted_faults(self) -> dict[str, Fault]:
+    def noted_faults(self) -> dict[str, Failure]:
         """A copy of ``faults``."""
         return dict(self._faults)
 

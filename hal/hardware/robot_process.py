@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from bestman_bt.robot_model import RobotModel
-from hal.api import Motion, MotionError, MotionStatus, RobotError
+from hal.api import Failure, Motion, MotionStatus, RobotError
 from hal.hardware.clock import RealTimeClock
 from hal.hardware.control_loop import take_real_time_priority
 from hal.hardware.robot import HardwareRobot
@@ -61,7 +61,7 @@ class MotionReport:
     """How a motion stands."""
 
     status: MotionStatus
-    error: MotionError | None
+    error: Failure | None
 
 
 class RobotServer:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
 from bestman_bt.robot_model import BatteryModel, CameraModel, ForceTorqueModel, ImuModel, LidarModel
-from hal.api import Battery, BatteryReading, Camera, ForceTorque, Imu, ImuReading, Lidar
-from hal.parts import ControlledPart, Fault, PartConnection, StopLatch
+from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
+from hal.parts import ControlledPart, PartConnection, StopLatch
 
 
 class HardwareSensor(ControlledPart):
@@ -30,7 +30,7 @@ class HardwareSensor(ControlledPart):
         """Always."""
         return True
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """There is no motion to fail; readings do."""
         self._connection.fail_motion(fault)
 

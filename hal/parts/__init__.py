@@ -12,7 +12,7 @@ from hal.parts.channels import (
 from hal.parts.command_checks import JointCommandChecks
 from hal.parts.controlled_part import ControlledPart, StoppablePart
 from hal.parts.driven_base import DrivenBase, DrivingParameters, MotionProfile, MotionProfileParameters
-from hal.parts.fault import ConnectionFailedError, Fault
+from hal.parts.fault import ConnectionFailedError
 from hal.parts.gripper import CommandedGripper, GripperParameters
 from hal.parts.gripper_command_checks import GripperCommandChecks
 from hal.parts.interface import Interface, interface_of
@@ -37,7 +37,6 @@ __all__ = [
     "Drift",
     "DrivenBase",
     "DrivingParameters",
-    "Fault",
     "Follow",
     "GripperChannel",
     "GripperCommandChecks",

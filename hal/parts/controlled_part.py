@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 
-from hal.api import Part
-from hal.parts.fault import Fault
+from hal.api import Failure, Part
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
 
@@ -27,7 +26,7 @@ class ControlledPart(Part):
         """Whether nothing of it is commanded to move any more."""
 
     @abstractmethod
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """The controller has a fault: the motion under way has failed, the part comes to rest."""
 
 

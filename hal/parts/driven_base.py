@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import BaseModel
-from hal.api import BaseDescription, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
+from hal.api import BaseDescription, Failure, MobileBase, Motion, MotionErrorCode, MotionStatus, NoDataError
 from hal.parts.base_command_checks import BaseCommandChecks
 from hal.parts.channels import BaseChannel
 from hal.parts.controlled_part import ControlledPart
-from hal.parts.fault import Fault
 from hal.parts.motion import PartMotion
 from hal.parts.part_connection import PartConnection
 from hal.parts.stop_latch import StopLatch
@@ -146,7 +145,7 @@ class DrivenBase(ControlledPart, MobileBase):
         """Whether it has been told to stand still."""
         return self._wanted == self._sent == STILL
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """The motion has failed; the base is told to stop, as far as it hears."""
         with self._connection.lock:
             self._connection.fail_motion(fault)

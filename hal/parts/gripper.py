@@ -7,10 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from bestman_bt.robot_model import GripperModel
-from hal.api import Gripper, GripperDescription, GripperState, Motion, MotionErrorCode, MotionStatus, NoDataError
+from hal.api import (
+    Failure,
+    Gripper,
+    GripperDescription,
+    GripperState,
+    Motion,
+    MotionErrorCode,
+    MotionStatus,
+    NoDataError,
+)
 from hal.parts.channels import GripperChannel, GripperReading
 from hal.parts.controlled_part import StoppablePart
-from hal.parts.fault import Fault
 from hal.parts.gripper_command_checks import GripperCommandChecks
 from hal.parts.motion import PartMotion
 from hal.parts.stop_latch import StopLatch
@@ -120,7 +128,7 @@ class CommandedGripper(StoppablePart, Gripper):
         """Whether nothing is to be sent any more."""
         return not self._halting and self._order is None
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """The motion has failed."""
         with self._connection.lock:
             self._connection.fail_motion(fault)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import Protocol
 
-from hal.api import Motion, MotionError, MotionErrorCode, MotionStatus
+from hal.api import Failure, Motion, MotionErrorCode, MotionStatus
 
 
 class MotionOwner(Protocol):
@@ -22,7 +22,7 @@ class PartMotion(Motion):
         self._owner = owner
         self._lock = threading.Lock()
         self._status = MotionStatus.RUNNING
-        self._error: MotionError | None = None
+        self._error: Failure | None = None
 
     @property
     def status(self) -> MotionStatus:
@@ -30,7 +30,7 @@ class PartMotion(Motion):
         return self._status
 
     @property
-    def error(self) -> MotionError | None:
+    def error(self) -> Failure | None:
         """Why it failed or was cancelled."""
         return self._error
 
@@ -38,7 +38,7 @@ class PartMotion(Motion):
         """End it now; its part then brakes to rest."""
         if self._status is MotionStatus.RUNNING:
             self._owner.brake()
-            self.end(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "cancelled by its caller")
+            self.end(MotionStatus.CANCELED, Failure(MotionErrorCode.CANCELED, "cancelled by its caller"))
 
     def succeed(self) -> None:
         """The target is reached."""
@@ -46,9 +46,9 @@ class PartMotion(Motion):
             if self._status is MotionStatus.RUNNING:
                 self._status = MotionStatus.SUCCEEDED
 
-    def end(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
+    def end(self, status: MotionStatus, failure: Failure) -> None:
         """End without success; without effect on a motion that has ended."""
         with self._lock:
             if self._status is MotionStatus.RUNNING:
-                self._error = MotionError(code, text)
+                self._error = failure
                 self._status = status

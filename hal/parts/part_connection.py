@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.parts.fault import Fault
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.parts.motion import PartMotion
 from hal.parts.stop_latch import StopLatch
 
@@ -18,7 +17,7 @@ class PartConnection:
         self.lock = threading.RLock()
         self._latch = latch
         self._open = False
-        self._lost: Fault | None = None
+        self._lost: Failure | None = None
         self._motion: PartMotion | None = None
 
     @property
@@ -66,18 +65,18 @@ class PartConnection:
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._motion = motion
 
-    def end_motion(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
+    def end_motion(self, status: MotionStatus, code: str, text: str, vendor_code: str = "") -> None:
         """End the motion under way, if any."""
         if self._motion is not None:
-            self._motion.end(status, code, f"{self.part_name}: {text}")
+            self._motion.end(status, Failure(code, text, self.part_name, vendor_code))
 
     def stop_motion(self) -> None:
         """The robot or the part was stopped: the motion under way, if any, is cancelled and told why."""
         why = self._latch.why
         self.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, f"stopped because {why}" if why else "stopped")
 
-    def fail_motion(self, fault: Fault) -> None:
+    def fail_motion(self, fault: Failure) -> None:
         """The motion under way, if any, has failed because of a fault; one that cuts the wire cuts readings, too."""
         if fault.code is MotionErrorCode.DISCONNECTED:
             self._lost = fault
-        self.end_motion(MotionStatus.FAILED, fault.code, str(fault))
+        self.end_motion(MotionStatus.FAILED, fault.code, fault.text, fault.vendor_code)

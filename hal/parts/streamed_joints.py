@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model import ArmModel, JointGroupModel
-from hal.api import JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
+from hal.api import Failure, JointGroup, JointLimits, Motion, MotionErrorCode, MotionStatus
 from hal.parts.channels import JointChannel
 from hal.parts.command_checks import JointCommandChecks
 from hal.parts.controlled_part import StoppablePart
-from hal.parts.fault import Fault
 from hal.parts.motion import PartMotion
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Hold, Reach, Setpoints, Trapezoid
 from hal.parts.stop_latch import StopLatch
@@ -180,7 +179,7 @@ class StreamedJointGroup(StoppablePart, JointGroup):
         """Whether the set-points have come to rest."""
         return isinstance(self._setpoints, Hold) and self._efforts is None
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """The motion has failed; the controller has stopped the joints or cannot be reached: no more set-points."""
         with self._connection.lock:
             self._connection.fail_motion(fault)

@@ -11,9 +11,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from bestman_bt.messages import RGBDImage
-from hal.api import NoDataError, Part
+from hal.api import Failure, NoDataError, Part
 from hal.hardware import Connection, HardwareCamera, RemoteTime
-from hal.parts import ConnectionFailedError, Fault
+from hal.parts import ConnectionFailedError
 from hal.realsense.options import RealSenseOptions
 from hal.realsense.sdk import realsense_sdk
 
@@ -89,7 +89,7 @@ class RealSenseConnection(Connection):
         """When the last frame came."""
         return self._heard
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         """Nothing: what the SDK raises ends the loop, which is a fault by itself."""
         return None
 

@@ -15,12 +15,12 @@ from typing import Any
 
 from hal.api import (
     Clock,
+    Failure,
     ForceTorque,
     Gripper,
     JointGroup,
     MobileBase,
     Motion,
-    MotionError,
     MotionStatus,
     Part,
     Robot,
@@ -222,7 +222,7 @@ class RecordedMotion(Motion):
         return status
 
     @property
-    def error(self) -> MotionError | None:
+    def error(self) -> Failure | None:
         """Why it failed or was cancelled."""
         return self._motion.error
 

@@ -14,8 +14,8 @@ from bestman_bt.robot_model import RobotModel
 from bestman_bt.scene import World
 from hal.api import (
     CommandRefusedError,
+    Failure,
     Motion,
-    MotionError,
     MotionErrorCode,
     MotionStatus,
     NoDataError,
@@ -241,7 +241,7 @@ class ReplayRobot(Robot):
     def _end_motion(self, part: str, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
         motion = self._motions.pop(part, None)
         if motion is not None:
-            motion.end(status, MotionError(code, f"{part}: {text}"))
+            motion.end(status, Failure(code, text, part))
 
     def _end_motions(self, status: MotionStatus, code: MotionErrorCode, text: str) -> None:
         for part in tuple(self._motions):
@@ -253,7 +253,7 @@ class ReplayedMotion(Motion):
 
     def __init__(self, robot: ReplayRobot, command: RecordedCommand) -> None:
         self._robot, self._command = robot, command
-        self._ended: tuple[MotionStatus, MotionError | None] | None = None
+        self._ended: tuple[MotionStatus, Failure | None] | None = None
 
     @property
     def status(self) -> MotionStatus:
@@ -262,16 +262,16 @@ class ReplayedMotion(Motion):
         return self._ended[0] if self._ended is not None else MotionStatus.RUNNING
 
     @property
-    def error(self) -> MotionError | None:
+    def error(self) -> Failure | None:
         """Why it failed or was cancelled."""
         self._look()
         return self._ended[1] if self._ended is not None else None
 
     def cancel(self) -> None:
         """It counts as cancelled; the recording goes on."""
-        self.end(MotionStatus.CANCELED, MotionError(MotionErrorCode.STOPPED, "cancelled by its caller"))
+        self.end(MotionStatus.CANCELED, Failure(MotionErrorCode.CANCELED, "cancelled by its caller"))
 
-    def end(self, status: MotionStatus, error: MotionError | None) -> None:
+    def end(self, status: MotionStatus, error: Failure | None) -> None:
         """End it; without effect on a motion that has ended."""
         self._look()
         if self._ended is None:
@@ -285,4 +285,4 @@ class ReplayedMotion(Motion):
             self._ended = end[1], end[2]
         elif moment > self._robot.tape.end:
             text = "the recording ends before this motion does"
-            self._ended = MotionStatus.FAILED, MotionError(MotionErrorCode.DISCONNECTED, text)
+            self._ended = MotionStatus.FAILED, Failure(MotionErrorCode.DISCONNECTED, text)

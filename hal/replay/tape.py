@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import hal.api
-from hal.api import MotionError, MotionStatus, Part
+from hal.api import Failure, MotionStatus, Part
 from hal.parts import ConnectionFailedError
 from hal.replay.encoding import from_json
 
@@ -57,7 +57,7 @@ class RecordedCommand:
     keywords: Mapping[str, Any]
     motion: int | None
     refusal: dict[str, Any] | None
-    end: tuple[float, MotionStatus, MotionError | None] | None = None
+    end: tuple[float, MotionStatus, Failure | None] | None = None
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from typing import TypeVar
 import numpy as np
 
 from bestman_bt.robot_model import GripperModel
-from hal.api import Clock, MotionErrorCode, NoDataError
+from hal.api import Clock, Failure, MotionErrorCode, NoDataError
 from hal.hardware import LatencyMonitor
-from hal.parts import ConnectionFailedError, Fault, GripperChannel, GripperReading
+from hal.parts import ConnectionFailedError, GripperChannel, GripperReading
 from hal.robotiq.faults import fault_of
 from hal.robotiq.options import RobotiqOptions
 from hal.robotiq.wire import RobotiqStatus, RobotiqWire
@@ -71,15 +71,15 @@ class RobotiqChannel(GripperChannel):
             self._status = status
 
     @property
-    def fault(self) -> Fault | None:
+    def fault(self) -> Failure | None:
         """What the gripper reports."""
         return fault_of(self._status.fault) if self._status is not None else None
 
     @property
-    def slowness(self) -> Fault | None:
+    def slowness(self) -> Failure | None:
         """That it has taken too long to answer for a while."""
         late = self._lateness.late(self._options.longest_delay, self._clock.now())
-        return Fault(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
+        return Failure(MotionErrorCode.TIMEOUT, f"answers take {late:.2f} s") if late is not None else None
 
     def read(self) -> GripperReading:
         """The width, and whether an object stopped the fingers on the way that they were last sent."""

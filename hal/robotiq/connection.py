@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from hal.api import Part
+from hal.api import Failure, Part
 from hal.hardware import Connection
-from hal.parts import CommandedGripper, Fault
+from hal.parts import CommandedGripper
 from hal.robotiq.channel import RobotiqChannel
 from hal.robotiq.options import RobotiqOptions
 from hal.robotiq.wire import MODBUS_PORT, URCAP_PORT, ModbusWire, RobotiqWire, URCapWire
@@ -45,7 +45,7 @@ class RobotiqConnection(Connection):
         """When the gripper last answered."""
         return self._channel.heard
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         """Its fault number, or a link that is too slow."""
         return self._channel.fault or self._channel.slowness
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from hal.api import MotionErrorCode
-from hal.parts import Fault
+from hal.api import Failure, MotionErrorCode
 
 WORDS = {
     5: "an action waits for the activation",
@@ -21,8 +20,10 @@ HARMLESS = frozenset({0, 5, 9})
 """None; an order that came during the activation; and a pause of ours, which the next round trip ends."""
 
 
-def fault_of(number: int) -> Fault | None:
+def fault_of(number: int) -> Failure | None:
     """The fault for number ``gFLT``, None where the gripper is well."""
     if number in HARMLESS:
         return None
-    return Fault(MotionErrorCode.FAULT, f"gripper: {WORDS.get(number, 'unknown fault')}", f"gFLT {number}")
+    return Failure(
+        MotionErrorCode.FAULT, f"gripper: {WORDS.get(number, 'unknown fault')}", vendor_code=f"gFLT {number}"
+    )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, ClassVar
 
-from hal.api import MotionErrorCode, Part
+from hal.api import Failure, MotionErrorCode, Part
 from hal.hardware import (
     Connection,
     HardwareBattery,
@@ -17,7 +17,7 @@ from hal.hardware import (
     HardwareLidar,
     RemoteTime,
 )
-from hal.parts import ConnectionFailedError, DrivenBase, Fault, JointReading, StreamedJointGroup
+from hal.parts import ConnectionFailedError, DrivenBase, JointReading, StreamedJointGroup
 from hal.rosbridge import decoding
 from hal.rosbridge.base import RosBase, TransformOdometry
 from hal.rosbridge.camera import RosCamera
@@ -116,20 +116,20 @@ class RosbridgeConnection(Connection):
         """When the last message came."""
         return self._link.heard
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         """The websocket was closed, a message is malformed, or what the base and joints tell is late or old."""
         if not self._link.connected:
-            return Fault(MotionErrorCode.DISCONNECTED, f"the rosbridge of {self.name} has closed the connection")
+            return Failure(MotionErrorCode.DISCONNECTED, f"the rosbridge of {self.name} has closed the connection")
         if self._link.complaint:
-            return Fault(MotionErrorCode.FAULT, self._link.complaint)
+            return Failure(MotionErrorCode.FAULT, self._link.complaint)
         if self.clock.now() - self.heard() > self.limits.watchdog:
             return None  # silence is the watchdog's
         for stream in self._watched:
             if (age := stream.age) > stream.longest_age:
                 text = f"what came last on {stream.topic} is {age:.2f} s old"
-                return Fault(MotionErrorCode.TIMEOUT, text)
+                return Failure(MotionErrorCode.TIMEOUT, text)
             if (late := stream.late(self.options.longest_delay)) is not None:
-                return Fault(MotionErrorCode.TIMEOUT, f"{stream.topic} comes {late:.2f} s late")
+                return Failure(MotionErrorCode.TIMEOUT, f"{stream.topic} comes {late:.2f} s late")
         return None
 
     def recover(self) -> None:
@@ -141,7 +141,7 @@ class RosbridgeConnection(Connection):
                 raise ConnectionFailedError(f"{self.name}: {fault}")
             time.sleep(0.02)
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """A wire that was lost may still hold velocities, which are not to act when it is back."""
         super().fail(fault)
         if fault.code is MotionErrorCode.DISCONNECTED:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model import ArmModel
-from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
+from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus
 from hal.parts import (
     ConnectionFailedError,
-    Fault,
     Hold,
     JointChannel,
     PartMotion,
@@ -139,7 +138,7 @@ class URArm(StreamedArm):
             else:
                 super().brake()
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """The motion has failed; the controller has stopped the arm or cannot be reached."""
         with self._connection.lock:
             if self._own is not None:
@@ -201,7 +200,7 @@ class URArm(StreamedArm):
                 return
             wrong = self._wrong(report) if report is not None else None
             if wrong is not None:
-                own.motion.end(MotionStatus.FAILED, MotionErrorCode.FAULT, f"{self.name}: {wrong}")
+                own.motion.end(MotionStatus.FAILED, Failure(MotionErrorCode.FAULT, wrong, self.name))
             passed = time.monotonic() - own.begun
             over = report is not None and passed > AT_LEAST and own.over(report, passed)
             if not (own.stopping or over or wrong is not None):
@@ -209,7 +208,7 @@ class URArm(StreamedArm):
             if not over or own.stop_call == "stop_speed":
                 self._link.call(own.stop_call, DECELERATION, timeout=STOP_TIME)
         except ConnectionFailedError as error:
-            own.motion.end(MotionStatus.FAILED, MotionErrorCode.FAULT, str(error))
+            own.motion.end(MotionStatus.FAILED, Failure(MotionErrorCode.FAULT, str(error), self.name))
         self._leave(own)
 
     def _wrong(self, report: Report) -> str | None:
@@ -226,7 +225,9 @@ class URArm(StreamedArm):
             if own.target is None or float(np.max(np.abs(measured - own.target))) < ARRIVED:
                 own.motion.succeed()
             else:
-                own.motion.end(MotionStatus.FAILED, MotionErrorCode.FAULT, f"{self.name}: the path ended elsewhere")
+                own.motion.end(
+                    MotionStatus.FAILED, Failure(MotionErrorCode.FAULT, "the path ended elsewhere", self.name)
+                )
             self._own = None
             self._position = np.clip(measured, self._checks.lower, self._checks.upper)
             self._velocity, self._setpoints = np.zeros_like(measured), Hold(self._position)

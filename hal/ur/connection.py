@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from hal.api import MotionErrorCode, Part
+from hal.api import Failure, MotionErrorCode, Part
 from hal.hardware import Connection
-from hal.parts import ConnectionFailedError, Fault, ToolLimits
+from hal.parts import ConnectionFailedError, ToolLimits
 from hal.ur.arm import URArm
 from hal.ur.digital_io import URDigitalIO
 from hal.ur.force_torque import URForceTorque
@@ -71,7 +71,7 @@ class URConnection(Connection):
         """When the controller took the newest reading."""
         return self._link.heard
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         """A safety or robot mode, a program that has ended, or a link that is too slow."""
         report = self._link.pump()
         if report is None:
@@ -81,14 +81,14 @@ class URConnection(Connection):
             return fault
         late = self._link.late(self.options.longest_delay)
         if late is not None:
-            return Fault(MotionErrorCode.TIMEOUT, f"readings come {late:.2f} s late")
+            return Failure(MotionErrorCode.TIMEOUT, f"readings come {late:.2f} s late")
         return None
 
     def recover(self) -> None:
         """Unlock, power on, start the program again."""
         self._link.call("recover", timeout=READY_TIME)
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         """A lost controller also loses the SDK, which would connect again of its own accord."""
         super().fail(fault)
         if fault.code is MotionErrorCode.DISCONNECTED:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from hal.api import MotionErrorCode
-from hal.parts import Fault
+from hal.api import Failure, MotionErrorCode
 from hal.ur.sdk_process import PLAYING, RUNNING, Report
 
 SAFETY_MODES = {
@@ -38,7 +37,7 @@ PROTECTIVE_STOP = 3
 STOPPED_BY_PEOPLE = frozenset({5, 6, 7, 12, 13})
 
 
-def fault_of(report: Report) -> Fault | None:
+def fault_of(report: Report) -> Failure | None:
     """Why the controller cannot be commanded, None where it can."""
     safety, mode = report.safety_mode, report.robot_mode
     if safety not in WELL:
@@ -48,10 +47,12 @@ def fault_of(report: Report) -> Fault | None:
             code = MotionErrorCode.STOPPED
         else:
             code = MotionErrorCode.FAULT
-        return Fault(code, SAFETY_MODES.get(safety, "unknown safety mode"), f"safety mode {safety}")
+        return Failure(code, SAFETY_MODES.get(safety, "unknown safety mode"), vendor_code=f"safety mode {safety}")
     if mode != RUNNING:
-        return Fault(MotionErrorCode.FAULT, ROBOT_MODES.get(mode, "unknown robot mode"), f"robot mode {mode}")
+        return Failure(
+            MotionErrorCode.FAULT, ROBOT_MODES.get(mode, "unknown robot mode"), vendor_code=f"robot mode {mode}"
+        )
     if report.runtime_state != PLAYING and not report.busy:
         text = "the program on the controller has ended"
-        return Fault(MotionErrorCode.FAULT, text, f"runtime state {report.runtime_state}")
+        return Failure(MotionErrorCode.FAULT, text, vendor_code=f"runtime state {report.runtime_state}")
     return None

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from bestman_bt.robot_model import GripperModel
-from hal.api import Part
+from hal.api import Failure, Part
 from hal.hardware import Connection
-from hal.parts import CommandedGripper, ConnectionFailedError, Fault, StreamedArm, ToolLimits
+from hal.parts import CommandedGripper, ConnectionFailedError, StreamedArm, ToolLimits
 from hal.xarm.channels import XArmGripper, XArmJoints
 from hal.xarm.lite6_gripper import Lite6Gripper, Lite6GripperWire
 from hal.xarm.options import XArmOptions
@@ -92,7 +92,7 @@ class XArmConnection(Connection):
         """When the controller last replied."""
         return self._wire.heard
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         """The error of the controller or of the gripper."""
         return self._wire.fault
 

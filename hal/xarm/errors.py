@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from types import ModuleType
 
-from hal.api import MotionErrorCode
-from hal.parts import Fault
+from hal.api import Failure, MotionErrorCode
 
 COLLISION = frozenset({22, 31})
 """Self-collision, and the current that a collision caused: the controller's protective stop."""
@@ -15,7 +14,7 @@ TRACKING = frozenset({30, 38})
 STOP_BUTTONS = frozenset({1, 2, 3})
 
 
-def controller_fault(number: int, load: Callable[[str], ModuleType]) -> Fault:
+def controller_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
     """The fault for error ``C<number>`` of the controller; its words are the vendor's."""
     if number in COLLISION:
         code = MotionErrorCode.COLLISION
@@ -26,13 +25,13 @@ def controller_fault(number: int, load: Callable[[str], ModuleType]) -> Fault:
     else:
         code = MotionErrorCode.FAULT
     words = load("xarm.core.config.x_code").ControllerErrorCodeMap
-    return Fault(code, _title(words, number), f"C{number}")
+    return Failure(code, _title(words, number), vendor_code=f"C{number}")
 
 
-def gripper_fault(number: int, load: Callable[[str], ModuleType]) -> Fault:
+def gripper_fault(number: int, load: Callable[[str], ModuleType]) -> Failure:
     """The fault for error ``G<number>`` of the gripper."""
     words = load("xarm.core.config.x_code").GripperErrorCodeMap
-    return Fault(MotionErrorCode.FAULT, _title(words, number), f"G{number}")
+    return Failure(MotionErrorCode.FAULT, _title(words, number), vendor_code=f"G{number}")
 
 
 def _title(words: dict[object, dict[str, dict[str, str]]], number: int) -> str:

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
-from hal.api import Clock, MotionErrorCode
-from hal.parts import ConnectionFailedError, Fault
+from hal.api import Clock, Failure, MotionErrorCode
+from hal.parts import ConnectionFailedError
 from hal.xarm.arm_identity import ArmIdentity
 from hal.xarm.errors import controller_fault, gripper_fault
 from hal.xarm.options import XArmOptions
@@ -34,7 +34,7 @@ class XArmWire:
         self._name, self._clock, self._load = name, clock, load
         self._arm: Any = None
         self._heard = 0.0
-        self._fault: Fault | None = None
+        self._fault: Failure | None = None
         self._judging = threading.RLock()  # a reply from before a recovery says nothing about the time after it
 
     @property
@@ -43,7 +43,7 @@ class XArmWire:
         return self._heard
 
     @property
-    def fault(self) -> Fault | None:
+    def fault(self) -> Failure | None:
         """What the controller or its gripper reported last."""
         return self._fault
 
@@ -103,7 +103,7 @@ class XArmWire:
             return
         if self._fault is None:
             text = "the controller is not ready to move" if code == STATE_NOT_READY else f"the SDK refused a {what}"
-            self._fault = Fault(MotionErrorCode.FAULT, text, f"SDK {code}")
+            self._fault = Failure(MotionErrorCode.FAULT, text, vendor_code=f"SDK {code}")
 
     def demand(self, what: str, command: Callable[[Any], int]) -> None:
         """Give a command that has to succeed; ConnectionFailedError where it does not."""

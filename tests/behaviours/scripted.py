@@ -13,9 +13,9 @@ import numpy as np
 from behaviours.computation import InlineComputation
 from behaviours.context import Algorithms, SkillContext
 from bestman_bt.configuration import load_run
-from bestman_bt.control import ControlErrorCode, ControlHandle
+from bestman_bt.control import ControlHandle
 from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
 from bestman_bt.runtime.algorithms import make_algorithms
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.world_model import BasePose
@@ -51,7 +51,7 @@ class ScriptedController:
         self.asked.append((name, *arguments))
         self.handles.append(handle)
         end = self.ends[name].pop(0) if self.ends[name] else None
-        if isinstance(end, ControlErrorCode):
+        if isinstance(end, MotionErrorCode):
             handle.fail(end, f"{name} came to an end as {end.value}")
         elif end is not UNDER_WAY:
             handle.succeed(end)

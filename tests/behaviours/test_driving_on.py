@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.messages import Path2D, Pose2D
+from bestman_bt.messages import MotionErrorCode, Path2D, Pose2D
 from bestman_bt.navigation.global_planning import PlanningFailure, PlanningFailureReason
 from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, load, map_from, run, scripted_skills
 
 GOAL = Pose2D(3.0, 0.0, 0.0)
-BLOCKED = ControlErrorCode.BLOCKED
+BLOCKED = MotionErrorCode.BLOCKED
 NO_PATH = PlanningFailure(PlanningFailureReason.NO_PATH, "there is no way")
 KNOWN, SEEN = "the map", "the map and what the lidar sees"
 PLANNING = 0.3
@@ -185,8 +184,8 @@ def test_somebody_who_has_gone_does_not_excuse_what_blocks_the_way_after_that(sk
     assert commands(skills).count("follow") == 1 + 2
 
 
-@pytest.mark.parametrize("code", [ControlErrorCode.LOST, ControlErrorCode.STOPPED, ControlErrorCode.FAULT])
-def test_what_does_not_pass_ends_it_at_once(skills: Any, code: ControlErrorCode) -> None:
+@pytest.mark.parametrize("code", [MotionErrorCode.LOST, MotionErrorCode.STOPPED, MotionErrorCode.FAULT])
+def test_what_does_not_pass_ends_it_at_once(skills: Any, code: MotionErrorCode) -> None:
     skills.base.ends["follow"] = [code]
     assert run(skills, to_goal(skills)) == FAILURE
     assert codes(skills) == [code.value]
@@ -194,7 +193,7 @@ def test_what_does_not_pass_ends_it_at_once(skills: Any, code: ControlErrorCode)
 
 
 def test_a_recovery_gives_time_and_goes_on_where_it_fails_itself_unless_the_robot_was_stopped(skills: Any) -> None:
-    for end, status, follows in ((BLOCKED, SUCCESS, 2), (ControlErrorCode.STOPPED, FAILURE, 1)):
+    for end, status, follows in ((BLOCKED, SUCCESS, 2), (MotionErrorCode.STOPPED, FAILURE, 1)):
         skills.base.asked.clear()
         skills.base.ends["follow"], skills.base.ends["drive"] = [BLOCKED], [end]
         begin = skills.clock.now()

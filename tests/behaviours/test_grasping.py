@@ -11,9 +11,8 @@ import pytest
 
 from behaviours import grasp as grasp_module
 from behaviours.grasp import PlannedGrasp, grip_problem
-from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
 from tests.behaviours.scripted import ASKEW, UNDER_WAY, codes, in_base, load, map_from, run, scripted_skills
 
@@ -105,7 +104,7 @@ def test_a_hand_that_closes_on_something_else_opens_and_leaves_as_it_came(
 def test_a_way_that_is_not_found_leaves_the_other_grasps_and_after_a_success_no_failure_is_remembered(
     skills: Any,
 ) -> None:
-    skills.arm.ends["follow"] = [ControlErrorCode.TRACKING]
+    skills.arm.ends["follow"] = [MotionErrorCode.TRACKING]
     tree = load(skills, GRASP, grasps=planned(skills, 2))
     assert run(skills, tree) == FAILURE
     assert len(tree.blackboard.get("grasps")) == 1
@@ -118,7 +117,7 @@ def test_a_way_that_is_not_found_leaves_the_other_grasps_and_after_a_success_no_
 @pytest.mark.parametrize(("width", "held"), [(WIDTH, True), (0.0, False)])
 def test_a_lift_that_is_stopped_keeps_what_is_still_in_the_hand(skills: Any, width: float, held: bool) -> None:
     skills.widths = [WIDTH, WIDTH, width]
-    skills.arm.ends["follow"] = [None, None, ControlErrorCode.STOPPED]
+    skills.arm.ends["follow"] = [None, None, MotionErrorCode.STOPPED]
     assert run(skills, load(skills, GRASP, grasps=planned(skills))) == FAILURE
     assert codes(skills) == ["stopped"]
     assert (skills.world.held is not None) is held

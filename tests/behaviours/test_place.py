@@ -11,9 +11,8 @@ import pytest
 
 from behaviours.place import PlaceOn, place_tool_poses
 from behaviours.skill import SkillFailure
-from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from bestman_bt.perception import segmentation
 from bestman_bt.perception.segmentation import FREE, OCCUPIED
 from bestman_bt.world_model import HeldObject
@@ -73,7 +72,7 @@ def test_a_hand_that_does_not_let_go_grips_again_and_the_object_stays_in_it(skil
 
 @pytest.mark.parametrize("failing", [0, 1])
 def test_a_gripper_that_fails_leaves_the_object_in_the_hand(skills: Any, failing: int) -> None:
-    skills.gripper.ends["release"] = [*[opened(WIDTH)] * failing, ControlErrorCode.BLOCKED]
+    skills.gripper.ends["release"] = [*[opened(WIDTH)] * failing, MotionErrorCode.BLOCKED]
     assert run(skills, load(skills, RELEASE)) == FAILURE
     assert codes(skills) == ["blocked"]
     assert skills.world.held is not None

@@ -10,9 +10,8 @@ import pytest
 
 from behaviours.policy_motion import PolicyMotion
 from behaviours.skill import SkillFailure
-from bestman_bt.control import ControlErrorCode
 from bestman_bt.manipulation.policy import Workspace
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from tests.behaviours.scripted import UNDER_WAY, scripted_skills
 
 BOX = Workspace(np.array([0.0, -0.5, 0.5]), np.array([1.0, 0.5, 1.5]))
@@ -79,7 +78,7 @@ def test_a_part_that_fails_ends_it(skills: Any, motion: PolicyMotion, part: str)
     skills.gripper.ends["close"] = [UNDER_WAY]
     steps = motion.carry_out(chunk(0.0, 0.0, 0.0), skills.clock.now(), 3)
     go_on(skills, steps, 0.1)
-    getattr(skills, part).handles[-1].fail(ControlErrorCode.BLOCKED, "it does not get on")
+    getattr(skills, part).handles[-1].fail(MotionErrorCode.BLOCKED, "it does not get on")
     with pytest.raises(SkillFailure, match="it does not get on") as failed:
         go_on(skills, steps, 0.1)
     assert failed.value.code == "blocked"
@@ -112,7 +111,7 @@ def test_an_arm_that_the_clock_has_stopped_is_told_as_time_that_is_up(skills: An
     steps = motion.carry_out(chunk(0.08), skills.clock.now(), 1)
     next(steps)
     skills.clock.advance(DEADLINE + 0.05)
-    skills.arm.handles[-1].fail(ControlErrorCode.GUARDED, "time is up")
+    skills.arm.handles[-1].fail(MotionErrorCode.GUARDED, "time is up")
     with pytest.raises(SkillFailure) as failed:
         next(steps)
     assert failed.value.code == "timeout"

@@ -14,6 +14,7 @@ from hal.api import (
     Arm,
     BaseDescription,
     CommandRefusedError,
+    Failure,
     Gripper,
     GripperDescription,
     GripperState,
@@ -21,7 +22,6 @@ from hal.api import (
     Lidar,
     MobileBase,
     Motion,
-    MotionError,
     MotionErrorCode,
     MotionStatus,
 )
@@ -49,13 +49,13 @@ class ScriptedMotion(Motion):
         return self._status
 
     @property
-    def error(self) -> MotionError | None:
+    def error(self) -> Failure | None:
         return self._error
 
     def end(self, status: MotionStatus, code: MotionErrorCode | None = None, text: str = "") -> None:
         if self._status is MotionStatus.RUNNING:
             self._status = status
-            self._error = None if code is None else MotionError(code, text)
+            self._error = None if code is None else Failure(code, text)
 
     def cancel(self) -> None:
         self.cancels += 1

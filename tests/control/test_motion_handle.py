@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.motion_handle import MotionHandle, start_motion
 from bestman_bt.sensing.joint_state import JointStateError
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
@@ -41,7 +41,7 @@ def test_a_cancel_reaches_the_motion_once_and_one_that_has_ended_not_at_all():
     handle.cancel()
     handle.cancel()
     assert motion.cancels == 1
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, ControlErrorCode.CANCELED)
+    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.CANCELED)
     ended = ScriptedMotion()
     handle = MotionHandle(ended)
     ended.end(MotionStatus.SUCCEEDED)
@@ -53,24 +53,24 @@ def test_a_motion_that_fails_without_a_word_is_a_fault():
     motion = ScriptedMotion()
     handle = MotionHandle(motion)
     motion.end(MotionStatus.FAILED)
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.FAULT)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.FAULT)
 
 
 def test_a_guard_s_verdict_stays_although_the_motion_is_then_stopped():
     motion = ScriptedMotion()
     handle = MotionHandle(motion)
-    handle.fail(ControlErrorCode.GUARDED, "it slipped")
+    handle.fail(MotionErrorCode.GUARDED, "it slipped")
     motion.end(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "stopped")
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.GUARDED)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.GUARDED)
 
 
 @pytest.mark.parametrize(
     ("error", "code"),
     [
-        (CommandRefusedError("no"), ControlErrorCode.REFUSED),
-        (NotConnectedError("no"), ControlErrorCode.DISCONNECTED),
-        (NoDataError("no"), ControlErrorCode.DISCONNECTED),
-        (JointStateError("no"), ControlErrorCode.DISCONNECTED),
+        (CommandRefusedError("no"), MotionErrorCode.REFUSED),
+        (NotConnectedError("no"), MotionErrorCode.DISCONNECTED),
+        (NoDataError("no"), MotionErrorCode.DISCONNECTED),
+        (JointStateError("no"), MotionErrorCode.DISCONNECTED),
     ],
     ids=lambda value: type(value).__name__,
 )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
+from behaviours.failure import NodeFailure
 from bestman_bt.evaluation.comparison_text import metric_sentence, sentences, success_sentence
 from bestman_bt.evaluation.paired_comparison import (
     compare_runs,
@@ -16,7 +17,7 @@ from bestman_bt.evaluation.paired_comparison import (
     hodges_lehmann,
     tango_interval,
 )
-from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.result import Outcome, RunResult
 
 BEFORE = [1.83, 0.50, 1.62, 2.48, 1.68, 1.88, 1.55, 3.06, 1.30]
 AFTER = [0.878, 0.647, 0.598, 2.05, 1.06, 1.29, 1.06, 3.14, 1.29]
@@ -31,7 +32,7 @@ def run(seed: int, success: bool = True, drive: float = 20.0, **metrics: float) 
         outcome=Outcome.SUCCESS if success else Outcome.FAILURE,
         tree_status="SUCCESS" if success else "FAILURE",
         predicate=success,
-        failure=None if success else FailureReport("pick/Grasp", "missed", "the hand closed on nothing"),
+        failure=None if success else NodeFailure("pick/Grasp", "missed", "the hand closed on nothing"),
         audit={},
         metrics=metrics,
         sim_time_s=40.0,

@@ -8,15 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from behaviours.failure import NodeFailure
 from bestman_bt.evaluation.audit import CHEATS
 from bestman_bt.evaluation.interval import wilson_interval
-from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.evaluation.summary import summarize
 
 
 def result(seed: int, *, tree: str = "SUCCESS", predicate: bool | None = True, teleports: int = 0) -> RunResult:
     success = tree == "SUCCESS" and predicate is True
-    failure = None if success else FailureReport("pick/Grasp", "missed", "the hand closed on nothing")
+    failure = None if success else NodeFailure("pick/Grasp", "missed", "the hand closed on nothing")
     return RunResult(
         task="fetch_cup",
         seed=seed,
@@ -123,7 +124,7 @@ def test_accuracy_is_that_of_the_runs_whose_tree_claims_success_true_or_not():
 
 def test_causes_are_counted_the_most_frequent_first_and_the_slowest_run_is_named():
     failed = [result(seed, predicate=False) for seed in range(3)]
-    other = replace(failed[0], seed=9, failure=FailureReport("a", "no_grasp", "…"), sim_time_s=90.0)
+    other = replace(failed[0], seed=9, failure=NodeFailure("a", "no_grasp", "…"), sim_time_s=90.0)
     document = summarize("t", 0, [other, *failed], 1.0)
     assert document["causes"] == {"missed": 3, "no_grasp": 1}
     assert document["slowest"] == {"seed": 9, "sim_time_s": 90.0}

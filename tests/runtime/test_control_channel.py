@@ -19,12 +19,12 @@ import pytest
 from py_trees.behaviour import Behaviour
 from py_trees.common import Access, Status
 
+from behaviours.failure import NodeFailure
 from bestman_bt.engine import RUNNING, SUCCESS, ManualClock, NodeRegistry, StatefulAction, build_tree, load_tree
 from bestman_bt.monitor.control_client import ControlError, request, running_executors, socket_folder
 from bestman_bt.monitor.events import EndEvent, Event, RunEvent, StatesEvent, from_line
 from bestman_bt.runtime import ControlChannel, Ending, Execution, Executor, control_channel
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges
-from bestman_bt.runtime.failure_lines import FailureLine
 from bestman_bt.runtime.telemetry import Telemetry
 
 TREE = """<root BTCPP_format="4"><BehaviorTree ID="Main">
@@ -489,14 +489,17 @@ def test_status_tells_the_last_failure_of_an_action() -> None:
     clock = ManualClock()
     executor = Executor(load_tree(SHORT, clock=clock), clock)
     telemetry = Telemetry(executor, described("failing"))
-    telemetry.last_failure = FailureLine("Main/grasp", "no_grasp", "nothing to hold", "grasp (my.xml:4)")
+    telemetry.last_failure = NodeFailure("Main/grasp", "no_grasp", "nothing to hold", "grasp (my.xml:4)")
     channel = ControlChannel(executor, lambda: None, telemetry, lambda: {"parts": {"arm": "ok"}, "robot": {}})
     answer = channel.answer({"do": "status"})
     assert answer["last_failure"] == {
         "node": "Main/grasp",
-        "code": "no_grasp",
-        "words": "nothing to hold",
+        "error_code": "no_grasp",
+        "why": "nothing to hold",
         "where": "grasp (my.xml:4)",
+        "stamp": 0.0,
+        "part": "",
+        "vendor_code": "",
     }
     assert answer["parts"] == {"arm": "ok"}
 

@@ -14,6 +14,7 @@ from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from behaviours.failure import NodeFailure
 from bestman_bt.engine import (
     FAILURE,
     IDLE,
@@ -32,7 +33,7 @@ from bestman_bt.engine import (
 )
 from bestman_bt.runtime import Ending, Executor
 from bestman_bt.runtime.executor import MAX_TASKS, Hold
-from bestman_bt.runtime.failure_lines import FailureLine, FailureLines, failure_codes
+from bestman_bt.runtime.failure_lines import FailureLines, failure_codes
 from hal.api import CommandRefusedError
 
 HALTED: list[str] = []
@@ -399,4 +400,4 @@ def test_the_feedback_of_a_native_leaf_is_the_reason_of_its_failure() -> None:
     failed: list[int] = []
     tree.subscribe(lambda changes: failed.extend(code >> 3 for code in failure_codes(tree).intersection(changes.codes)))
     Executor(tree, tree.clock).run()
-    assert FailureLines().of(tree, failed) == [FailureLine("scale", "", "no answer from the scale")]
+    assert FailureLines().of(tree, failed) == [NodeFailure("scale", "", "no answer from the scale")]

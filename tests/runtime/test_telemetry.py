@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from bestman_bt.engine import FAILURE, IDLE, RUNNING, ManualClock, NodeRegistry, StatefulAction, Tree, load_tree
 from bestman_bt.engine.logs.btlog import read_btlog
 from bestman_bt.monitor.events import (
@@ -62,7 +62,7 @@ class Grasp(StatefulAction):
         if self._inner.tick_once() == RUNNING:
             return RUNNING
         self.feedback_message = "the <cup> slipped"
-        self.context.append(Failure(self.path, "slipped", "the <cup> slipped", self.clock.now()))
+        self.context.append(NodeFailure(self.path, "slipped", "the <cup> slipped", stamp=self.clock.now()))
         return FAILURE
 
 
@@ -72,7 +72,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     registry = NodeRegistry()
     registry.register(Grasp)
-    told: list[Failure] = []
+    told: list[NodeFailure] = []
     clock = ManualClock(100.0)
     executor = Executor(load_tree(TREE, registry, clock=clock, context=told), clock)
     executor.tree.blackboard.set("object", "<script>")

@@ -10,7 +10,7 @@ import pytest
 
 from behaviours.computation import InlineComputation
 from behaviours.context import DRIVEN, SkillContext
-from behaviours.failure import Failure
+from behaviours.failure import NodeFailure
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.configuration.data import data_root
 from bestman_bt.engine import (
@@ -278,7 +278,7 @@ def test_a_goal_that_makes_no_sense_fails_with_the_closest_name(
 def test_a_plan_is_not_blamed_for_what_failed_before_it_and_conditions_are_no_reason(
     skills: Any, library: NodeRegistry
 ) -> None:
-    skills.failures.append(Failure("before", "slip", "an older failure", 0.0))
+    skills.failures.append(NodeFailure("before", "slip", "an older failure"))
     Bring.trouble.append("vanish")
     assert run(planned(skills, library, "on(cup, desk)", "sequence")) == SUCCESS
     (failed,) = [failure.why for failure in skills.failures if failure.error_code == "plan_failed"]
@@ -290,7 +290,7 @@ def test_of_several_failures_of_a_plan_the_last_is_told(skills: Any, library: No
     Bring.trouble.append("slip")
     tree = carrying_out(skills, library, "on(cup, desk)")
     assert tree.tick_once() == RUNNING
-    skills.failures.append(Failure("other", "odd", "something else within this plan", 0.0))
+    skills.failures.append(NodeFailure("other", "odd", "something else within this plan"))
     assert run(tree) == FAILURE
     assert skills.failures[-1].why.endswith("1_Bring: the cup slipped; next is Bring(cup, desk/top)")
     assert "something else" not in skills.failures[-1].why

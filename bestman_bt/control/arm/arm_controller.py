@@ -20,11 +20,11 @@ from bestman_bt.control.arm.followed_motion import FollowedMotion
 from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedMoveParameters, GuardedOutcome
 from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.control.arm.tool_stream import ToolStream, ToolStreamParameters
-from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.control.handle import ControlHandle
 from bestman_bt.control.motion_handle import start_motion
 from bestman_bt.control.reading import READING_ERRORS
 from bestman_bt.manipulation.kinematics import InverseKinematics
-from bestman_bt.messages import JointKind, JointTrajectory
+from bestman_bt.messages import JointKind, JointTrajectory, MotionErrorCode
 from bestman_bt.sensing.force_torque import WristWrench
 from hal.api import Arm, Clock, CommandRefusedError, JointLimits, Timer
 
@@ -90,7 +90,7 @@ class ArmController:
 
         ``free``: nothing is to be touched on the way; a contact ends it as COLLISION.
         """
-        self._end_stream(ControlErrorCode.SUPERSEDED, "a newer command took over")
+        self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
         handle: ControlHandle[None] = start_motion(lambda: self._arm.follow(trajectory))
         return self._watched(handle, guard, trajectory if free else None)
 
@@ -98,7 +98,7 @@ class ArmController:
         self, positions: ArrayLike, speed_scale: float = 0.3, guard: Guard | None = None
     ) -> ControlHandle[None]:
         """Move point to point to ``positions`` (n,) within a share of the limits; no collision check."""
-        self._end_stream(ControlErrorCode.SUPERSEDED, "a newer command took over")
+        self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
         return self._watched(start_motion(lambda: self._arm.move_to(positions, speed_scale)), guard, None)
 
     def move_until(
@@ -161,7 +161,7 @@ class ArmController:
 
     def stop(self) -> None:
         """Bring the arm to rest at once."""
-        self._end_stream(ControlErrorCode.STOPPED, "the arm was stopped")
+        self._end_stream(MotionErrorCode.STOPPED, "the arm was stopped")
         self._arm.stop()
 
     def _feeling(self, what: str) -> tuple[InverseKinematics, WristWrench]:
@@ -170,7 +170,7 @@ class ArmController:
         return self._kinematics, self._wrist
 
     def _run(self, action: _Streaming, handle: ControlHandle[Any], stream: ToolStream) -> None:
-        self._end_stream(ControlErrorCode.SUPERSEDED, "a newer command took over")
+        self._end_stream(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._arm.stop()  # also ends a motion under way
         self._stream = _Stream(action, handle, self._arm)
         self._stream.start(self._clock, stream.parameters.period)
@@ -178,7 +178,7 @@ class ArmController:
     def _cancel_stream(self) -> None:
         self.stop()
 
-    def _end_stream(self, code: ControlErrorCode, text: str) -> None:
+    def _end_stream(self, code: MotionErrorCode, text: str) -> None:
         if self._stream is not None:
             self._stream.end(code, text)
             self._stream = None
@@ -188,7 +188,7 @@ class ArmController:
     ) -> ControlHandle[None]:
         if free is not None and not handle.done:
             monitor = ContactMonitor(self._arm, self._clock, self._wrist, free, self._contact)
-            watch = _Watch(handle, monitor.objection, self._arm, ControlErrorCode.COLLISION)
+            watch = _Watch(handle, monitor.objection, self._arm, MotionErrorCode.COLLISION)
             watch.start(self._clock, self._contact.period)
         if guard is not None and not handle.done:
             _Watch(handle, guard, self._arm).start(self._clock, self._guard_period)
@@ -203,7 +203,7 @@ class _Watch:
         handle: ControlHandle[None],
         guard: Guard,
         arm: Arm,
-        code: ControlErrorCode = ControlErrorCode.GUARDED,
+        code: MotionErrorCode = MotionErrorCode.GUARDED,
     ) -> None:
         self._handle, self._guard, self._arm, self._code = handle, guard, arm, code
         self._timer: Timer | None = None
@@ -216,7 +216,7 @@ class _Watch:
         try:
             objection = None if self._handle.done else self._guard()
         except READING_ERRORS as error:
-            code, objection = ControlErrorCode.DISCONNECTED, str(error)
+            code, objection = MotionErrorCode.DISCONNECTED, str(error)
         if objection is not None:
             self._handle.fail(code, objection)
             self._arm.stop()
@@ -234,7 +234,7 @@ class _Stream:
     def start(self, clock: Clock, period: float) -> None:
         self._timer = clock.every(period, self._tick)
 
-    def end(self, code: ControlErrorCode, text: str) -> None:
+    def end(self, code: MotionErrorCode, text: str) -> None:
         if self._timer is not None:
             self._timer.cancel()
         self._handle.abort(code, text)
@@ -243,10 +243,10 @@ class _Stream:
         try:
             going = self._action.tick()
         except CommandRefusedError as error:
-            self.end(ControlErrorCode.STOPPED, str(error))
+            self.end(MotionErrorCode.STOPPED, str(error))
             return
         except READING_ERRORS as error:
-            self._handle.fail(ControlErrorCode.DISCONNECTED, str(error))
+            self._handle.fail(MotionErrorCode.DISCONNECTED, str(error))
             going = False
         if not going:
             if self._timer is not None:

@@ -18,19 +18,19 @@ from bestman_bt.control.arm.follow_guide import FollowGuide
 from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
 from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
-from bestman_bt.control.handle import ControlErrorCode, ControlHandle
-from bestman_bt.messages import JointKind, Pose
+from bestman_bt.control.handle import ControlHandle
+from bestman_bt.messages import JointKind, MotionErrorCode, Pose
 from bestman_bt.sensing.force_torque import WristWrench
 
 Array = NDArray[np.float64]
 
 _CODES = {
-    FollowEnd.LOCKED: ControlErrorCode.BLOCKED,
-    FollowEnd.JAMMED: ControlErrorCode.BLOCKED,
-    FollowEnd.GRIP_LOST: ControlErrorCode.GUARDED,
-    FollowEnd.OBSTACLE: ControlErrorCode.COLLISION,
-    FollowEnd.ARM_LIMIT: ControlErrorCode.UNREACHABLE,
-    FollowEnd.TIMEOUT: ControlErrorCode.TIMEOUT,
+    FollowEnd.LOCKED: MotionErrorCode.BLOCKED,
+    FollowEnd.JAMMED: MotionErrorCode.BLOCKED,
+    FollowEnd.GRIP_LOST: MotionErrorCode.GUARDED,
+    FollowEnd.OBSTACLE: MotionErrorCode.COLLISION,
+    FollowEnd.ARM_LIMIT: MotionErrorCode.UNREACHABLE,
+    FollowEnd.TIMEOUT: MotionErrorCode.TIMEOUT,
 }
 
 

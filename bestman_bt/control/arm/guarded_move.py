@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
-from bestman_bt.control.handle import ControlErrorCode, ControlHandle
-from bestman_bt.messages import Pose
+from bestman_bt.control.handle import ControlHandle
+from bestman_bt.messages import MotionErrorCode, Pose
 from bestman_bt.sensing.force_torque import WristWrench
 
 Array = NDArray[np.float64]
@@ -84,5 +84,5 @@ class GuardedMove:
             if self._stream.send(Pose(pose.position + way, pose.quaternion)) is StreamStep.SENT:
                 return True
         text = f"the arm can go no further than {distance:.3f} m: a joint limit or a singularity is ahead"
-        self._handle.fail(ControlErrorCode.UNREACHABLE, text, GuardedOutcome(False, distance, self._force, tool))
+        self._handle.fail(MotionErrorCode.UNREACHABLE, text, GuardedOutcome(False, distance, self._force, tool))
         return False

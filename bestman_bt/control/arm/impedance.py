@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
 
-from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.control.handle import ControlHandle
 from bestman_bt.manipulation.kinematics import ArmDynamics, InverseKinematics
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from hal.api import Arm, Clock, CommandRefusedError, NotConnectedError, Timer
 
 Array = NDArray[np.float64]
@@ -76,7 +76,7 @@ class ImpedanceController:
         It goes on as RUNNING; ``move_target`` pulls it elsewhere. It fails as TRACKING where a joint gets too fast, and
         ends as STOPPED with the robot.
         """
-        self._end(ControlErrorCode.SUPERSEDED, "a newer command took over")
+        self._end(MotionErrorCode.SUPERSEDED, "a newer command took over")
         self._posture = self._arm.positions()
         self._target = base_from_tool or self._kinematics.tool_pose(self._posture)
         self._handle = ControlHandle(self._release)
@@ -96,12 +96,12 @@ class ImpedanceController:
             speeds = self._arm.velocities()
             if np.any(np.abs(speeds) > self._fastest):
                 worst = self._arm.joint_names[int(np.argmax(np.abs(speeds) / self._fastest))]
-                handle.fail(ControlErrorCode.TRACKING, f"{worst} turns faster than it may while the arm gives way")
+                handle.fail(MotionErrorCode.TRACKING, f"{worst} turns faster than it may while the arm gives way")
                 self._release()
                 return
             self._arm.command(efforts=self._torques(self._arm.positions(), speeds))
         except (CommandRefusedError, NotConnectedError) as error:
-            self._end(ControlErrorCode.STOPPED, str(error))
+            self._end(MotionErrorCode.STOPPED, str(error))
 
     def _torques(self, positions: Array, speeds: Array) -> Array:
         p = self._parameters
@@ -136,7 +136,7 @@ class ImpedanceController:
             self._timer = None
         self._arm.stop()
 
-    def _end(self, code: ControlErrorCode, text: str) -> None:
+    def _end(self, code: MotionErrorCode, text: str) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

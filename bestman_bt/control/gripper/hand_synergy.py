@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.control.handle import ControlHandle
+from bestman_bt.messages import MotionErrorCode
 from hal.api import Clock, CommandRefusedError, JointGroup, NotConnectedError, Timer
 
 Array = NDArray[np.float64]
@@ -93,7 +94,7 @@ class HandSynergy:
         if force is not None and not force > 0.0:
             raise ValueError(f"the force of {self._hand.name} should be above 0 N, got {force}")
         if self._handle is not None:
-            self._handle.abort(ControlErrorCode.SUPERSEDED, "a newer command took over")
+            self._handle.abort(MotionErrorCode.SUPERSEDED, "a newer command took over")
         torque = self._limits if force is None else np.full(len(self._limits), force * self._parameters.lever)
         self._torque = np.minimum(torque, self._limits)
         self._closure = min(1.0, max(0.0, self.closure())) if self._timer is None else self._closure
@@ -106,7 +107,7 @@ class HandSynergy:
 
     def stop(self) -> None:
         """Hold where the fingers are."""
-        self._end(ControlErrorCode.STOPPED, f"{self._hand.name} was stopped")
+        self._end(MotionErrorCode.STOPPED, f"{self._hand.name} was stopped")
         self._hand.stop()
 
     def _tick(self) -> None:
@@ -119,7 +120,7 @@ class HandSynergy:
             spring = np.clip(p.stiffness * (wanted - positions), -self._torque, self._torque)
             self._hand.command(efforts=np.clip(spring - p.damping * speeds, -self._limits, self._limits))
         except (CommandRefusedError, NotConnectedError) as error:
-            self._end(ControlErrorCode.STOPPED, str(error))
+            self._end(MotionErrorCode.STOPPED, str(error))
             return
         self._watch(wanted, positions, speeds)
 
@@ -134,9 +135,9 @@ class HandSynergy:
             off = float(np.abs(wanted - positions).mean())
             handle.succeed(HandOutcome(self.closure(), off > p.blocked))
         elif self._running_for > p.timeout:
-            handle.fail(ControlErrorCode.TIMEOUT, f"the fingers of {self._hand.name} do not come to rest")
+            handle.fail(MotionErrorCode.TIMEOUT, f"the fingers of {self._hand.name} do not come to rest")
 
-    def _end(self, code: ControlErrorCode, text: str) -> None:
+    def _end(self, code: MotionErrorCode, text: str) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.control.handle import ControlHandle
 from bestman_bt.control.motion_handle import start_motion
 from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.messages import MotionErrorCode
 from bestman_bt.sensing.joint_state import JointStateSensor
 from hal.api import JointGroup
 
@@ -48,7 +49,7 @@ class HeadController:
             handle: ControlHandle[None] = ControlHandle()
             place = ", ".join(f"{value:.2f}" for value in target)
             handle.fail(
-                ControlErrorCode.UNREACHABLE,
+                MotionErrorCode.UNREACHABLE,
                 f"{self.name} cannot look at ({place}) m in the base frame: {math.degrees(miss):.0f}° are missing",
             )
             return handle

@@ -8,14 +8,14 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from bestman_bt.control.handle import ControlErrorCode, ControlHandle
+from bestman_bt.control.handle import ControlHandle
 from bestman_bt.control.reading import READING_ERRORS
 from bestman_bt.control.wheeled.base_action import BaseAction, DrivenPath
 from bestman_bt.control.wheeled.collision_monitor import MonitorAction
 from bestman_bt.control.wheeled.localisation_cycle import LocalisationCycle
 from bestman_bt.control.wheeled.progress import ProgressWatch
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
-from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.messages import MotionErrorCode, Pose2D, wrap_angle
 from bestman_bt.navigation.local_planning import MovingObstacle, ObstacleLayer, PathFollower, RotateToHeading
 from bestman_bt.world_model import BasePose, WorldModel
 from hal.api import Clock, CommandRefusedError, MobileBase
@@ -107,7 +107,7 @@ class ActionLoop:
     def _replace(self, action: BaseAction | None) -> None:
         if self._action is not None:
             superseded = action is not None
-            code = ControlErrorCode.SUPERSEDED if superseded else ControlErrorCode.STOPPED
+            code = MotionErrorCode.SUPERSEDED if superseded else MotionErrorCode.STOPPED
             self._action.handle.abort(code, "a newer command took over" if superseded else "the base was stopped")
         self._action = action
 
@@ -121,12 +121,12 @@ class ActionLoop:
                 if self._action is not None:
                     self._advance(self._action)
             except CommandRefusedError as error:
-                self._end(ControlErrorCode.STOPPED, str(error), aborted=True)
+                self._end(MotionErrorCode.STOPPED, str(error), aborted=True)
             except READING_ERRORS as error:
                 if self._action is not None:
                     with contextlib.suppress(*READING_ERRORS):  # the base itself may be what is gone
                         self._base.stop()
-                self._end(ControlErrorCode.DISCONNECTED, str(error))
+                self._end(MotionErrorCode.DISCONNECTED, str(error))
 
     def _advance(self, action: BaseAction) -> None:
         if action.follower is None:
@@ -139,14 +139,14 @@ class ActionLoop:
             why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
             text = f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
             where.lost = True
-            self._halt(ControlErrorCode.LOST, text)
+            self._halt(MotionErrorCode.LOST, text)
             return
         if where.lost and not action.by_odometry:
             where.look_again()  # stand and go on scanning: what begins while lost must not drive blindly
             return
         if action.watch.is_stuck(pose, self._clock.now()):
             text = f"the base does not get on at ({pose.x:.2f}, {pose.y:.2f}) m: {self._gate.held_by}"
-            self._halt(ControlErrorCode.BLOCKED, text)
+            self._halt(MotionErrorCode.BLOCKED, text)
             return
         self._drive(action, action.follower, pose)
 
@@ -161,13 +161,13 @@ class ActionLoop:
             command.twist, action.speed, velocity, pose, self._where.odometry, people, self._layer.walkers, period
         )
         if monitored.action is MonitorAction.BUMPED:
-            self._halt(ControlErrorCode.BLOCKED, monitored.text)
+            self._halt(MotionErrorCode.BLOCKED, monitored.text)
             return
         if self._gate.waits:
             action.watch.restart()
             action.gave_way = now if action.gave_way is None else action.gave_way
             if now - action.gave_way > self._parameters.patience:
-                self._halt(ControlErrorCode.BLOCKED, "people walk in the way of the base all the time")
+                self._halt(MotionErrorCode.BLOCKED, "people walk in the way of the base all the time")
         else:
             action.gave_way = None
         if command.done:
@@ -189,18 +189,18 @@ class ActionLoop:
                 return
             if distance > action.position_tolerance or turn > 2.0 * p.heading_tolerance:
                 text = f"the base came to rest {1e3 * distance:.0f} mm and {math.degrees(turn):.1f}° from its goal"
-                self._end(ControlErrorCode.TOLERANCE, text)
+                self._end(MotionErrorCode.TOLERANCE, text)
                 return
         action.handle.succeed(self._world.base)
         self._action = None
 
-    def _halt(self, code: ControlErrorCode, text: str) -> None:
+    def _halt(self, code: MotionErrorCode, text: str) -> None:
         self._base.stop()
         self._end(code, text)
 
-    def _end(self, code: ControlErrorCode, text: str, aborted: bool = False) -> None:
+    def _end(self, code: MotionErrorCode, text: str, aborted: bool = False) -> None:
         if self._action is not None:
-            self._gave_up = code is ControlErrorCode.BLOCKED
+            self._gave_up = code is MotionErrorCode.BLOCKED
             handle = self._action.handle
             if aborted:
                 handle.abort(code, text)

@@ -14,9 +14,8 @@ from typing import Any
 import yaml
 from pydantic import TypeAdapter, ValidationError
 
-from bestman_bt.engine import EngineError
 from bestman_bt.engine.logs import logged_nodes, read_btlog
-from bestman_bt.errors import InputError
+from bestman_bt.errors import Error, InputError
 from bestman_bt.evaluation.report.activities import activities, ended_by
 from bestman_bt.evaluation.report.embedded_picture import PictureError, embedded_picture
 from bestman_bt.evaluation.report.plain_yaml import read_plain_yaml
@@ -106,7 +105,7 @@ def read_story(folder: Path) -> RunStory:
                 raise ReportError(f"it has {size} bytes; at most {MAX_BYTES[name]} are read")
             reader(path, parts)
             read += 1
-        except (EngineError, OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
+        except (Error, OSError, ValueError, TypeError, KeyError, RecursionError, yaml.YAMLError) as error:
             parts.notes.append(f"{name} was not read to its end: {_short(error)}")
     if not read:
         raise ReportError(f"{folder}: {'; '.join(parts.notes) or 'nothing of a run is in it'}")

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS
-from bestman_bt.messages import LaserScan, Path2D, Pose2D
+from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose2D
 from bestman_bt.navigation.localization import FrontEdge
 from bestman_bt.world_model import BasePose
 from tests.behaviours.scripted import UNDER_WAY, codes, load, run, scripted_skills
@@ -99,17 +98,17 @@ def test_another_path_is_gone_over_to_and_a_halt_cancels_the_drive_along_it(skil
     assert run(skills, tree, 3) == RUNNING
     tree.halt()
     assert skills.base.handles[-1].done
-    assert skills.base.handles[-1].error.code is ControlErrorCode.CANCELED
+    assert skills.base.handles[-1].error.code is MotionErrorCode.CANCELED
 
 
 def test_the_drive_along_the_last_path_decides(skills: Any) -> None:
-    for end, status in ((None, SUCCESS), (ControlErrorCode.BLOCKED, FAILURE)):
+    for end, status in ((None, SUCCESS), (MotionErrorCode.BLOCKED, FAILURE)):
         skills.base.ends["follow"] = [UNDER_WAY, UNDER_WAY]
         tree = load(skills, FOLLOW, path=path_to(2.0))
         assert run(skills, tree, 3) == RUNNING
         tree.blackboard.set("path", path_to(3.0))
         assert run(skills, tree, 3) == RUNNING
-        skills.base.handles[-2].abort(ControlErrorCode.SUPERSEDED, "a newer command")
+        skills.base.handles[-2].abort(MotionErrorCode.SUPERSEDED, "a newer command")
         assert run(skills, tree, 3) == RUNNING
         if end is None:
             skills.base.handles[-1].succeed()
@@ -170,13 +169,13 @@ def test_a_base_straight_before_its_staging_pose_backs_up_to_it_and_drives_what_
 
 def test_a_base_that_stays_beside_its_goal_tries_as_often_as_it_may_and_tells_how_far_it_is_off(skills: Any) -> None:
     skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)
-    skills.base.ends["follow"] = [ControlErrorCode.TOLERANCE] * 9
+    skills.base.ends["follow"] = [MotionErrorCode.TOLERANCE] * 9
     plan = path_to(1.0)
     skills.algorithms = SimpleNamespace(global_planning=SimpleNamespace(plan=lambda *_: plan))
     assert run(skills, load(skills, '<DockAt goal="{goal}" attempts="2"/>', goal=GOAL)) == FAILURE
     assert codes(skills) == ["not_docked"]
     assert "after 2 approaches" in skills.failures[-1].why
-    skills.base.ends["follow"] = [ControlErrorCode.BLOCKED]
+    skills.base.ends["follow"] = [MotionErrorCode.BLOCKED]
     assert run(skills, load(skills, '<DockAt goal="{goal}" attempts="2"/>', goal=GOAL)) == FAILURE
     assert codes(skills)[-1] == "blocked"
 
@@ -190,7 +189,7 @@ def test_each_approach_is_corrected_by_the_front_from_the_goal_that_was_asked(
     scan = LaserScan(np.full(4, np.inf), 0.0, 0.1, 0.1, 8.0, 0.0)
     skills.base.scan = lambda: SimpleNamespace(scan=scan)
     skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)
-    skills.base.ends["follow"] = [ControlErrorCode.TOLERANCE] * 9
+    skills.base.ends["follow"] = [MotionErrorCode.TOLERANCE] * 9
     assert run(skills, load(skills, '<DockAt goal="{goal}" furniture="counter" attempts="3"/>', goal=GOAL)) == FAILURE
     goals = [path.goal for name, path, *_ in skills.base.asked if name == "follow"]
     assert goals == [FrontEdge(0.01, 0.004, 0.001).corrected(piece, GOAL)] * 3
@@ -234,10 +233,10 @@ def test_a_distance_counts_from_where_the_child_has_last_succeeded(skills: Any) 
     assert tree.blackboard.get("n") == 4
 
 
-@pytest.mark.parametrize("code", [ControlErrorCode.STOPPED, ControlErrorCode.SUPERSEDED])
+@pytest.mark.parametrize("code", [MotionErrorCode.STOPPED, MotionErrorCode.SUPERSEDED])
 @pytest.mark.parametrize(("leaf", "asked"), MOTIONS[:1] + MOTIONS[-1:])
 def test_a_motion_that_was_stopped_or_taken_over_by_another_command_has_failed(
-    skills: Any, leaf: str, asked: tuple[Any, ...], code: ControlErrorCode
+    skills: Any, leaf: str, asked: tuple[Any, ...], code: MotionErrorCode
 ) -> None:
     skills.base.ends[asked[0]] = [UNDER_WAY]
     tree = load(skills, f"<{leaf}/>")

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
-from bestman_bt.messages import JointTrajectory
+from bestman_bt.control import ControlStatus
+from bestman_bt.messages import JointTrajectory, MotionErrorCode
 
 
 def swing(arm, by: float, duration: float = 1.0) -> JointTrajectory:
@@ -43,7 +43,7 @@ def test_a_trajectory_that_starts_elsewhere_fails_without_moving(simulate):
     handle = simulated.arm.follow(shifted)
     simulated.robot.clock.sleep(0.3)
     assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is ControlErrorCode.REFUSED
+    assert handle.error.code is MotionErrorCode.REFUSED
     np.testing.assert_allclose(simulated.arm.positions(), before, atol=0.002)
 
 
@@ -55,7 +55,7 @@ def test_a_guard_that_objects_ends_the_motion_with_its_words(simulate):
         simulated.arm.follow(swing(simulated.arm, 0.4), lambda: "it slipped" if clock.now() > deadline else None)
     )
     assert handle.status is ControlStatus.FAILED
-    assert (handle.error.code, handle.error.text) == (ControlErrorCode.GUARDED, "it slipped")
+    assert (handle.error.code, handle.error.text) == (MotionErrorCode.GUARDED, "it slipped")
     clock.sleep(0.5)
     assert np.abs(simulated.robot.parts["arm"].velocities()).max() < 0.01
 
@@ -78,4 +78,4 @@ def test_a_newer_motion_supersedes_the_older(simulate):
     simulated.robot.clock.sleep(0.1)
     simulated.arm.move_to(simulated.arm.positions())
     assert first.status is ControlStatus.CANCELED
-    assert first.error.code is ControlErrorCode.SUPERSEDED
+    assert first.error.code is MotionErrorCode.SUPERSEDED

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode
 from bestman_bt.control.arm import ArmController, ContactMonitor, ContactMonitorParameters
-from bestman_bt.messages import JointTrajectory, Wrench
+from bestman_bt.messages import JointTrajectory, MotionErrorCode, Wrench
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
 
 FROM, TO = np.array([0.2, -0.5, 1.0]), np.array([1.2, -0.5, 0.0])
@@ -100,4 +99,4 @@ def test_only_a_free_motion_is_watched_for_contact():
         assert handle.done == free
         assert arm.stops == free
         if free:
-            assert handle.error.code is ControlErrorCode.COLLISION
+            assert handle.error.code is MotionErrorCode.COLLISION

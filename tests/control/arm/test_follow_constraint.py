@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.arm import FollowEnd
-from bestman_bt.messages import Pose2D
+from bestman_bt.messages import MotionErrorCode, Pose2D
 
 DRAWER = ("drawer_chest/drawer_3", Pose2D(-0.88, -0.6, -0.4))
 FRIDGE = ("fridge/upper_door", Pose2D(-0.87, -0.349, 0.0))
@@ -61,7 +61,7 @@ def test_a_locked_door_is_told_within_the_force_limit(stand_before):
     scene = stand_before(*FRIDGE, friction=200.0, flip=True)
     scene.grasp()
     ended = scene.wait(scene.arm.follow_constraint(scene.handle.opening_direction, angle=1.0, max_pull=35.0))
-    assert (ended.status, ended.error.code) == (ControlStatus.FAILED, ControlErrorCode.BLOCKED)
+    assert (ended.status, ended.error.code) == (ControlStatus.FAILED, MotionErrorCode.BLOCKED)
     assert "locked" in ended.error.text
     assert ended.result.end is FollowEnd.LOCKED
     assert ended.result.peak_pull < 45.0
@@ -76,7 +76,7 @@ def test_fingers_without_friction_lose_the_handle(stand_before):
         scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25, grip=scene.gripper.watch_slip())
     )
     assert ended.status is ControlStatus.FAILED
-    assert (ended.error.code, ended.result.end) == (ControlErrorCode.GUARDED, FollowEnd.GRIP_LOST)
+    assert (ended.error.code, ended.result.end) == (MotionErrorCode.GUARDED, FollowEnd.GRIP_LOST)
     assert scene.opened < 0.05
 
 
@@ -100,7 +100,7 @@ def test_a_newer_command_supersedes_a_following(stand_before):
     handle = scene.arm.follow_constraint(scene.handle.opening_direction, distance=0.25)
     scene.robot.clock.sleep(0.2)
     scene.arm.move_to(scene.arm.positions())
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, ControlErrorCode.SUPERSEDED)
+    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
 
 
 def test_a_following_without_an_end_or_direction_is_refused(stand_before):

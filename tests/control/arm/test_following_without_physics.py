@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.arm import ConstraintFollowingParameters, FollowEnd, FollowGuide, JointAxis
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from tests.control.arm.gantry import START, AtWork
 
 OUT = np.array([-0.6, 0.8, 0.0])
@@ -59,7 +59,7 @@ def test_a_drawer_is_followed_so_far_and_told_along_which_way_and_with_what_forc
 def test_what_does_not_give_way_is_told_within_the_force_limit(jam, end, words):
     for most in (20.0, 40.0):
         it, handle = follow(drawer(jam=jam), max_pull=most)
-        assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.BLOCKED)
+        assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.BLOCKED)
         assert handle.result.end is end
         assert words in handle.error.text
         assert handle.result.peak_pull < 1.1 * most
@@ -91,7 +91,7 @@ def test_what_pushes_aside_harder_than_it_may_is_an_obstacle(side, meets):
     _, handle = follow(force, max_side=12.0, axis=axis, learns=False)
     assert (handle.status is ControlStatus.FAILED) == meets
     if meets:
-        assert handle.error.code is ControlErrorCode.COLLISION
+        assert handle.error.code is MotionErrorCode.COLLISION
         assert handle.result.end is FollowEnd.OBSTACLE
         assert "push the hand aside" in handle.error.text
 
@@ -101,7 +101,7 @@ def test_a_grip_that_is_lost_ends_it_at_once_with_its_words():
     it, handle = follow(
         drawer(), grip=lambda: "the gripper holds nothing" if asked.append(1) or len(asked) > 60 else None
     )
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.GUARDED)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.GUARDED)
     assert handle.error.text.startswith("the gripper holds nothing after 0.0")
     assert handle.result.end is FollowEnd.GRIP_LOST
     assert len(asked) == 61
@@ -112,7 +112,7 @@ def test_where_the_arm_can_go_no_further_it_says_so_and_how_far_it_came():
     it = AtWork(drawer())
     it.kinematics.reachable = lambda place: float((place - START[:3]) @ OUT) < 0.08
     handle = it.wait(it.controller.follow_constraint(OUT, distance=0.2))
-    assert handle.error.code is ControlErrorCode.UNREACHABLE
+    assert handle.error.code is MotionErrorCode.UNREACHABLE
     assert handle.result.end is FollowEnd.ARM_LIMIT
     assert handle.result.distance == pytest.approx(0.08, abs=0.003)
 

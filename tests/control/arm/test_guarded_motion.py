@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
-from bestman_bt.messages import JointTrajectory, Pose2D
+from bestman_bt.control import ControlStatus
+from bestman_bt.messages import JointTrajectory, MotionErrorCode, Pose2D
 from hal.api import NotConnectedError
 from hal.pybullet.sensor_pipeline import SensorFault
 
@@ -48,7 +48,7 @@ def test_a_guarded_move_ends_at_once_where_the_wrist_falls_silent(stand_before):
     sensor.line.fault = SensorFault.SILENT
     scene.robot.clock.sleep(0.1)
     assert moving.status is ControlStatus.FAILED
-    assert moving.error.code is ControlErrorCode.DISCONNECTED
+    assert moving.error.code is MotionErrorCode.DISCONNECTED
     assert "wrist_force_torque" in moving.error.text
     scene.robot.clock.sleep(0.3)
     assert np.abs(scene.robot.parts["arm"].velocities()).max() < 0.02
@@ -71,7 +71,7 @@ def test_a_guarded_move_ends_at_once_where_joints_of_another_controller_fall_sil
     monkeypatch.setattr(scene.robot.parts["head"], "positions", gone)
     scene.robot.clock.sleep(0.1)
     assert moving.status is ControlStatus.FAILED
-    assert moving.error.code is ControlErrorCode.DISCONNECTED
+    assert moving.error.code is MotionErrorCode.DISCONNECTED
     assert moving.error.text == "head delivers nothing"
 
 
@@ -89,7 +89,7 @@ def test_contact_where_none_is_expected_stops_the_arm_and_is_told(stand_before):
     scene = tared(stand_before(*DRAWER, flip=True))
     scene.wait(scene.gripper.close())
     ended = scene.wait(scene.arm.follow(swing(scene, 0, -0.5, 2.0), free=True))
-    assert (ended.status, ended.error.code) == (ControlStatus.FAILED, ControlErrorCode.COLLISION)
+    assert (ended.status, ended.error.code) == (ControlStatus.FAILED, MotionErrorCode.COLLISION)
     assert "contact where none is expected" in ended.error.text
     scene.robot.clock.sleep(0.5)
     arm = scene.robot.parts["arm"]

@@ -8,10 +8,10 @@ import numpy as np
 import pybullet
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.arm import ImpedanceController, ImpedanceParameters
 from bestman_bt.manipulation.kinematics import ArmDynamics, DampedLeastSquares
-from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import World
 from hal.api import Arm
@@ -118,14 +118,14 @@ def test_a_stop_of_the_robot_ends_it(pushed) -> None:
     first = it.controller.hold()
     handle = it.controller.hold()
     assert first.error is not None
-    assert first.error.code is ControlErrorCode.SUPERSEDED
+    assert first.error.code is MotionErrorCode.SUPERSEDED
     first.cancel()
     it.robot.clock.sleep(0.2)
     assert handle.status is ControlStatus.RUNNING
     it.robot.stop()
     it.robot.clock.sleep(0.2)
     assert handle.error is not None
-    assert handle.error.code is ControlErrorCode.STOPPED
+    assert handle.error.code is MotionErrorCode.STOPPED
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -138,7 +138,7 @@ def test_an_arm_that_is_thrown_about_is_braked(pushed, side: float) -> None:
         if handle.done:
             break
     assert handle.error is not None
-    assert handle.error.code is ControlErrorCode.TRACKING
+    assert handle.error.code is MotionErrorCode.TRACKING
     it.force = np.zeros(3)
     it.robot.clock.sleep(0.5)
     assert np.abs(it.arm.velocities()).max() < 0.05, "it holds where it is"
@@ -152,7 +152,7 @@ def test_the_one_joint_that_is_too_fast_is_named(pushed, monkeypatch: pytest.Mon
     monkeypatch.setattr(it.arm, "velocities", lambda: speeds)
     handle = it.controller.hold()
     assert handle.error is not None
-    assert handle.error.code is ControlErrorCode.TRACKING
+    assert handle.error.code is MotionErrorCode.TRACKING
     assert it.arm.joint_names[3] in handle.error.text
 
 

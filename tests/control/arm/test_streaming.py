@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.arm import ArmController, GuardedMoveParameters
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream, ToolStreamParameters
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from hal.api import CommandRefusedError, NoDataError, NotConnectedError
 from tests.control.arm.gantry import START, AtWork, Gantry, spring
 from tests.control.scripted_parts import ScriptedArm
@@ -142,7 +142,7 @@ def test_a_guarded_move_that_can_go_no_further_tells_how_far_it_came():
     it = AtWork()
     it.kinematics.reachable = lambda place: float((place - START[:3]) @ ALONG) < 0.05
     handle = it.wait(it.controller.move_until(ALONG, 0.05, 0.2, 8.0))
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.UNREACHABLE)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.UNREACHABLE)
     assert handle.result.distance == pytest.approx(0.05, abs=1e-3)
     assert "0.05" in handle.error.text or "0.049" in handle.error.text
     assert not handle.result.touched
@@ -163,7 +163,7 @@ def test_a_stream_that_is_cancelled_stops_the_arm_sends_nothing_more_and_a_new_o
     sent, stops = len(it.arm.sent), it.arm.stops
     handle.cancel() if how == "cancel" else it.controller.stop()
     assert it.arm.stops == stops + 1
-    assert handle.error.code is (ControlErrorCode.CANCELED if how == "cancel" else ControlErrorCode.STOPPED)
+    assert handle.error.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
     it.clock.sleep(0.5)
     assert (len(it.arm.sent), it.arm.stops) == (sent, stops + 1)
     before = it.tool.position
@@ -188,7 +188,7 @@ def test_a_newer_command_supersedes_a_stream_which_then_sends_nothing(newer):
         "move_until": lambda: it.controller.move_until(-ALONG, 0.05, 0.3, 5.0),
     }
     second = commands[newer]()
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, ControlErrorCode.SUPERSEDED)
+    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
     it.clock.sleep(0.3)
     assert not second.done
     if newer != "move_until":
@@ -207,8 +207,8 @@ def test_a_stream_ends_a_motion_that_is_under_way():
 @pytest.mark.parametrize(
     ("error", "status", "code"),
     [
-        (CommandRefusedError("gone"), ControlStatus.CANCELED, ControlErrorCode.STOPPED),
-        (NotConnectedError("gone"), ControlStatus.FAILED, ControlErrorCode.DISCONNECTED),
+        (CommandRefusedError("gone"), ControlStatus.CANCELED, MotionErrorCode.STOPPED),
+        (NotConnectedError("gone"), ControlStatus.FAILED, MotionErrorCode.DISCONNECTED),
     ],
 )
 def test_a_stream_ends_with_the_arm_and_leaves_no_timer(error, status, code):
@@ -230,7 +230,7 @@ def test_a_wrist_that_falls_silent_ends_a_stream_and_stops_the_arm():
     stops = it.arm.stops
     it.wrist.error = NoDataError("silent")
     it.clock.sleep(0.1)
-    assert handle.error.code is ControlErrorCode.DISCONNECTED
+    assert handle.error.code is MotionErrorCode.DISCONNECTED
     assert it.arm.stops == stops + 1
 
 
@@ -249,7 +249,7 @@ def test_a_guard_is_asked_until_it_objects_and_then_the_arm_is_stopped(begin):
     assert 9 <= len(asked) <= 10
     answer[0] = "it slipped"
     it.clock.sleep(0.06)
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.GUARDED)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.GUARDED)
     assert (handle.error.text, it.arm.stops) == ("it slipped", 1)
     count = len(asked)
     it.clock.sleep(0.5)
@@ -262,7 +262,7 @@ def test_a_guard_whose_readings_fail_ends_the_motion_as_disconnected_and_stops_t
 
     it, handle = guarded(guard)
     it.clock.sleep(0.06)
-    assert (handle.error.code, handle.error.text) == (ControlErrorCode.DISCONNECTED, "the gripper is silent")
+    assert (handle.error.code, handle.error.text) == (MotionErrorCode.DISCONNECTED, "the gripper is silent")
     assert it.arm.stops == 1
 
 
@@ -273,7 +273,7 @@ def test_a_guard_of_a_motion_that_has_ended_is_asked_no_more_and_stops_nothing()
     second = it.controller.move_to(START)
     count = len(asked)
     it.clock.sleep(0.5)
-    assert handle.error.code is ControlErrorCode.SUPERSEDED
+    assert handle.error.code is MotionErrorCode.SUPERSEDED
     assert (len(asked), it.arm.stops) == (count, 0)
     assert not second.done
 
@@ -284,7 +284,7 @@ def test_a_command_that_is_refused_is_not_watched():
     asked = []
     handle = it.controller.move_to(START, guard=lambda: asked.append(1))
     it.clock.sleep(0.3)
-    assert (handle.error.code, asked) == (ControlErrorCode.REFUSED, [])
+    assert (handle.error.code, asked) == (MotionErrorCode.REFUSED, [])
 
 
 @pytest.mark.parametrize(

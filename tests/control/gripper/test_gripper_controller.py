@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
+from bestman_bt.messages import MotionErrorCode
 
 
 def test_a_hand_that_closes_on_nothing_succeeds_and_holds_nothing(simulate):
@@ -47,7 +48,7 @@ def test_a_width_beyond_the_range_is_refused(simulate):
     simulated = simulate()
     handle = simulated.gripper.open(0.5)
     assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is ControlErrorCode.REFUSED
+    assert handle.error.code is MotionErrorCode.REFUSED
 
 
 def test_a_slip_watch_is_silent_while_it_holds_and_speaks_when_it_does_not(simulate, world_with_bar):

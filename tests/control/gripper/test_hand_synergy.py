@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import Document
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.gripper import HandOutcome, HandSynergy
-from bestman_bt.messages import Cylinder, PlacedShape, Pose, Pose2D
+from bestman_bt.messages import Cylinder, MotionErrorCode, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model import RobotModel, compose_robot
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World
 from hal.api import JointGroup
@@ -89,7 +89,7 @@ def test_a_stop_ends_the_closing(empty_hand: PyBulletRobot) -> None:
     empty_hand.stop()
     empty_hand.clock.sleep(0.1)
     assert handle.error is not None
-    assert handle.error.code is ControlErrorCode.STOPPED
+    assert handle.error.code is MotionErrorCode.STOPPED
 
 
 def test_what_makes_no_sense_is_refused(empty_hand: PyBulletRobot) -> None:

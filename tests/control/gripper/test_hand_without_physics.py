@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.gripper import HandSynergy, SynergyParameters
+from bestman_bt.messages import MotionErrorCode
 from hal.api import CommandRefusedError, JointGroup, JointLimits, Motion
 from tests.control.scripted_parts import stepped_clock
 
@@ -108,7 +109,7 @@ def test_one_finger_alone_may_be_blocked_and_a_newer_command_goes_on_from_the_pr
     first = synergy.close()
     hand.clock.sleep(0.5)
     second = synergy.close()
-    assert (first.status, first.error.code) == (ControlStatus.CANCELED, ControlErrorCode.SUPERSEDED)
+    assert (first.status, first.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
     begin = hand.clock.now()
     assert wait(hand, second).result.object_held
     assert hand.clock.now() - begin < 0.95, "half of the way had been made"
@@ -124,7 +125,7 @@ def test_fingers_that_do_not_come_to_rest_time_out_each_time_anew(hand):
         hand.clock.sleep(3.9)
         assert not handle.done
         hand.clock.sleep(0.2)
-        assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.TIMEOUT)
+        assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.TIMEOUT)
     hand.shaking = 0.1
     assert wait(hand, synergy.open()).status is ControlStatus.SUCCEEDED
 
@@ -149,7 +150,7 @@ def test_a_hand_that_is_cancelled_is_stopped_and_commanded_no_more_until_the_nex
     hand.clock.sleep(0.3)
     handle.cancel() if how == "cancel" else synergy.stop()
     assert hand.stops == 1
-    assert handle.error.code is (ControlErrorCode.CANCELED if how == "cancel" else ControlErrorCode.STOPPED)
+    assert handle.error.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
     commands = len(hand.commands)
     hand.at = np.array([0.9, 0.6])  # moved by somebody meanwhile
     hand.clock.sleep(0.5)
@@ -166,7 +167,7 @@ def test_a_command_that_is_refused_ends_it_as_stopped(hand):
     hand.clock.sleep(0.2)
     hand.error = CommandRefusedError("the robot is stopped")
     hand.clock.sleep(0.1)
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, ControlErrorCode.STOPPED)
+    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.STOPPED)
     hand.error = None
     commands = len(hand.commands)
     hand.clock.sleep(0.2)

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.head import HeadController
-from bestman_bt.messages import Pose
+from bestman_bt.messages import MotionErrorCode, Pose
 from hal.api import JointLimits
 from tests.control.scripted_parts import ScriptedArm, ScriptedMotion
 
@@ -32,7 +32,7 @@ def test_a_point_that_the_head_cannot_look_at_is_unreachable_and_nothing_moves(s
     handle = simulated.head.look_at((-3.0, 0.0, 1.0))
     simulated.robot.clock.sleep(0.2)
     assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is ControlErrorCode.UNREACHABLE
+    assert handle.error.code is MotionErrorCode.UNREACHABLE
     np.testing.assert_allclose(simulated.robot.parts["head"].positions(), before, atol=1e-3)
 
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
+from bestman_bt.control import ControlStatus
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
-from bestman_bt.messages import LaserScan, Path2D, Pose, Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
 from bestman_bt.navigation.local_planning import (
     FollowerCommand,
@@ -174,7 +174,7 @@ def test_an_action_that_is_cancelled_stops_the_base_once_and_tells_it_nothing_mo
     told = len(it.base.told)
     handle.cancel() if how == "cancel" else it.controller.stop()
     assert it.base.stops == 1
-    assert handle.error.code is (ControlErrorCode.CANCELED if how == "cancel" else ControlErrorCode.STOPPED)
+    assert handle.error.code is (MotionErrorCode.CANCELED if how == "cancel" else MotionErrorCode.STOPPED)
     assert it.controller.path is None
     handle.cancel()
     it.sleep(1.0)
@@ -191,7 +191,7 @@ def test_the_handle_of_an_action_that_was_superseded_no_longer_stops_the_base():
     first = it.controller.drive(1.0)
     it.sleep(0.5)
     second = it.controller.drive(1.2)
-    assert (first.status, first.error.code) == (ControlStatus.CANCELED, ControlErrorCode.SUPERSEDED)
+    assert (first.status, first.error.code) == (ControlStatus.CANCELED, MotionErrorCode.SUPERSEDED)
     first.cancel()
     assert it.base.stops == 0
     assert it.wait(second).status is ControlStatus.SUCCEEDED
@@ -217,7 +217,7 @@ def test_an_action_ends_and_the_base_is_stopped_at_once_when_a_reading_fails(gon
     part = it.lidar if gone == "lidar" else it.base
     part.error = NoDataError("silent") if gone == "lidar" else NotConnectedError("silent")
     it.sleep(0.15)
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.DISCONNECTED)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.DISCONNECTED)
     assert handle.error.text == "silent"
     assert it.base.stops == 1
     it.sleep(0.5)
@@ -232,7 +232,7 @@ def test_an_action_whose_commands_are_refused_counts_as_stopped_and_not_as_stuck
     it.sleep(0.5)
     it.base.refuses = True
     it.sleep(0.1)
-    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, ControlErrorCode.STOPPED)
+    assert (handle.status, handle.error.code) == (ControlStatus.CANCELED, MotionErrorCode.STOPPED)
     assert handle.error.text == "the robot is stopped"
     assert not it.controller.stuck
 
@@ -248,7 +248,7 @@ def test_a_base_that_does_not_get_on_is_stuck_after_a_while_then_blocked_and_may
     it.sleep(1.2)
     assert not handle.done
     it.sleep(0.3)
-    assert handle.error.code is ControlErrorCode.BLOCKED
+    assert handle.error.code is MotionErrorCode.BLOCKED
     assert "(-0.50, 0.70)" in handle.error.text
     assert "wheels do not turn" in handle.error.text
     assert it.base.stops == 1
@@ -275,7 +275,7 @@ def test_a_base_that_stands_for_a_limit_is_not_blocked_until_its_patience_has_an
     it.sleep(14.8)
     assert not handle.done
     it.sleep(0.4)
-    assert handle.error.code is ControlErrorCode.BLOCKED
+    assert handle.error.code is MotionErrorCode.BLOCKED
     assert "walk in the way" in handle.error.text
     it.controller.speed_limit = None
     assert it.wait(it.controller.drive(-0.2)).status is ControlStatus.SUCCEEDED
@@ -287,7 +287,7 @@ def test_a_base_that_rests_off_its_goal_is_judged_by_the_tolerance(off, reached)
     handle = it.wait(it.controller.follow(here_to(START @ Pose2D(0.6 * off, 0.8 * off, 0.0))))
     assert (handle.status is ControlStatus.SUCCEEDED) == reached
     if not reached:
-        assert handle.error.code is ControlErrorCode.TOLERANCE
+        assert handle.error.code is MotionErrorCode.TOLERANCE
         assert f"{1e3 * off:.0f} mm" in handle.error.text
 
 
@@ -318,7 +318,7 @@ def test_a_base_that_gets_too_uncertain_says_so_and_is_stopped():
     assert not handle.done
     it.localizer.position_std, it.localizer.fits = 0.101, False
     it.sleep(0.1)
-    assert handle.error.code is ControlErrorCode.LOST
+    assert handle.error.code is MotionErrorCode.LOST
     assert "0.10 m" in handle.error.text
     assert it.base.stops == 1
     assert it.controller.lost
@@ -336,7 +336,7 @@ def test_a_base_is_lost_after_so_many_refused_scans_in_a_row_and_found_with_one_
     it.sleep(1.6)
     assert not handle.done
     it.sleep(0.5)
-    assert handle.error.code is ControlErrorCode.LOST
+    assert handle.error.code is MotionErrorCode.LOST
     assert "nothing fits" in handle.error.text
     told = len(it.base.told)
     again = it.controller.drive(-0.3)
@@ -356,7 +356,7 @@ def test_a_lost_base_that_waits_in_vain_is_told_again_that_it_is_lost_and_turns_
     assert it.base.true_pose.theta == pytest.approx(3.0, abs=0.01)
     told = len(it.base.told)
     handle = it.wait(it.controller.drive(0.5), 5.0)
-    assert handle.error.code is ControlErrorCode.LOST
+    assert handle.error.code is MotionErrorCode.LOST
     assert len(it.base.told) == told
 
 
@@ -368,7 +368,7 @@ def test_believing_in_another_place_stops_the_base_forgets_what_was_seen_and_ask
     it.sleep(0.5)
     elsewhere = Pose2D(1.0, 1.0, -0.5)
     it.controller.believe(elsewhere, 0.2, 0.1)
-    assert handle.error.code is ControlErrorCode.STOPPED
+    assert handle.error.code is MotionErrorCode.STOPPED
     assert it.base.stops == 1
     assert it.localizer.resets[-1] == elsewhere
     assert it.world.base == BasePose(elsewhere, 0.2, 0.1, it.base.clock.now())
@@ -409,7 +409,7 @@ def test_a_controller_that_is_closed_cancels_what_is_under_way_and_drives_no_mor
     handle = it.controller.drive(2.0)
     it.sleep(0.5)
     it.controller.close()
-    assert handle.error.code is ControlErrorCode.STOPPED
+    assert handle.error.code is MotionErrorCode.STOPPED
     told, scans = len(it.base.told), it.lidar.scans
     it.sleep(1.0)
     assert (len(it.base.told), it.lidar.scans) == (told, scans)
@@ -525,7 +525,7 @@ def test_a_base_that_bumps_into_something_brakes_and_is_blocked_without_waiting(
     it.sleep(0.3)
     bumper.pressed = True
     it.sleep(0.4)  # it brakes, and is told when it stands
-    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, ControlErrorCode.BLOCKED)
+    assert (handle.status, handle.error.code) == (ControlStatus.FAILED, MotionErrorCode.BLOCKED)
     assert "bumper" in handle.error.text
     assert it.controller.stuck
     bumper.pressed = False
@@ -581,4 +581,4 @@ def test_scans_that_were_refused_before_it_began_anew_do_not_make_a_base_lost():
     it.sleep(1.0)
     assert not handle.done
     it.sleep(1.1)
-    assert handle.error.code is ControlErrorCode.LOST
+    assert handle.error.code is MotionErrorCode.LOST

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.control import ControlErrorCode, ControlStatus
-from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, wrap_angle
+from bestman_bt.control import ControlStatus
+from bestman_bt.messages import Box, MotionErrorCode, PlacedShape, Pose, Pose2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint, GridAStar
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import SemanticMap
@@ -95,7 +95,7 @@ def test_parking_ends_at_rest_with_the_believed_pose_as_result(simulate):
     simulated.robot.clock.sleep(1.0)
     parked = simulated.wait(simulated.base.park())
     assert driving.status is ControlStatus.CANCELED
-    assert driving.error.code is ControlErrorCode.SUPERSEDED
+    assert driving.error.code is MotionErrorCode.SUPERSEDED
     assert parked.result == simulated.world.base
     before = simulated.true_pose
     simulated.robot.clock.sleep(0.5)
@@ -126,7 +126,7 @@ def test_a_stop_of_the_robot_cancels_the_action(simulate):
     simulated.robot.stop()
     simulated.robot.clock.sleep(0.1)
     assert handle.status is ControlStatus.CANCELED
-    assert handle.error.code is ControlErrorCode.STOPPED
+    assert handle.error.code is MotionErrorCode.STOPPED
 
 
 def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_when_it_is_back(simulate):
@@ -136,7 +136,7 @@ def test_a_base_whose_lidar_falls_silent_is_stopped_at_once_and_drives_again_whe
     simulated.robot.clock.sleep(1.5)
     line.fault = SensorFault.SILENT
     simulated.wait(handle, limit=0.2)
-    assert handle.error.code is ControlErrorCode.DISCONNECTED
+    assert handle.error.code is MotionErrorCode.DISCONNECTED
     speed = base.velocity().vx
     simulated.robot.clock.sleep(0.1)  # its dead-man would let it drive on for longer
     assert base.velocity().vx < speed - 0.1
@@ -149,7 +149,7 @@ def test_a_wall_in_the_way_is_reported_as_blocked(simulate):
     simulated = simulate(1, replace(world, robot_start=Pose2D(-2.9, 0.0, math.pi)))
     handle = simulated.wait(simulated.base.drive(1.0), limit=15.0)
     assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is ControlErrorCode.BLOCKED
+    assert handle.error.code is MotionErrorCode.BLOCKED
 
 
 def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulate):
@@ -161,7 +161,7 @@ def test_the_base_stops_before_what_nobody_knows_of_and_says_where_it_is(simulat
     simulated = simulate(1, replace(world, furniture=(*world.furniture, crate)), semantic_map(world))
     before = simulated.true_pose
     handle = simulated.wait(simulated.base.drive(1.5), limit=15.0)
-    assert handle.error.code is ControlErrorCode.BLOCKED
+    assert handle.error.code is MotionErrorCode.BLOCKED
     assert "ahead" in handle.error.text
     assert simulated.touched() == []
     assert simulated.true_pose.distance_to(before) > 0.5
@@ -173,7 +173,7 @@ def test_a_base_whose_scans_do_not_fit_the_map_says_that_it_is_lost(simulate):
     simulated = simulate(1, world, elsewhere)
     handle = simulated.wait(simulated.base.drive(2.0), limit=15.0)
     assert handle.status is ControlStatus.FAILED
-    assert handle.error.code is ControlErrorCode.LOST
+    assert handle.error.code is MotionErrorCode.LOST
 
 
 def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simulate):
@@ -185,7 +185,7 @@ def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simula
         simulated.robot.clock.sleep(0.2)
         if handle.done:
             break
-    assert handle.error.code is ControlErrorCode.LOST
+    assert handle.error.code is MotionErrorCode.LOST
 
 
 def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
@@ -195,12 +195,12 @@ def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     known = simulated.base.estimate.pose
     localizer.reset(Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2), base.odometry(), 0.002, 0.002)
     first = simulated.wait(simulated.base.drive(1.5), limit=15.0)
-    assert first.error.code is ControlErrorCode.LOST
+    assert first.error.code is MotionErrorCode.LOST
     assert len(simulated.base.layer.points) == 0  # walls that stand elsewhere on the map are no obstacles
     simulated.robot.clock.sleep(1.0)
     before = simulated.true_pose
     again = simulated.wait(simulated.base.drive(0.5), limit=15.0)
-    assert again.error.code is ControlErrorCode.LOST
+    assert again.error.code is MotionErrorCode.LOST
     assert simulated.true_pose.distance_to(before) < 1e-3
     localizer.reset(before, base.odometry(), 0.02, 0.012)
     simulated.robot.clock.sleep(0.05)

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from behaviours.failure import NodeFailure
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.clock import Clock
 from bestman_bt.engine.status import RUNNING
-from bestman_bt.evaluation.result import FailureReport, Outcome, RunResult
+from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.monitor.events import EndEvent, Event, ImageEvent, LogEvent, RunEvent, StatesEvent
 from bestman_bt.monitor.run_log import RunLogWriter
 
@@ -79,7 +80,7 @@ def write_run(
     for event in events:
         log.write(event)
     if not killed:
-        failure = None if success else FailureReport(f"{HOSTILE}/Grasp::7", "slipped", f"{why} {HOSTILE}")
+        failure = None if success else NodeFailure(f"{HOSTILE}/Grasp::7", "slipped", f"{why} {HOSTILE}")
         result = RunResult(
             task=task,
             seed=seed,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from hal.api import Motion, MotionError, MotionStatus, Robot
+from hal.api import Failure, Motion, MotionStatus, Robot
 from hal.conformance import CHECKS, LIFE_CHECKS, Check
 
 Make = Callable[[], Any]
@@ -58,7 +58,7 @@ class OneMotion(Motion):
         return self.motion.status
 
     @property
-    def error(self) -> MotionError | None:
+    def error(self) -> Failure | None:
         return self.motion.error
 
     def cancel(self) -> None:

@@ -14,10 +14,10 @@ import pytest
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.runtime_folder import runtime_folder
-from hal.api import Part
+from hal.api import Failure, Part
 from hal.hardware import Connection, RealTimeClock, controller_lock
 from hal.hardware.controller_lock import ControllerLock
-from hal.parts import ConnectionFailedError, Fault, StopLatch
+from hal.parts import ConnectionFailedError, StopLatch
 
 pytestmark = pytest.mark.real_time
 
@@ -118,7 +118,7 @@ class Follower(Connection):
     def heard(self) -> float:
         return self.clock.now()
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         return None
 
     def recover(self) -> None:

@@ -14,10 +14,10 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from hal.api import MotionStatus, Part
+from hal.api import Failure, MotionStatus, Part
 from hal.hardware import Connection
 from hal.hardware.robot_process import REMEMBERED_MOTIONS, ROBOT, Call, MotionNumber, MotionReport, RobotServer, Setup
-from hal.parts import BaseChannel, BaseReading, DrivenBase, Fault
+from hal.parts import BaseChannel, BaseReading, DrivenBase
 
 Ask = Callable[[Call], Any]
 
@@ -47,7 +47,7 @@ class Controller(Connection):
     def heard(self) -> float:
         return self.clock.now()
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         return None
 
     def recover(self) -> None:

@@ -13,7 +13,16 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from hal.api import CommandRefusedError, Gripper, MobileBase, MotionErrorCode, MotionStatus, NotConnectedError, Part
+from hal.api import (
+    CommandRefusedError,
+    Failure,
+    Gripper,
+    MobileBase,
+    MotionErrorCode,
+    MotionStatus,
+    NotConnectedError,
+    Part,
+)
 from hal.hardware import Connection, HardwareRobot
 from hal.parts import (
     BaseChannel,
@@ -21,7 +30,6 @@ from hal.parts import (
     CommandedGripper,
     ConnectionFailedError,
     DrivenBase,
-    Fault,
     GripperChannel,
     GripperReading,
 )
@@ -52,7 +60,7 @@ class Controller(Connection):
     """Reports ``told``, is silent since ``silent_since``, and recovers when ``recovering`` lets it."""
 
     driver = "scripted"
-    told: Fault | None = None
+    told: Failure | None = None
     broken = False
     silent_since: float | None = None
     reachable = True
@@ -78,7 +86,7 @@ class Controller(Connection):
     def heard(self) -> float:
         return self.clock.now() if self.silent_since is None else self.silent_since
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         if self.broken:
             raise ZeroDivisionError("of the driver")
         return self.told
@@ -119,7 +127,7 @@ def until(holds: Callable[[], bool]) -> None:
 
 def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot: HardwareRobot) -> None:
     turning, closing = robot.part("base", MobileBase).rotate(1.0), robot.part("gripper", Gripper).move(0.0)
-    controller(robot, "hand").told = Fault(MotionErrorCode.COLLISION, "too much force", "G9")
+    controller(robot, "hand").told = Failure(MotionErrorCode.COLLISION, "too much force", vendor_code="G9")
     until(lambda: turning.done and closing.done and robot.stopped_at is not None)
     assert closing.status is MotionStatus.FAILED
     assert closing.error is not None
@@ -137,14 +145,14 @@ def test_a_fault_of_one_controller_fails_its_motions_and_stops_all_others(robot:
     assert robot.faults == {}
     assert controller(robot, "hand").calls == ["open", "recover"]
     assert controller(robot, "platform").calls == ["open"]
-    controller(robot, "hand").told = Fault(MotionErrorCode.FAULT, "again")
+    controller(robot, "hand").told = Failure(MotionErrorCode.FAULT, "again")
     until(lambda: "hand" in robot.faults)  # it is noticed anew
     assert robot.faults["hand"].text == "again"
 
 
 def test_after_a_fault_the_other_controllers_are_watched_on(robot: HardwareRobot) -> None:
     for name in ("platform", "hand"):
-        controller(robot, name).told = Fault(MotionErrorCode.FAULT, "broken")
+        controller(robot, name).told = Failure(MotionErrorCode.FAULT, "broken")
         until(lambda name=name: name in robot.faults)
     assert list(robot.faults) == ["platform", "hand"]
 
@@ -171,7 +179,7 @@ def test_a_silent_controller_is_lost_and_connected_anew_even_if_it_is_heard_agai
 
 def test_a_stop_during_a_recovery_stays(robot: HardwareRobot) -> None:
     hand = controller(robot, "hand")
-    hand.told = Fault(MotionErrorCode.COLLISION, "too much force")
+    hand.told = Failure(MotionErrorCode.COLLISION, "too much force")
     until(lambda: "hand" in robot.faults)
     during, go_on = threading.Event(), threading.Event()
 
@@ -195,7 +203,7 @@ def test_a_stop_during_a_recovery_stays(robot: HardwareRobot) -> None:
 
 def test_a_recovery_that_fails_leaves_the_robot_stopped_with_its_fault(robot: HardwareRobot) -> None:
     hand = controller(robot, "hand")
-    hand.told = Fault(MotionErrorCode.COLLISION, "too much force")
+    hand.told = Failure(MotionErrorCode.COLLISION, "too much force")
     until(lambda: "hand" in robot.faults)
     hand.recovers = False
     with pytest.raises(ConnectionFailedError, match="hand"):
@@ -232,7 +240,7 @@ def test_a_watchdog_that_crashes_stops_the_robot_and_watches_again_once_that_is_
     platform.broken = False
     robot.clear_stop()
     assert not robot.stopped
-    platform.told = Fault(MotionErrorCode.FAULT, "a wheel is blocked")
+    platform.told = Failure(MotionErrorCode.FAULT, "a wheel is blocked")
     until(lambda: robot.stopped)
 
 

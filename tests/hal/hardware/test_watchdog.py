@@ -12,9 +12,9 @@ from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
-from hal.api import CommandRefusedError, MobileBase, MotionErrorCode, MotionStatus, Part
+from hal.api import CommandRefusedError, Failure, MobileBase, MotionErrorCode, MotionStatus, Part
 from hal.hardware import Connection, HardwareRobot
-from hal.parts import BaseChannel, BaseReading, DrivenBase, Fault
+from hal.parts import BaseChannel, BaseReading, DrivenBase
 
 WAIT = 10.0
 """Seconds that the watchdog's thread gets, which looks a hundred times a second."""
@@ -33,7 +33,7 @@ class Standing(BaseChannel):
 class Controller(Connection):
     """Reports ``told``; whoever commands its base as soon as its motion has failed is an impatient program."""
 
-    told: Fault | None = None
+    told: Failure | None = None
     answer: CommandRefusedError | None = None
 
     def make_parts(self) -> dict[str, Part]:
@@ -50,13 +50,13 @@ class Controller(Connection):
     def heard(self) -> float:
         return self.clock.now()
 
-    def reported_fault(self) -> Fault | None:
+    def reported_fault(self) -> Failure | None:
         return self.told
 
     def recover(self) -> None:
         self.told = None
 
-    def fail(self, fault: Fault) -> None:
+    def fail(self, fault: Failure) -> None:
         super().fail(fault)
         try:
             self.base.rotate(1.0)
@@ -76,7 +76,7 @@ def test_a_command_at_the_moment_at_which_a_fault_fails_a_motion_is_refused(robo
     controller = robot.connections["platform"]
     assert isinstance(controller, Controller)
     motion = robot.part("base", MobileBase).rotate(1.0)
-    controller.told = Fault(MotionErrorCode.FAULT, "a wheel is blocked")
+    controller.told = Failure(MotionErrorCode.FAULT, "a wheel is blocked")
     assert controller.noticed.wait(WAIT)
     assert motion.status is MotionStatus.FAILED
     assert motion.error is not None

@@ -11,8 +11,8 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import RobotModel
-from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
-from hal.parts import BaseChannel, BaseReading, DrivenBase, Fault, MotionProfile, MotionProfileParameters, StopLatch
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.parts import BaseChannel, BaseReading, DrivenBase, MotionProfile, MotionProfileParameters, StopLatch
 
 PERIOD = 0.02
 
@@ -140,7 +140,7 @@ def test_a_base_that_does_not_get_there_in_time_says_what_is_left(base: DrivenBa
 def test_a_lost_controller_fails_the_motion_and_silences_the_odometry(base: DrivenBase, run: Run) -> None:
     motion = base.rotate(1.0)
     run(0.2)
-    base.fail(Fault(MotionErrorCode.DISCONNECTED, "nothing was heard"))
+    base.fail(Failure(MotionErrorCode.DISCONNECTED, "nothing was heard"))
     assert motion.status is MotionStatus.FAILED
     with pytest.raises(NotConnectedError, match="nothing was heard"):
         base.odometry()
@@ -210,7 +210,7 @@ def test_a_stop_is_harder_than_a_cancel_and_neither_outlasts_itself(
         if end == "cancel":
             motion.cancel()
         elif end == "fail":
-            base.fail(Fault(MotionErrorCode.FAULT, "a wheel is blocked"))
+            base.fail(Failure(MotionErrorCode.FAULT, "a wheel is blocked"))
         else:
             getattr(base, end)()
         run(1.5)

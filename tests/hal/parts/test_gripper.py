@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.robot_model import RobotModel
-from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
-from hal.parts import CommandedGripper, Fault, GripperChannel, GripperReading, StopLatch
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
+from hal.parts import CommandedGripper, GripperChannel, GripperReading, StopLatch
 
 PERIOD = 0.02
 
@@ -169,7 +169,7 @@ def test_a_stop_before_the_order_was_sent_keeps_it_back(gripper: CommandedGrippe
     gripper.stop()
     assert gripper.resting
     gripper.close()
-    gripper.fail(Fault(MotionErrorCode.COLLISION, "the arm"))
+    gripper.fail(Failure(MotionErrorCode.COLLISION, "the arm"))
     run(gripper, fingers, 0.5)
     assert fingers.orders == []
 

@@ -12,8 +12,8 @@ import pytest
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import JointGroupModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
-from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NotConnectedError
-from hal.parts import Fault, JointChannel, JointReading, StopLatch, StreamedArm, StreamedJointGroup, ToolLimits
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError
+from hal.parts import JointChannel, JointReading, StopLatch, StreamedArm, StreamedJointGroup, ToolLimits
 
 PERIOD = 0.01
 SLOW, STRONG = 0.5, 1.0
@@ -266,7 +266,7 @@ def test_a_fault_ends_set_points_and_one_of_the_wire_ends_readings_until_it_is_a
     for code, readable in ((MotionErrorCode.COLLISION, True), (MotionErrorCode.DISCONNECTED, False)):
         motion = group.move_to([1.0, 0.0])
         run(group, 1.0)
-        group.fail(Fault(code, "something happened", "C1"))
+        group.fail(Failure(code, "something happened", vendor_code="C1"))
         assert motion.status is MotionStatus.FAILED
         assert motion.error is not None
         assert motion.error.code is code

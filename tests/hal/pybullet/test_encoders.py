@@ -11,7 +11,6 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.control.arm import ArmController
-from bestman_bt.control.handle import ControlErrorCode
 from bestman_bt.messages import JointTrajectory
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import World
@@ -144,7 +143,7 @@ def test_what_needs_encoders_fails_with_a_code(empty_world: World) -> None:
         staying = JointTrajectory(arm.joint_names, np.array([0.0, 1.0]), np.array([here, here]), np.zeros((2, 7)))
         handle = ArmController(arm, robot.clock).follow(staying)
         assert handle.error is not None
-        assert handle.error.code is ControlErrorCode.DISCONNECTED
+        assert handle.error.code is MotionErrorCode.DISCONNECTED
         robot.clock.sleep(1.0)
         assert np.abs(truth(robot, robot.model.bases["base"].wheel_joints)[1]).max() < 0.05  # it has braked
 

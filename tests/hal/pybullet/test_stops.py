@@ -34,7 +34,7 @@ def test_a_slow_arm_stops_within_half_a_second(robot: PyBulletRobot, end: str) -
     {"robot": robot.stop, "part": arm.stop, "cancel": motion.cancel}[end]()
     assert motion.status is MotionStatus.CANCELED
     assert motion.error is not None
-    assert motion.error.code is MotionErrorCode.STOPPED
+    assert motion.error.code is (MotionErrorCode.CANCELED if end == "cancel" else MotionErrorCode.STOPPED)
     robot.clock.sleep(0.5)
     assert np.max(np.abs(arm.velocities())) < 0.01
     there = arm.positions()

@@ -219,7 +219,7 @@ def test_an_overcurrent_fails_the_motion_with_its_number_and_an_activation_clear
     motion = bench.end(bench.gripper.move(0.02))
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.FAULT
-    assert "gFLT 14" in motion.error.text
+    assert motion.error.vendor_code == "gFLT 14"
     bench.wait_for(lambda: bench.robot.stopped)
     bench.twin.faults.happen("gripper_free")
     bench.robot.clear_stop()

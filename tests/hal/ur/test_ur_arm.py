@@ -13,8 +13,8 @@ import pytest
 import hal.ur.arm
 from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
-from hal.api import CommandRefusedError, Motion, MotionErrorCode, MotionStatus
-from hal.parts import ConnectionFailedError, Fault, JointChannel, JointReading, StopLatch, ToolLimits
+from hal.api import CommandRefusedError, Failure, Motion, MotionErrorCode, MotionStatus
+from hal.parts import ConnectionFailedError, JointChannel, JointReading, StopLatch, ToolLimits
 from hal.ur import URArm
 from hal.ur.sdk_process import PLAYING, RUNNING, Report
 
@@ -341,7 +341,7 @@ def test_a_fault_ends_the_controllers_motion_and_a_lost_link_fails_it(
 ) -> None:
     motion = arm.move_path([HOME + 300 * NUDGE])
     run(0.05)
-    arm.fail(Fault(MotionErrorCode.COLLISION, "protective stop", "safety mode 3"))
+    arm.fail(Failure(MotionErrorCode.COLLISION, "protective stop", vendor_code="safety mode 3"))
     assert motion.error is not None
     assert motion.error.code is MotionErrorCode.COLLISION
     run(PERIOD)

@@ -87,7 +87,7 @@ def test_a_jammed_gripper_fails_its_motion_with_the_grippers_number(robot: Hardw
     motion = gripper.move(0.02)
     ended(robot, motion)
     assert motion.error is not None
-    assert "G34" in motion.error.text
+    assert motion.error.vendor_code == "G34"
     wait_for(lambda: robot.stopped, "the robot stops")
     twin.fault(CONTROLLER, "gripper_free")
     robot.clear_stop()

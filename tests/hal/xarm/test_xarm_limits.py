@@ -138,7 +138,7 @@ def test_in_reduced_mode_the_controller_watches_too(twin: TwinProcess) -> None:
         other.disconnect()
         assert motion.error is not None
         assert motion.error.code is MotionErrorCode.FAULT
-        assert "C24" in motion.error.text
+        assert motion.error.vendor_code == "C24"
 
 
 def test_nothing_goes_on_after_the_robot_is_disconnected(twin: TwinProcess) -> None:

@@ -1,0 +1,43 @@
+"""Why something failed: one record from the controller of a part to the result of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class MotionErrorCode(StrEnum):
+    """Why a motion, or an action of a controller, failed or was cancelled."""
+
+    STOPPED = "stopped"  # the robot or the part was stopped
+    SUPERSEDED = "superseded"  # a newer command took the part over
+    CANCELED = "canceled"  # the one who asked for it cancelled it
+    REFUSED = "refused"  # the part refused the command; nothing moved
+    TRACKING = "tracking"  # the part did not follow within its tolerance
+    BLOCKED = "blocked"  # commanded to move, but it does not get on
+    LOST = "lost"  # the robot does not know well enough where it is
+    TOLERANCE = "tolerance"  # it came to rest too far from the goal
+    UNREACHABLE = "unreachable"  # the target is beyond the part's limits
+    GUARDED = "guarded"  # a guard objected: what was to hold during the action no longer does
+    TIMEOUT = "timeout"  # the target was not reached in time
+    COLLISION = "collision"  # a collision, or a protective stop of the controller
+    DISCONNECTED = "disconnected"
+    FAULT = "fault"  # any other fault of the part
+
+
+@dataclass(frozen=True)
+class Failure:
+    """``code`` for programs: a MotionErrorCode, or one that a skill declares; ``text`` for people.
+
+    ``part``: the name of the robot's part, empty where none is meant. ``vendor_code``: the vendor's own, as ``C31``.
+    """
+
+    code: str
+    text: str
+    part: str = ""
+    vendor_code: str = ""
+
+    def __str__(self) -> str:
+        """In words: ``arm: the joints are held (C31)``."""
+        words = f"{self.part}: {self.text}" if self.part else self.text
+        return f"{words} ({self.vendor_code})" if self.vendor_code else words
