@@ -143,9 +143,9 @@ def busy_for_a_moment_after_it_has_arrived(robot: Any) -> None:
     ended = [-np.inf]
 
     def cycle(do: Any, elapsed: float) -> None:
-        moved = arm._line.motion is not None
+        moved = arm._connection.motion is not None
         do(elapsed)
-        if moved and arm._line.motion is None:
+        if moved and arm._connection.motion is None:
             ended[0] = robot.clock.now()
 
     def move_to(do: Any, *arguments: Any) -> Motion:
@@ -158,7 +158,7 @@ def busy_for_a_moment_after_it_has_arrived(robot: Any) -> None:
 
 
 def never_superseded(robot: Any) -> None:
-    line = robot.parts["arm"]._line
+    line = robot.parts["arm"]._connection
 
     def begin(do: Any, motion: Any) -> None:
         line.end_motion(MotionStatus.CANCELED, MotionErrorCode.STOPPED, "somebody else wanted it")

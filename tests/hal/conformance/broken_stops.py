@@ -15,14 +15,14 @@ def stops_with_the_wrong_reason(robot: Any) -> None:
     arm = robot.parts["arm"]
 
     def stop(do: Any) -> None:
-        arm._line.end_motion(MotionStatus.CANCELED, MotionErrorCode.FAULT, "something happened")
+        arm._connection.end_motion(MotionStatus.CANCELED, MotionErrorCode.FAULT, "something happened")
         do()
 
     wrapped(arm, "stop", stop)
 
 
 def a_gripper_that_never_stops_listening(robot: Any) -> None:
-    line = robot.parts["gripper"]._line
+    line = robot.parts["gripper"]._connection
     wrapped(line, "check_command", lambda do, command: line.check_connected())
 
 
@@ -55,7 +55,7 @@ def a_stop_that_is_only_a_pause(robot: Any) -> None:
     interrupted: list[bool] = []
 
     def stop(do: Any) -> None:
-        interrupted.append(robot.parts["arm"]._line.motion is not None)
+        interrupted.append(robot.parts["arm"]._connection.motion is not None)
         do()
 
     def clear_stop(do: Any) -> None:
