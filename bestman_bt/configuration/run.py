@@ -64,10 +64,11 @@ def load_run(
 ) -> RunConfig:
     """Merge a task (or, without one, a tree, a scene and a robot) with what the command line says.
 
+    Without a task and a tree, the run's ``tree`` is empty: a session is given its trees later.
     ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
     Raises ConfigurationError; scene and robot settings are checked when those are loaded.
     """
-    choices = {"tree": tree, "scene": scene, "robot": robot}
+    choices = {"tree": "" if tree is None and task is None else tree, "scene": scene, "robot": robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}
     command_line = Document(dict(source), {(key,): (f"--{key} {value}", None) for key, value in source.items()})
     faults = ProblemCollector()
@@ -90,13 +91,13 @@ def load_run(
             merged = check_task(document)
     for kind in choices:
         with faults.step():
-            if isinstance(document.data.get(kind), str):
+            if isinstance(document.data.get(kind), str) and document.data[kind]:
                 find_data(kind, document.data[kind], document.problem((kind,), ""))
     if merged is None or faults.problems:  # otherwise plug-ins are told of where they are loaded
         faults.problems += [Problem(f"--plugin {p}", None, "", "no such file") for p in given if not Path(p).is_file()]
         raise ConfigurationError(dict.fromkeys(faults.problems))
     merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given))
-    name = Path(str(merged.tree if task is None else task)).stem
+    name = Path(str(merged.tree if task is None else task)).stem or "session"
     run = RunConfig(name, merged, seed, driver, record, "", inner["scene"], inner["robot"])
     run = check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)
     return _remembering(run, document)

@@ -17,7 +17,7 @@ from py_trees.behaviour import Behaviour
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.localise import KNOWN_POSITION_STD
-from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.configuration import RunConfig, load_run, task_of_tree
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
@@ -79,27 +79,28 @@ COMPUTATION_COSTS = {
 class Session:
     """A connected robot and its skills.
 
-    ``entries``: root blackboard entries that every tree gets. ``task_given``: whether they are of a task that was asked
-    for; else a tree of one's own that reads them is warned of.
+    ``entries``: root blackboard entries of the configured task, which every tree gets.
     """
 
     setup: Setup
     robot: Robot
     skills: SkillContext
     entries: dict[str, Any]
-    task_given: bool = True
 
     def load(self, tree: str | Path | Behaviour | None = None) -> Tree:
         """Load a tree for this robot: a shipped name, a file, XML text, a node or a py_trees behaviour; by default the
-        configured one.
+        that of the task. In a session without a task, a shipped tree brings the goal of its shipped task, as in
+        ``bestman-bt run TREE``.
 
         Its root blackboard has what the task tells and, where that is known, ``start``: the pose of the base now.
-        Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears;
-        warns of entries that are read and that nobody has filled yet.
+        Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears,
+        and ConfigurationError for a task whose goal this scene does not have; warns of entries that are read and that
+        nobody has filled yet.
         """
         loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
-        self.check(loaded, own=tree is not None and tree != self.setup.config.task.tree)
-        return self._filled(loaded)
+        entries = self._entries_for(tree)
+        self.check(loaded, entries)
+        return self._filled(loaded, entries)
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
         """An executor with the configured tick rate and time limit."""
@@ -131,17 +132,25 @@ class Session:
         told, usual = self.robot.diagnostics(), "stopped" if self.robot.stopped else "ok"
         return {"parts": {name: told.get(name, usual) for name in self.robot.parts}, "robot": told}
 
-    def check(self, tree: Tree, own: bool = True) -> None:
-        """As ``load`` says; ``own``: whether it is another tree than the configured one."""
+    def check(self, tree: Tree, entries: Mapping[str, Any]) -> None:
+        """As ``load`` says; ``entries``: what a task fills."""
         unknown = self.setup.unknown_in(tree)
         if unknown:
             raise TreeLoadError(unknown)
-        given = self.entries if self.task_given or not own else ()
-        for problem in unfilled_entries(tree, given, self.setup.config.name if self.task_given else None):
+        for problem in unfilled_entries(tree, entries, self.setup.config.name if self.entries else None):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
-    def _filled(self, tree: Tree) -> Tree:
-        for key, value in self.entries.items():
+    def _entries_for(self, tree: str | Path | Behaviour | None) -> dict[str, Any]:
+        shipped = isinstance(tree, (str, Path)) and not self.setup.config.task.tree
+        task = task_of_tree(str(tree)) if shipped else None
+        if task is None:
+            return self.entries
+        setup = self.setup.with_task(task)
+        self.skills.world.told.update(setup.told)
+        return setup.entries
+
+    def _filled(self, tree: Tree, entries: Mapping[str, Any]) -> Tree:
+        for key, value in entries.items():
             tree.blackboard.set(key, value)
         believed = self.skills.world.base
         if believed.position_std <= KNOWN_POSITION_STD:
@@ -196,14 +205,13 @@ def session(
 ) -> Iterator[Session]:
     """A session in one line: ``with session(scene="kitchen", seed=1) as s: s.run("fetch_cup")``.
 
-    The task, without one ``fetch_cup``, gives goal and limits, and robot and scene where none are named. Raises as
-    ``prepare``.
+    The task gives goal and limits, and robot and scene where none are named. Without a task there is no goal, and the
+    scene is the kitchen and the robot diff_panda where none are named. Raises as ``prepare``.
     """
-    config = load_run(
-        task or "fetch_cup", scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver
-    )
+    if task is None:
+        scene, robot = scene or "kitchen", robot or "diff_panda"
+    config = load_run(task, scene=scene, robot=robot, seed=seed, settings=settings, plugins=plugins, driver=driver)
     with open_session(config, gui=gui) as opened:
-        opened.task_given = task is not None
         yield opened
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 from py_trees.behaviour import Behaviour
 
-from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, find_data, shipped_trees
+from bestman_bt.configuration import (
+    ConfigurationError,
+    Problem,
+    ProblemCollector,
+    RunConfig,
+    find_data,
+    load_run,
+    shipped_trees,
+)
 from bestman_bt.engine import NodeRegistry, Tree, TreeLoadError, build_tree, load_tree
 from bestman_bt.engine.errors import Problem as TreeProblem
 from bestman_bt.errors import MissingExtraError
@@ -70,6 +78,12 @@ class Setup:
     def plan_goal(self) -> tuple[Literal, ...]:
         """The facts that the task wants, with the full names of things; none where it wants none."""
         return plan_goal(self.config, self.registry, self.world_model)
+
+    @property
+    def told(self) -> dict[str, str]:
+        """Object → surface, by its full name, where the task says that it is."""
+        known = self.world_model.map
+        return told_places(self.goals, known) | told_of_plan(self.config, known)
 
     @property
     def reach_goal(self) -> Pose | None:
@@ -130,6 +144,18 @@ class Setup:
         found = [*unknown_names(tree, self.names), *policy_problems(tree), *algorithm_problems(tree, self.config)]
         return sorted(found, key=lambda one: (one.file, one.line))
 
+    def with_task(self, task: str) -> Setup:
+        """The same robot and world with the goal of a task; ConfigurationError if that is not to be had here."""
+        own = self.config
+        config = load_run(task, scene=own.task.scene, robot=own.task.robot, seed=own.seed, driver=own.driver)
+        problems = [
+            *task_problems(config, self.world, self.world_model, self.robot_model, self.absent),
+            *plan_problems(config, self.registry, self.world_model),
+        ]
+        if problems:
+            raise ConfigurationError(problems)
+        return replace(self, config=config)
+
 
 def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
     """Load and check everything that a run needs; nothing is started.
@@ -176,22 +202,26 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
     setup = Setup(config, registry, robot_model, world, world_model, scene.absent)
     faults.problems += plan_problems(config, registry, world_model)
     if not faults.problems:
-        world_model.told.update(told_places(setup.goals, world_model.map))
-        world_model.told.update(told_of_plan(config, world_model.map))
+        world_model.told.update(setup.told)
     try:
-        tree = load_for(setup)
-        wrong = setup.unknown_in(tree)
-        if all_entries and not faults.problems:
-            task = config.name if setup.entries or config.task.predicates else None
-            wrong += [one for one in unfilled_entries(tree, setup.entries, task) if one.severity == "error"]
-        if wrong:
-            raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
+        if config.task.tree:
+            _check_tree(setup, all_entries and not faults.problems)
     except TreeLoadError as error:
         if not faults.problems:
             raise
         faults.problems += tree_problems(error)
     faults.raise_if_any()
     return setup
+
+
+def _check_tree(setup: Setup, all_entries: bool) -> None:
+    tree = load_for(setup)
+    wrong = setup.unknown_in(tree)
+    if all_entries:
+        task = setup.config.name if setup.entries or setup.config.task.predicates else None
+        wrong += [one for one in unfilled_entries(tree, setup.entries, task) if one.severity == "error"]
+    if wrong:
+        raise TreeLoadError(sorted(wrong, key=lambda one: (one.file, one.line)))
 
 
 def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
@@ -216,6 +246,10 @@ def tree_problems(error: TreeLoadError) -> list[Problem]:
 def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options: Any) -> Tree:
     """Load a tree with the nodes of a setup; raises TreeLoadError or ConfigurationError."""
     source = setup.config.task.tree if tree is None else tree
+    if source == "":
+        raise ConfigurationError(
+            [Problem("session", None, "tree", "give a tree: this session has no task to bring one")]
+        )
     if isinstance(source, Behaviour):
         return build_tree(source, registry=setup.registry, **options)
     options.setdefault("search_path", shipped_trees())

@@ -19,8 +19,8 @@ from hal.api import NotConnectedError
 HEAD = '<root BTCPP_format="4"><BehaviorTree ID="Main"><LookAt point="{goal}"/></BehaviorTree></root>'
 
 
-def test_a_session_gives_trees_their_goal_and_runs_them_to_their_end() -> None:
-    with bestman_bt.session(scene="kitchen", seed=3) as opened:
+def test_a_session_with_a_task_gives_trees_its_goal_and_runs_them_to_their_end() -> None:
+    with bestman_bt.session(task="fetch_cup", seed=3) as opened:
         tree = opened.load(HEAD)
         board = tree.blackboard
         assert (board["object"], board["source"], board["target"]) == ("cup", "table", "counter")
@@ -29,6 +29,25 @@ def test_a_session_gives_trees_their_goal_and_runs_them_to_their_end() -> None:
             '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="carry"/></BehaviorTree></root>'
         )
         assert (execution.ending, execution.succeeded) == (Ending.FINISHED, True)
+
+
+def test_a_session_without_a_task_has_no_goal_whatever_its_scene() -> None:
+    with session(robot="omni_ur5", scene="policy_table", seed=9) as opened:
+        board = opened.load(HEAD).blackboard
+        assert {key: value for key, value in board.items() if value is not None}.keys() == {"start"}
+        with pytest.raises(ConfigurationError, match=r"fetch_cup\.yaml:\d+: goal\.name: the scene has no goal 'place'"):
+            opened.load("fetch_cup")
+        with pytest.raises(ConfigurationError, match="give a tree: this session has no task"):
+            opened.load()
+
+
+def test_without_a_task_a_shipped_tree_brings_the_goal_of_its_own() -> None:
+    with session(scene="kitchen", seed=3) as opened:
+        board = opened.load("fetch_cup").blackboard
+        assert board["object"] == "cup"
+        assert board["goal"] is opened.setup.world.goals["place"]
+        assert opened.skills.world.told == {"cup": "table/top"}
+        assert "object" not in opened.load(HEAD).blackboard
 
 
 def test_a_task_brings_its_own_scene_and_robot() -> None:

@@ -57,7 +57,7 @@ def events(folder: Path) -> list[Event]:
 def test_the_run_is_told_with_what_the_configuration_names(events: list[Event], folder: Path) -> None:
     run = events[0]
     assert isinstance(run, RunEvent)
-    assert (run.task, run.scene, run.robot, run.seed) == ("fetch_cup", "kitchen", "diff_panda", 3)
+    assert (run.task, run.scene, run.robot, run.seed) == ("session", "kitchen", "diff_panda", 3)
     assert (run.clock, run.tick_rate, run.folder) == ("simulated", 20.0, str(folder))
     assert isinstance(events[-1], EndEvent)
     assert events[-1].outcome == "failure"
