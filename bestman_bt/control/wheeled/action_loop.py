@@ -187,8 +187,12 @@ class ActionLoop:
                 self._rotation.turn_to(goal.theta)
                 action.follower = self._rotation
                 return
-            if distance > action.position_tolerance or turn > 2.0 * p.heading_tolerance:
-                text = f"the base came to rest {1e3 * distance:.0f} mm and {math.degrees(turn):.1f}° from its goal"
+            accepted, accepted_turn = action.position_tolerance, 2.0 * p.heading_tolerance
+            if distance > accepted or turn > accepted_turn:
+                text = (
+                    f"the base came to rest {1e3 * distance:.0f} mm and {math.degrees(turn):.1f}° from its goal; "
+                    f"up to {1e3 * accepted:.0f} mm and {math.degrees(accepted_turn):.1f}° are accepted"
+                )
                 self._end(MotionErrorCode.TOLERANCE, text)
                 return
         action.handle.succeed(self._world.base)

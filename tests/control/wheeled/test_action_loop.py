@@ -288,7 +288,9 @@ def test_a_base_that_rests_off_its_goal_is_judged_by_the_tolerance(off, reached)
     assert (handle.status is ControlStatus.SUCCEEDED) == reached
     if not reached:
         assert handle.error.code is MotionErrorCode.TOLERANCE
-        assert f"{1e3 * off:.0f} mm" in handle.error.text
+        assert handle.error.text == (
+            f"the base came to rest {1e3 * off:.0f} mm and 0.0° from its goal; up to 20 mm and 1.4° are accepted"
+        )
 
 
 @pytest.mark.parametrize(("degrees", "turns", "reached"), [(0.6, 0, True), (-1.3, 2, True), (1.5, 2, False)])
