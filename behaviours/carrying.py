@@ -94,6 +94,8 @@ def _things_that_are_not_there(skills: SkillContext, things: Sequence[SceneObsta
 def _lines(skills: SkillContext, points: Sequence[ArrayLike]) -> SceneObstacle:
     from bestman_bt.manipulation.collision import SceneObstacle
 
+    if not skills.has("camera"):
+        return SceneObstacle("sight", ())
     eye = skills.camera.base_from_camera().position
     return SceneObstacle("sight", tuple(_line_of_sight(eye, np.asarray(point)) for point in points))
 

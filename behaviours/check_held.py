@@ -22,6 +22,8 @@ class CheckHeld(Skill):
     An object that has been lost is no longer believed to be in the hand.
     """
 
+    REQUIRES = ("arm", "gripper")
+    USES = ("wrist_camera", "tactile")
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the object that the hand should hold"),
         "look": PortInformation(bool, required=False, default_value=True, description="also use the wrist camera"),

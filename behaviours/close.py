@@ -52,6 +52,8 @@ class Close(Skill):
     something resists. Near closed that is the end stop; before, it is a jam, which is told with how far it is open.
     """
 
+    REQUIRES = ("arm", "gripper")
+    USES = ("force_torque",)
     INPUT_PORTS: ClassVar = {
         "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "opening": PortInformation(

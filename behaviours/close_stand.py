@@ -32,6 +32,7 @@ class FindCloseStand(Skill):
     Each time it is asked again it gives another stand, until none is left.
     """
 
+    REQUIRES = ("base", "lidar", "arm", "gripper")
     INPUT_PORTS: ClassVar = {"articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map")}
     OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
     DECLARATION = Declaration(effects=("stand_known({articulation})",))

@@ -1,4 +1,4 @@
-"""What skills work with: controllers, sensors, algorithms and beliefs of one robot."""
+"""What skills work with: controllers, sensors, algorithms and beliefs of one robot, each made on first use."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from behaviours.computation import Computation, TimeSource
 from behaviours.contacts import Contact
 from behaviours.failure import NodeFailure
+from behaviours.parts import PartKind
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import WorldModel
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from bestman_bt.manipulation.policy import Policy
     from bestman_bt.navigation.global_planning import Costmap, Footprint, GlobalPlanner, LayeredCostmap
     from bestman_bt.navigation.local_planning import PathFollower
-    from bestman_bt.navigation.localization import GlobalLocalizer
+    from bestman_bt.navigation.localization import GlobalLocalizer, Localizer, OdometryFilter
     from bestman_bt.navigation.slam import FrontierExplorer, Slam
     from bestman_bt.perception.affordance import HandleDetector
     from bestman_bt.perception.detection import Detector
@@ -49,11 +50,17 @@ SWAY = 0.01
 """Metres that an arm and what it holds may be beside where its encoders say while the base drives."""
 DRIVEN = "carry"
 """The posture in which trees have the arm driven to a stand, for whoever chooses one before."""
+MADE_ON_FIRST_USE = frozenset(
+    ("base", "arm", "gripper", "head", "camera", "wrist_camera", "tactile", "joints", "wrist_wrench")
+)
+"""Attributes of a context that are controllers and sensors."""
 
 
-@dataclass(frozen=True)
 class Algorithms:
-    """The algorithms that the configuration chose, one per slot."""
+    """The algorithms that the configuration chose, one per slot; each is made when it is first asked for.
+
+    ``make``: slot → the algorithm, as ``bestman_bt.runtime.algorithms`` makes it.
+    """
 
     detection: Detector
     multi_view: MultiView
@@ -70,18 +77,36 @@ class Algorithms:
     motion_planning: TimedMotionPlanner
     costmap: LayeredCostmap
     global_planning: GlobalPlanner
+    local_planning: PathFollower
+    localization: Localizer
+    odometry: OdometryFilter
     slam: Slam
     exploration: FrontierExplorer
     global_localization: GlobalLocalizer
 
+    def __init__(self, make: Callable[[str], Any]) -> None:
+        self._make = make
 
-@dataclass
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, slot: str) -> Any:
+            if slot not in Algorithms.__annotations__:
+                raise AttributeError(f"there is no slot {slot!r}; there are {', '.join(Algorithms.__annotations__)}")
+            made = self._make(slot)
+            setattr(self, slot, made)
+            return made
+
+
+@dataclass(eq=False, repr=False)
 class SkillContext:
-    """Everything that a skill may use; the runtime puts it together.
+    """Everything that a skill may use; controllers and sensors are made when they are first asked for.
 
+    ``kinds``: what the robot has, kind → names of its parts. ``base``, ``arm``, ``gripper``, ``head`` and ``camera``
+    raise MissingPartError where it has none: skills declare in ``REQUIRES`` which of them they use.
     ``stop``: the one over all parts, for leaves that go on after it.
-    ``camera``: on the head. ``wrist_camera``: on the hand, where there is one; ``tactile``: pads of the fingers, which
-    may be none. ``wrist_wrench``: what touches the hand, where there is a sensor.
+    ``camera``: the first that no arm carries, else the one on the hand. ``wrist_camera``: on the hand, where there is
+    one; ``tactile``: pads of the fingers, which may be none. ``wrist_wrench``: what touches the hand, where there is a
+    sensor. ``make_part``: from the name of one of these attributes to what it is.
     ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``contacts``: those that skills declare now. ``handled``: the object that the fingers have touched last.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
@@ -92,17 +117,10 @@ class SkillContext:
 
     clock: TimeSource
     robot: RobotModel
+    kinds: Mapping[PartKind, tuple[str, ...]]
+    make_part: Callable[[str], Any]
     world: WorldModel
-    base: BaseController
-    arm: ArmController
-    gripper: GripperController
-    head: HeadController
     stop: RobotStop
-    camera: RGBDSensor
-    wrist_camera: RGBDSensor | None
-    tactile: Sequence[TactileSensor]
-    joints: JointStateSensor
-    wrist_wrench: WristWrench | None
     algorithms: Algorithms
     computation: Computation
     costs: Mapping[str, float]
@@ -114,6 +132,43 @@ class SkillContext:
     contacts: list[Contact] = field(default_factory=list)
     handled: str | None = None
     observations: dict[str, list[Observation]] = field(default_factory=dict)
+
+    base: BaseController = field(init=False)
+    arm: ArmController = field(init=False)
+    gripper: GripperController = field(init=False)
+    head: HeadController = field(init=False)
+    camera: RGBDSensor = field(init=False)
+    wrist_camera: RGBDSensor | None = field(init=False)
+    tactile: Sequence[TactileSensor] = field(init=False)
+    joints: JointStateSensor = field(init=False)
+    wrist_wrench: WristWrench | None = field(init=False)
+
+    def has(self, kind: PartKind) -> bool:
+        """Whether the robot has a part of a kind."""
+        return kind in self.kinds
+
+    def make(self, kinds: Iterable[PartKind]) -> None:
+        """Make the controllers and sensors of these kinds now, as far as the robot has them, rather than in a tick."""
+        accessors = {"lidar": "base", "force_torque": "wrist_wrench"}
+        for kind in kinds:
+            if self.has(kind):
+                getattr(self, accessors.get(kind, kind))
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            if name not in MADE_ON_FIRST_USE:
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            made = self.make_part(name)
+            setattr(self, name, made)
+            return made
+
+    @property
+    def cameras(self) -> tuple[RGBDSensor, ...]:
+        """``camera`` and ``wrist_camera``, as far as the robot has them."""
+        first = (self.camera,) if self.has("camera") else ()
+        on_hand = self.wrist_camera
+        return first if on_hand is None or on_hand.name in [one.name for one in first] else (*first, on_hand)
 
     @property
     def arm_model(self) -> ArmModel:
@@ -158,6 +213,8 @@ class SkillContext:
         from bestman_bt.control.wheeled import footprint_of
 
         base, positions = footprint_of(self.base.description), self.joints.positions()
+        if not self.has("arm"):
+            return base
         if posture is None:
             return base.carrying(self._arm_bodies.at(positions, self.world.held), SWAY)
         if posture not in self.robot.postures:

@@ -41,10 +41,12 @@ ARRIVED = 0.30
 class ExploreAndMap(Skill):
     """Map the surroundings by lidar SLAM: drive from place to place where unknown floor can be seen until none is left.
 
-    The map's frame is the one in which the base believes to be at the start. The head camera looks for table tops and
-    what else the lidar does not see. Afterwards the base localises as before.
+    The map's frame is the one in which the base believes to be at the start. A camera, where there is
+    one, looks for table tops and what else the lidar does not see. Afterwards the base localises as before.
     """
 
+    REQUIRES = ("base", "lidar")
+    USES = ("head", "camera")
     INPUT_PORTS: ClassVar = {
         "file": PortInformation(str, required=False, description="where to save the map, NAME.yaml; else not saved"),
         "max_time": BoundedPort(Positive, required=False, default_value=900.0, description="seconds, then it ends"),
@@ -106,7 +108,8 @@ class ExploreAndMap(Skill):
         skills = self.skills
         end = skills.clock.now() + self.get_input("max_time")
         slam, explorer = skills.algorithms.slam, skills.algorithms.exploration
-        yield skills.head.look_at(AHEAD)
+        if skills.has("head"):
+            yield skills.head.look_at(AHEAD)
         yield skills.base.park()
         overhangs = Overhangs(slam.grid.resolution)
         self._pictured: Pose2D | None = None
@@ -166,10 +169,9 @@ class ExploreAndMap(Skill):
 
     def _look(self, overhangs: Overhangs) -> tuple[OccupancyGrid, Costmap]:
         """The map as it is now, and what to keep clear of."""
-        skills, pictured, pose = self.skills, self._pictured, self._pose
-        turned = math.inf if pictured is None else abs(wrap_angle(pose.theta - pictured.theta))
-        if pictured is None or turned > PICTURE_TURN or pose.distance_to(pictured) > PICTURE_DISTANCE:
-            self._pictured = pose
+        skills = self.skills
+        if skills.has("camera") and self._picture_due():
+            self._pictured = self._pose
             try:
                 view = skills.camera.capture().in_map
             except READING_ERRORS as error:
@@ -179,6 +181,12 @@ class ExploreAndMap(Skill):
         if not grid.data.size:
             raise SkillFailure("start_blocked", "the lidar has seen nothing yet that a map could be drawn of")
         return grid, skills.algorithms.costmap.of_grid(overhangs.drawn_on(grid), self._outline)
+
+    def _picture_due(self) -> bool:
+        pictured, pose = self._pictured, self._pose
+        if pictured is None or pose.distance_to(pictured) > PICTURE_DISTANCE:
+            return True
+        return abs(wrap_angle(pose.theta - pictured.theta)) > PICTURE_TURN
 
     @property
     def _pose(self) -> Pose2D:

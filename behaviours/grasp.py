@@ -49,6 +49,8 @@ class PlannedGrasp:
 class PlanGrasp(Skill):
     """Choose grasps of a located object that the arm reaches without touching anything else, best first."""
 
+    REQUIRES = ("arm", "gripper")
+    USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="a located object"),
         "count": PortInformation(int, required=False, default_value=4, description="how many to keep"),
@@ -120,6 +122,7 @@ class Grasp(Skill):
     dropped: the object may have moved.
     """
 
+    REQUIRES = ("arm", "gripper")
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the object"),
         "grasps": PortInformation(list, description="planned grasps, best first; used up one by one"),
@@ -238,6 +241,7 @@ class Grasp(Skill):
 class Holding(SkillCondition):
     """Whether the hand holds an object, by its encoders; forgets an object that has been lost."""
 
+    REQUIRES = ("gripper",)
     INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="the object")}
 
     def check(self) -> tuple[str, str] | None:
@@ -257,6 +261,8 @@ class Holding(SkillCondition):
 class Reachable(SkillCondition):
     """Whether the arm can reach a grasp of a seen object from where the base stands; collisions are not checked."""
 
+    REQUIRES = ("arm", "gripper")
+    USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="a seen object")}
 
     def check(self) -> tuple[str, str] | None:

@@ -32,6 +32,7 @@ class DetectHandle(Skill):
     it also tells, and believes, how far that stands open.
     """
 
+    REQUIRES = ("camera",)
     INPUT_PORTS: ClassVar = {
         "furniture": BoundedPort(FurnitureName, required=False, description="furniture of the map, such as fridge"),
         "articulation": BoundedPort(

@@ -29,6 +29,7 @@ class Relocalise(Skill):
     Nothing is driven but turns on the spot, and those only where the lidar sees room for them.
     """
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         "looks": BoundedPort(Count, required=False, default_value=4, description="scans, with a turn between them"),
         "turn": BoundedPort(
@@ -87,6 +88,7 @@ class Relocalise(Skill):
 class InitialPoseReceived(SkillCondition):
     """Whether the base has a pose on the map to go on from: it was told one, or has found it, and has not lost it."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         "max_position_std": BoundedPort(
             Positive, required=False, default_value=KNOWN_POSITION_STD, description="metres, of the believed position"

@@ -15,6 +15,7 @@ from bestman_bt.messages import Pose
 class LookAt(Skill):
     """Turn the head camera to a point, to an object where it was last seen, or else to a surface of the map."""
 
+    REQUIRES = ("head", "camera")
     INPUT_PORTS: ClassVar = {
         "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
         "object": BoundedPort(ObjectName, required=False, description="an object; used where it has been seen"),

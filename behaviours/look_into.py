@@ -32,6 +32,8 @@ class LookInto(Skill):
     Of a drawer it looks at the part that has come out of the furniture.
     """
 
+    REQUIRES = ("arm", "wrist_camera")
+    USES = ("camera",)
     INPUT_PORTS: ClassVar = {
         "surface": BoundedPort(SurfaceName, description="the surface, such as drawer_chest/drawer_3"),
         "object": BoundedPort(ObjectName, required=False, description="looked at where it has been seen"),

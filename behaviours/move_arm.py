@@ -37,6 +37,8 @@ TURN = np.radians(15.0)
 class MoveArm(Skill):
     """Move the arm to a posture of the robot, around everything that is believed to be there."""
 
+    REQUIRES = ("arm",)
+    USES = ("camera",)
     INPUT_PORTS: ClassVar = {
         "posture": BoundedPort(PostureName, description="a posture of the robot, such as carry"),
         "sight": PortInformation(
@@ -57,6 +59,8 @@ class MoveArm(Skill):
 class Retreat(Skill):
     """Take the hand straight back from where it has worked, then move the arm to a posture."""
 
+    REQUIRES = ("arm",)
+    USES = ("camera",)
     INPUT_PORTS: ClassVar = {
         "posture": BoundedPort(PostureName, required=False, default_value="carry", description="where to end"),
         "distance": PortInformation(float, required=False, default_value=0.1, description="straight back, metres"),

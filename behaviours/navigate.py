@@ -48,6 +48,7 @@ class NavigateTo(Skill):
     Where there is none, the base waits. What failed is tried again after a recovery: back up, forget what was seen.
     """
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
         "max_replans": BoundedPort(

@@ -36,6 +36,8 @@ class Open(Skill):
     while it holds the handle, it lets go (the fingers open by themselves); a stopped robot keeps its hand as it is.
     """
 
+    REQUIRES = ("arm", "gripper")
+    USES = ("force_torque",)
     INPUT_PORTS: ClassVar = {
         "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "handle": PortInformation(str, description="a believed handle"),

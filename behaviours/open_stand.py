@@ -36,6 +36,7 @@ TURNS = (0.0, -0.5, 0.5)
 class FindLookStand(Skill):
     """Choose where to stand to see the front of a door or drawer of the map, and where to look from there."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {"articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map")}
     OUTPUT_PORTS: ClassVar = {
         "stand": PortInformation(Pose2D, description="where to stand, in the map frame"),
@@ -74,6 +75,7 @@ class FindOpenStand(Skill):
     Each time it is asked again it gives another stand, until none is left.
     """
 
+    REQUIRES = ("base", "lidar", "arm", "gripper")
     INPUT_PORTS: ClassVar = {
         "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "handle": PortInformation(str, description="a believed handle"),

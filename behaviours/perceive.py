@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 class DetectObjects(Skill):
     """Look at a surface through a camera; believe in all that is seen there, and in how high the surface is."""
 
+    REQUIRES = ("camera",)
+    USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {
         "surface": BoundedPort(SurfaceName, description="the surface to look at, such as table"),
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
@@ -43,6 +45,8 @@ class DetectObjects(Skill):
 class DetectObject(Skill):
     """Look at a surface through a camera; believe in what is seen there; fail if the object is not."""
 
+    REQUIRES = ("camera",)
+    USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the object to find"),
         "surface": BoundedPort(SurfaceName, description="the surface to search, such as table"),
@@ -88,6 +92,8 @@ def _look(leaf: DetectObject | DetectObjects) -> StepsTo[tuple[RGBDView, Detecte
 class EstimatePose(Skill):
     """Look closer at an object that was seen: one more image, one model, a better pose."""
 
+    REQUIRES = ("camera",)
+    USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="an object that was detected"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),

@@ -56,6 +56,8 @@ NUDGE = 0.001
 class FindPlacePose(Skill):
     """Look at a surface and check that there is room at the goal; the height comes from the measured surface."""
 
+    REQUIRES = ("camera",)
+    USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the object to place"),
         "surface": BoundedPort(SurfaceName, description="the surface, such as counter"),
@@ -115,6 +117,8 @@ class FindPlacePose(Skill):
 class PlaceOn(Skill):
     """Bring the held object above its place and lower it straight until it is felt to stand there."""
 
+    REQUIRES = ("arm",)
+    USES = ("force_torque",)
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the held object"),
         "pose": PortInformation(Pose, description="where it shall stand, in the map frame"),
@@ -200,6 +204,8 @@ class PlaceOn(Skill):
 class Release(Skill):
     """Open the hand slowly, and believe that the object stands where the hand has left it."""
 
+    REQUIRES = ("arm", "gripper")
+    USES = ("force_torque",)
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the held object"),
         "surface": BoundedPort(SurfaceName, required=False, description="below it, to look for it there later"),

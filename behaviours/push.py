@@ -71,6 +71,7 @@ class Push(Skill):
     ``blocked``: look again, something unseen is in the way; ``object_not_found``: detect it first.
     """
 
+    REQUIRES = ("arm", "gripper")
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="a located object"),
         "goal": PortInformation(

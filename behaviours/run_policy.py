@@ -40,6 +40,8 @@ class RunPolicy(Skill):
     ``bad_action`` or ``policy_unreachable``. The hand may touch ``object``, which is believed to be held at the end.
     """
 
+    REQUIRES = ("arm", "gripper")
+    USES = ("camera", "wrist_camera")
     INPUT_PORTS: ClassVar = {
         "policy": PortInformation(str, description="a shipped name, an .onnx file or the .yaml of a policy server"),
         "goal": PortInformation(
@@ -216,7 +218,7 @@ class RunPolicy(Skill):
         from bestman_bt.manipulation.policy import Observation, pose_vector
 
         skills = self.skills
-        cameras = {"head": skills.camera, "wrist": skills.wrist_camera}
+        cameras = {"head": skills.camera if skills.has("camera") else None, "wrist": skills.wrist_camera}
         images: dict[str, NDArray[np.uint8]] = {}
         for name in spec.images:
             camera = cameras.get(name)

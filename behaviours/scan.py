@@ -41,9 +41,13 @@ MAPPED_AROUND = 2.4
 class ScanScene(Skill):
     """Turn the head over a surface, or around where none is named, and believe in what all views show together.
 
+    A camera that nothing turns takes one picture.
+
     The space around is mapped as free, occupied or unknown, for planning.
     """
 
+    REQUIRES = ("camera",)
+    USES = ("head",)
     INPUT_PORTS: ClassVar = {
         "surface": BoundedPort(SurfaceName, required=False, description="a surface, such as table; else all in view"),
         "views": PortInformation(int, required=False, default_value=3, description="how many pictures to take"),
@@ -64,8 +68,11 @@ class ScanScene(Skill):
         views: list[RGBDView] = []
         seen: list[str] = []
         problems: list[Exception] = []
+        if not skills.has("head"):
+            count = 1  # it sees the same each time
         for point in self._points(count):
-            yield skills.head.look_at(point)
+            if skills.has("head"):
+                yield skills.head.look_at(point)
             try:
                 views.append(skills.camera.capture())
                 seen += yield from self._detect(views[-1])

@@ -37,6 +37,7 @@ GOALS = 4
 class SecondLook(Skill):
     """Look at an object again from where that tells most about its yaw, and join the views; none if that is known."""
 
+    REQUIRES = ("arm", "wrist_camera")
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="an object that was located"),
         "max_yaw_width": PortInformation(

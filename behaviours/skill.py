@@ -15,6 +15,7 @@ from behaviours.computation import Job
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import NodeFailure
+from behaviours.parts import PartKind
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
 from bestman_bt.errors import Error, MissingExtraError
@@ -78,7 +79,14 @@ class Declaration:
 
 
 class OnRobot(Node):
-    """A node that knows the robot that its tree runs."""
+    """A node that knows the robot that its tree runs.
+
+    ``REQUIRES``: kinds of parts that it cannot do without; a tree with it is refused on a robot that lacks one.
+    ``USES``: kinds of parts that it uses where the robot has them.
+    """
+
+    REQUIRES: ClassVar[tuple[PartKind, ...]] = ()
+    USES: ClassVar[tuple[PartKind, ...]] = ()
 
     @property
     def skills(self) -> SkillContext:

@@ -51,6 +51,8 @@ class FindStandPose(Skill):
     Each time it is asked again for the same target it gives another stand, until all have been tried.
     """
 
+    REQUIRES = ("base", "lidar", "arm", "gripper")
+    USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {
         "surface": BoundedPort(SurfaceName, description="the surface to stand at, such as table"),
         "object": BoundedPort(ObjectName, required=False, description="the object to reach, where it has been seen"),

@@ -99,6 +99,7 @@ class FindFreePlace(Skill):
     The place nearest to the robot; asked again for the same object it gives another one.
     """
 
+    REQUIRES = ("camera",)
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the object that shall stand there"),
         "surface": BoundedPort(SurfaceName, description="the surface, such as counter/top"),

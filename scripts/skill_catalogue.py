@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
+from behaviours.parts import parts_in_words
 from bestman_bt.engine import NodeInfo, Port
 from bestman_bt.runtime.plugins import node_registry
 
@@ -35,6 +36,9 @@ What a tree of bestman-bt can do, family by family: each skill with its ports an
 prints the same of one skill, and of your own with `--plugin`. Control nodes, decorators and other built-in nodes are in
 the [catalogue of the engine](engine/catalogue.md), the nodes of Nav2's files in [Nav2](nav2.md). An error code and a
 message, `error_code` and `error_message`, are outputs of every skill.
+
+Where a skill *requires* parts, a tree with it is refused on a robot that lacks one of them; what it *uses* may be
+missing ([robots of any parts](robots.md#robots-of-any-parts)).
 
 This page is generated from the skills by `scripts/skill_catalogue.py`.
 """
@@ -66,6 +70,8 @@ def page() -> str:
 def section(info: NodeInfo, used: dict[str, ElementTree.Element]) -> str:
     """One skill."""
     text = f"\n### {info.name}\n\n{info.description.strip()}\n"
+    if parts := parts_in_words(info.cls):
+        text += f"\nOf the robot: {parts}.\n"
     rows = [_row(port) for name, port in info.ports.items() if name not in ALWAYS_THERE]
     if rows:
         text += "\n| port | | default | what it is |\n| --- | --- | --- | --- |\n" + "".join(rows)

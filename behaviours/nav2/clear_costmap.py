@@ -21,6 +21,7 @@ RESET_DISTANCE = BoundedPort(Positive, required=False, default_value=1.0, descri
 class ClearEntireCostmap(InstantSkill):
     """Forget all obstacles that were seen; what the map has stays."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = PORTS
 
     def act(self) -> None:
@@ -35,6 +36,7 @@ class ClearCostmap(ClearEntireCostmap):
 class ClearCostmapAroundRobot(InstantSkill):
     """Forget the obstacles that were seen in a square around the base."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**PORTS, "reset_distance": RESET_DISTANCE}
 
     def act(self) -> None:
@@ -58,6 +60,7 @@ class ClearCostmapAroundPose(ClearCostmapAroundRobot):
 class ClearCostmapExceptRegion(InstantSkill):
     """Forget the obstacles that were seen, but for those in a square around the base."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {**PORTS, "reset_distance": RESET_DISTANCE}
 
     def act(self) -> None:

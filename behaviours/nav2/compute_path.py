@@ -22,6 +22,7 @@ ALL_GOALS = -1
 class _ComputePath(Skill):
     """A path that leads through poses; without one the output is cleared, so that nobody drives an old path."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         **SERVER,
         "start": PortInformation(Pose2D, required=False, description="x;y;theta instead of where the base is"),

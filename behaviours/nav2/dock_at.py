@@ -30,6 +30,7 @@ class DockAt(Skill):
     it are then right, whereas along the front the map has the word.
     """
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose2D, description="x;y;theta in the map frame, metres and radians"),
         "furniture": BoundedPort(FurnitureName, required=False, default_value="", description="whose front it is"),

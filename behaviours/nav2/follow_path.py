@@ -25,6 +25,7 @@ class FollowPath(Skill):
     base goes on along the one that it has.
     """
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         **SERVER,
         **without_meaning("goal_checker_id", "progress_checker_id", "path_handler_id"),

@@ -52,6 +52,7 @@ class _Motion(Skill):
 class Spin(_Motion):
     """Turn on the spot; by odometry, so that it also works where the base has lost its way."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         **without_meaning("is_recovery"),
         "spin_dist": BoundedPort(Turns, required=False, default_value=1.57, description="radians, to the left"),
@@ -69,6 +70,7 @@ class Spin(_Motion):
 class DriveOnHeading(_Motion):
     """Drive straight on; the collision monitor stops it before whatever is in the way, which ends it as blocked."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         "dist_to_travel": BoundedPort(
             Moving,
@@ -102,6 +104,7 @@ class DriveOnHeading(_Motion):
 class BackUp(_Motion):
     """Drive straight back."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         "backup_dist": BoundedPort(Moving, required=False, default_value=0.15, description="metres"),
         "backup_speed": BoundedPort(Moving, required=False, default_value=0.025, description="m/s"),

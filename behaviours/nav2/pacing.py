@@ -21,6 +21,7 @@ class SpeedController(OnRobot, Decorator):
     Between ``min_speed`` and ``max_speed`` the rate goes from ``min_rate`` to ``max_rate``. RUNNING in between.
     """
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         **WATCHED,
         "min_rate": BoundedPort(Positive, required=False, default_value=0.1, description="hertz, above 0"),

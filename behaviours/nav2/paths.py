@@ -82,6 +82,7 @@ class TruncatePathLocal(InstantSkill):
 class SmoothPath(InstantSkill):
     """Round the corners of a path; where the base would then touch something, the path stays as it was."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         **SERVER,
         **without_meaning("max_smoothing_duration"),
@@ -113,6 +114,7 @@ class SmoothPath(InstantSkill):
 class IsPathValid(SkillCondition):
     """Whether the base can drive what is left of a path, by what is known and seen of its surroundings now."""
 
+    REQUIRES = ("base", "lidar")
     INPUT_PORTS: ClassVar = {
         **SERVICE,
         **without_meaning("max_cost", "consider_unknown_as_obstacle", "layer_name", "footprint"),

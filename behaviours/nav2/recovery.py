@@ -42,6 +42,8 @@ class WouldAControllerRecoveryHelp(AreErrorCodesPresent):
 class IsStuck(SkillCondition):
     """Whether the base was to move and does not get on, or was stopped harder than it brakes; until it moves again."""
 
+    REQUIRES = ("base", "lidar")
+
     def check(self) -> tuple[str, str] | None:
         """Asks the base's controller."""
         if self.skills.base.stuck:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from behaviours.parts import parts_in_words
 from bestman_bt.cli.options import Plugins
 from bestman_bt.engine import NodeInfo, palette_xml
 from bestman_bt.runtime.plugins import node_registry
@@ -37,6 +38,8 @@ def command(
 
 def _tell(info: NodeInfo) -> None:
     print(f"  {info.name}: {info.description.splitlines()[0] if info.description else ''}")
+    if parts := parts_in_words(info.cls):
+        print(f"      {parts}")
     for port in info.ports.values():
         facts = [port.direction, port.type_name]
         if port.required:

@@ -61,27 +61,18 @@ def _sheet(names: list[str], png: Path) -> Path:
 def _tell(
     robots: list[dict[str, Any]], broken: dict[str, str], by_kind: dict[str, list[dict[str, Any]]], ways: int
 ) -> None:
-    able = [robot for robot in robots if not robot["lacking"]]
-    print("Robots that run --robot takes, for any task (the learned policies of policy_* move diff_panda alone)")
-    _tell_robots(able)
+    print("Robots, with the parts that skills find on them (the learned policies of policy_* move diff_panda alone)")
+    for robot in robots:
+        drives = ", ".join(base["drive"] for base in robot["bases"].values()) or "fixed"
+        arms = ", ".join(f"{arm['joints']} joints, reach {arm['reach_m']:.2f} m" for arm in robot["arms"].values())
+        hands = ", ".join(f"{hand['kind']} {hand['max_width_m'] * 1e3:.0f} mm" for hand in robot["grippers"].values())
+        facts = f"{drives}; {arms or 'no arm'}; {hands or 'no hand'}; {robot['mass_kg']:.0f} kg"
+        print(f"  {robot['name']:<18} {facts}; {', '.join(robot['for_skills']) or 'none'}")
     for name, why in broken.items():
         print(f"  {name:<18} not available: {why}")
-    if len(able) < len(robots):
-        print("\nRobots that no task takes, for robot show and Python alone")
-        _tell_robots([robot for robot in robots if robot["lacking"]])
     print("\nParts")
     for kind, parts in by_kind.items():
         print(f"  {kind}")
         for part in parts:
             print(f"    {part['name']:<20} {part['description']}")
     print(f"\nAny base, arm and end effector go together, {ways} ways: bestman-bt robot show BASE+ARM+HAND")
-
-
-def _tell_robots(robots: list[dict[str, Any]]) -> None:
-    for robot in robots:
-        drives = ", ".join(base["drive"] for base in robot["bases"].values()) or "fixed"
-        arms = ", ".join(f"{arm['joints']} joints, reach {arm['reach_m']:.2f} m" for arm in robot["arms"].values())
-        hands = ", ".join(f"{hand['kind']} {hand['max_width_m'] * 1e3:.0f} mm" for hand in robot["grippers"].values())
-        facts = f"{drives}; {arms or 'no arm'}; {hands or 'no hand'}; {robot['mass_kg']:.0f} kg"
-        lacks = f"; the skills need {', '.join(robot['lacking'])}" if robot["lacking"] else ""
-        print(f"  {robot['name']:<18} {facts}{lacks}")

@@ -9,16 +9,22 @@ import typer
 
 from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, find_data, shipped_trees
+from bestman_bt.engine import load_tree
 from bestman_bt.engine.validation import validate_file
+from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime.plugins import node_registry
-from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES
+from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, lacking_parts
 
 
 def command(
     files: Annotated[list[str], typer.Argument(metavar="FILE…", help="Shipped trees, or XML or Python files.")],
+    robot: Annotated[
+        str | None, typer.Option("--robot", help="Also whether this robot has the parts that they need.")
+    ] = None,
     plugins: Plugins = None,
 ) -> None:
     """Check tree files without running them."""
+    model = load_robot_model(robot) if robot is not None else None
     registry = node_registry([str(plugin) for plugin in plugins or ()])
     errors = 0
     for file in files:
@@ -29,6 +35,9 @@ def command(
             errors += 1
             continue
         problems = validate_file(path, registry, search_path=shipped_trees(), given=(*TASK_ENTRIES, *ALWAYS_FILLED))
+        if model is not None and not any(problem.severity == "error" for problem in problems):
+            tree = load_tree(path, registry, search_path=shipped_trees())
+            problems = [*problems, *lacking_parts(tree, model, model.part_names)]
         for problem in problems:
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from behaviours.grasp import PlannedGrasp
+from bestman_bt.control.wheeled import BaseController
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.engine import Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
@@ -48,19 +49,24 @@ class RecordedBeliefs:
     def after_tick(self) -> None:
         """Tell what is new."""
         skills, stamp = self._session.skills, self._session.robot.clock.now()
-        if skills.base.path is not self._path:
-            self._path = skills.base.path
-            self._recorder.path("planned", self._path, stamp)
-        scan = skills.base.last_scan
-        if scan is not None and scan is not self._scan and stamp >= self._next_scan:
-            self._scan, self._next_scan = scan, stamp + SCAN_EVERY
-            self._recorder.scan("lidar", scan.scan, self._at_lidar_height(scan.map_from_lidar))
+        if skills.has("base") and skills.has("lidar"):
+            self._tell_driving(skills.base, stamp)
         if skills.world.objects != self._objects:
             self._objects = dict(skills.world.objects)
             self._recorder.objects(object_marks(skills), stamp)
         for entry in self._blackboard.collect():
             self._recorder.blackboard(_line(entry), stamp)
             self._tell_grasps(entry, stamp)
+
+    def _tell_driving(self, base: BaseController, stamp: float) -> None:
+        """The path that is new, and a scan where one is due."""
+        if base.path is not self._path:
+            self._path = base.path
+            self._recorder.path("planned", self._path, stamp)
+        scan = base.last_scan
+        if scan is not None and scan is not self._scan and stamp >= self._next_scan:
+            self._scan, self._next_scan = scan, stamp + SCAN_EVERY
+            self._recorder.scan("lidar", scan.scan, self._at_lidar_height(scan.map_from_lidar))
 
     def _at_lidar_height(self, map_from_lidar: Pose2D) -> Pose:
         return Pose(np.array([*map_from_lidar.xy, self._lidar_height]), map_from_lidar.to_pose().quaternion)

@@ -52,10 +52,8 @@ class Recording:
         """Start recording."""
         self._recorder.open()
         self._tree.subscribe(self._on_changes)
-        skills = self._session.skills
-        for sensor in (skills.camera, skills.wrist_camera):
-            if sensor is not None:
-                sensor.subscribe(partial(self._on_view, sensor.name))
+        for sensor in self._session.skills.cameras:
+            sensor.subscribe(partial(self._on_view, sensor.name))
         self._snapshot()
         self._beliefs.begin()
         for name, point in goal_points(self._session.entries).items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -73,60 +74,50 @@ _SLOTS: dict[str, tuple[type[Any], str]] = {
 """Slot → what it holds, and the kind under which that is registered."""
 
 
-def make_algorithms(config: RunConfig, model: RobotModel) -> Algorithms:
-    """The algorithms that skills ask; ConfigurationError lists what is wrong in any slot."""
-    faults = ProblemCollector()
+def make_algorithms(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None = None) -> Algorithms:
+    """The algorithms that skills ask, each made on first use; a user's own ones are made now, to see whether they can.
+
+    ``semantic_map``: what the base is localised on; only a localizer needs it. ConfigurationError lists what is wrong
+    in any slot.
+    """
+    faults, own = ProblemCollector(), []
     for slot in _SLOTS:
         with faults.step():
-            _choose(config, slot)
+            algorithm, _ = _choose(config, slot)
+            if not algorithm.__module__.startswith("bestman_bt."):
+                own.append(slot)
+    lacking = {*(() if model.arms else ("kinematics", "collision")), *(() if semantic_map else ("localization",))}
+    for slot in own:
+        with faults.step():
+            if slot not in lacking:
+                _made(config, model, semantic_map, slot)
     faults.raise_if_any()
-
-    def make(slot: str, *needs: Any, **parts: Any) -> Any:
-        return make_algorithm(config, slot, *needs, **parts)
-
-    return Algorithms(
-        detection=make("detection", segmentation=make("segmentation"), pose_estimator=make("pose_estimation")),
-        multi_view=make("multi_view"),
-        tracking=make("tracking"),
-        view_planning=make("view_planning"),
-        surfaces=make("surfaces"),
-        affordance=make("affordance"),
-        occupancy=make("occupancy"),
-        grasp_pose=make("grasp_pose"),
-        unknown_grasp_pose=make("unknown_grasp_pose"),
-        handle_grasp_pose=make("handle_grasp_pose"),
-        kinematics=make("kinematics", model),
-        collision=make("collision", model),
-        motion_planning=TimedMotionPlanner(make("motion_planning"), make("trajectory")),
-        costmap=make("costmap"),
-        global_planning=make("global_planning"),
-        slam=make("slam"),
-        exploration=make("exploration"),
-        global_localization=make("global_localization"),
-    )
+    return Algorithms(lambda slot: _made(config, model, semantic_map, slot))
 
 
-def make_localizer(config: RunConfig, model: RobotModel, semantic_map: SemanticMap) -> Localizer:
-    """What tells the base controller where the base is; raises as ``make_algorithm``."""
-    localizer: Localizer = make_algorithm(config, "localization", semantic_map)
-    if any(base.drags_wheels for base in model.bases.values()):
-        localizer.expect_dragged_wheels()
-    return localizer
+def _made(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None, slot: str) -> Any:
+    """The algorithm in a slot, with what it stands on."""
+    make = partial(make_algorithm, config)
+    match slot:
+        case "detection":
+            return make(slot, segmentation=make("segmentation"), pose_estimator=make("pose_estimation"))
+        case "kinematics" | "collision":
+            return make(slot, model)
+        case "motion_planning":
+            return TimedMotionPlanner(make(slot), make("trajectory"))
+        case "localization":
+            localizer: Localizer = make(slot, semantic_map)
+            if any(base.drags_wheels for base in model.bases.values()):
+                localizer.expect_dragged_wheels()
+            return localizer
+    return make(slot)
 
 
-def make_odometry_filter(config: RunConfig, model: RobotModel) -> OdometryFilter:
-    """What the base controller's odometry goes through; raises as ``make_algorithm``, and without the IMU it needs."""
-    made: OdometryFilter = make_algorithm(config, "odometry")
-    if made.uses_gyro and not model.imus:
+def check_odometry(config: RunConfig, model: RobotModel) -> None:
+    """ConfigurationError for an odometry filter that needs the gyroscope which the robot lacks."""
+    if model.bases and not model.imus and make_algorithm(config, "odometry").uses_gyro:
         message = f"needs a robot with an inertial measurement unit, and {config.task.robot} has none"
         raise ConfigurationError([config.problem(("algorithms", "odometry", "algorithm"), message)])
-    return made
-
-
-def make_local_planner(config: RunConfig) -> PathFollower:
-    """What the base controller follows paths with; raises as ``make_algorithm``."""
-    follower: PathFollower = make_algorithm(config, "local_planning")
-    return follower
 
 
 def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Path, ...] = ()) -> Any:

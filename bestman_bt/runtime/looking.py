@@ -56,7 +56,8 @@ def look_at(furniture: MapFurniture, stand: RunConfig | Setup, views: int = 1) -
     with open_session(stand) as session:
         under = session.skills.world.map.standing_under(furniture.name)
         seen: list[RGBDView] = []
-        session.skills.camera.subscribe(seen.append)
+        if session.skills.has("camera"):  # else the tree is refused, with the reason
+            session.skills.camera.subscribe(seen.append)
         still = [surface for surface in furniture.surfaces if surface.leaf is None]
         heights = {f"{furniture.name}/{s.name}": float(s.pose.position[2]) for s in still}
         highest = max(heights.values(), default=0.0)
@@ -155,6 +156,8 @@ def object_marks(skills: SkillContext) -> tuple[ObjectMark, ...]:
 
 def _best_grasps(skills: SkillContext) -> Iterable[GraspMark]:
     """The first grasp that is proposed for each believed object and handle; whether the arm reaches it is not asked."""
+    if not skills.has("arm") or not skills.has("gripper"):
+        return
     depth = skills.gripper_model.finger_depth
     targets = {name: grasp_candidates(skills, belief) for name, belief in skills.world.objects.items()}
     targets |= {name: handle_grasp_candidates(skills, belief) for name, belief in skills.world.handles.items()}

@@ -33,9 +33,8 @@ class PictureSource:
         self._last: tuple[str, RGBDView] | None = None
         self._untold: dict[str, RGBDView] = {}
         self._kept: dict[tuple[str, float], str] = {}
-        for camera in (skills.camera, skills.wrist_camera):
-            if camera is not None:
-                camera.subscribe(partial(self._seen, camera.name))
+        for camera in skills.cameras:
+            camera.subscribe(partial(self._seen, camera.name))
 
     def begin(self, tell: Tell) -> None:
         """Somebody keeps or watches from now on."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from behaviours.parts import parts_by_kind
 from bestman_bt.configuration import ConfigurationError, Problem, data_names, find_data, read_document
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.robot_model import RobotModel, combine, load_robot_model, payload
@@ -22,23 +22,6 @@ def find_robot(name: str) -> RobotModel:
         message = f"a combination has three parts, BASE+ARM+HAND, this one has {len(parts)}"
         raise ConfigurationError([Problem(name, None, "", message)])
     return load_robot_model(name)
-
-
-def parts_for_skills(model: RobotModel) -> dict[str, Iterable[str]]:
-    """What the skills command or read, one part of each kind: kind → the names of the robot's parts of it."""
-    return {
-        "a mobile base": model.bases,
-        "an arm": model.arms,
-        "a gripper": model.grippers,
-        "a pan-tilt head": model.joint_groups,
-        "a camera": model.cameras,
-        "a lidar": model.lidars,
-    }
-
-
-def lacking(model: RobotModel) -> list[str]:
-    """The kinds of parts that a robot lacks for the skills: with none, ``run --robot`` takes it."""
-    return [kind for kind, parts in parts_for_skills(model).items() if not parts]
 
 
 def robot_facts(model: RobotModel) -> dict[str, Any]:
@@ -75,7 +58,7 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
             *model.batteries,
         ],
         "postures": list(model.postures),
-        "lacking": lacking(model),
+        "for_skills": list(parts_by_kind(model, model.part_names)),
     }
 
 

@@ -17,39 +17,23 @@ from py_trees.behaviour import Behaviour
 from behaviours.computation import InlineComputation
 from behaviours.context import SkillContext
 from behaviours.localise import KNOWN_POSITION_STD
+from behaviours.skill import OnRobot
 from bestman_bt.configuration import RunConfig, load_run, task_of_tree
-from bestman_bt.control.arm import ArmController
-from bestman_bt.control.gripper import GripperController
-from bestman_bt.control.head import HeadController
 from bestman_bt.control.robot_stop import RobotStop
-from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.engine import Tree, TreeLoadError
-from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.registry import DRIVERS
-from bestman_bt.robot_model import RobotModel, joints_above
-from bestman_bt.runtime.algorithms import (
-    algorithm_by_name,
-    make_algorithms,
-    make_local_planner,
-    make_localizer,
-    make_odometry_filter,
-)
+from bestman_bt.runtime.algorithms import algorithm_by_name, make_algorithms
 from bestman_bt.runtime.control_channel import ControlChannel
 from bestman_bt.runtime.executor import Execution, Executor
 from bestman_bt.runtime.picture_source import PictureSource
 from bestman_bt.runtime.policies import find_policy
+from bestman_bt.runtime.robot_parts import RobotParts
 from bestman_bt.runtime.robot_source import RobotSource
 from bestman_bt.runtime.run_facts import describe_run
 from bestman_bt.runtime.setup import Setup, load_for, prepare
 from bestman_bt.runtime.telemetry import Telemetry
 from bestman_bt.runtime.tree_checks import unfilled_entries
-from bestman_bt.sensing.force_torque import WristWrench
-from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
-from bestman_bt.sensing.joint_state import JointStateSensor
-from bestman_bt.sensing.lidar import LidarSensor
-from bestman_bt.sensing.rgbd import RGBDSensor
-from bestman_bt.sensing.tactile import TactileSensor
-from hal.api import Arm, Bumper, Camera, ForceTorque, Gripper, Imu, JointGroup, Lidar, MobileBase, Robot, Tactile
+from hal.api import Robot
 
 _LOG = logging.getLogger(__name__)
 
@@ -93,13 +77,17 @@ class Session:
         ``bestman-bt run TREE``.
 
         Its root blackboard has what the task tells and, where that is known, ``start``: the pose of the base now.
-        Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears,
-        and ConfigurationError for a task whose goal this scene does not have; warns of entries that are read and that
-        nobody has filled yet.
+        Raises TreeLoadError with everything that is wrong, also with names that nothing in scene, map and robot bears
+        and nodes that need a part which the robot lacks, and ConfigurationError for a task whose goal this scene does
+        not have; warns of entries that are read and that nobody has filled yet. Controllers and sensors of what the
+        nodes need are made now.
         """
         loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
         entries = self._entries_for(tree)
         self.check(loaded, entries)
+        for node in loaded.nodes:
+            if isinstance(node, OnRobot):
+                self.skills.make((*node.REQUIRES, *node.USES))
         return self._filled(loaded, entries)
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
@@ -134,9 +122,9 @@ class Session:
 
     def check(self, tree: Tree, entries: Mapping[str, Any]) -> None:
         """As ``load`` says; ``entries``: what a task fills."""
-        unknown = self.setup.unknown_in(tree)
-        if unknown:
-            raise TreeLoadError(unknown)
+        missing = self.setup.missing_in(tree)
+        if missing:
+            raise TreeLoadError(missing)
         for problem in unfilled_entries(tree, entries, self.setup.config.name if self.entries else None):
             _LOG.warning("%s", dataclasses.replace(problem, severity="warning"))
 
@@ -184,11 +172,14 @@ def open_session(
         if prepare_robot is not None:
             prepare_robot(robot)
         skills = _skills(setup, robot if see_through is None else see_through(robot))
-        skills.base.start()
+        localised = skills.has("base") and skills.has("lidar")
+        if localised:
+            skills.base.start()
         try:
             yield Session(setup, robot, skills, dict(setup.entries))
         finally:
-            skills.base.close()
+            if localised:
+                skills.base.close()
             robot.stop()
 
 
@@ -217,74 +208,20 @@ def session(
 
 def _skills(setup: Setup, robot: Robot) -> SkillContext:
     config, model, world = setup.config, setup.robot_model, setup.world_model.as_at_the_start()
-    clock = robot.clock
-    forward = ForwardKinematics(model)
-    joints = JointStateSensor(robot.parts, model)
-    cameras = {part.name: part for part in robot.parts.values() if isinstance(part, Camera)}
-    on_hand = _camera_on_hand(model, cameras)
-    camera = next((part for part in cameras.values() if part is not on_hand), on_hand)
-    assert camera is not None
-    mobile_base = _first(robot, MobileBase)
-    bumpers = [part for part in robot.parts.values() if isinstance(part, Bumper)]
-    base = BaseController(
-        mobile_base,
-        clock,
-        LidarSensor(_first(robot, Lidar), forward),
-        make_localizer(config, model, world.map),
-        make_local_planner(config),
-        world,
-        odometry=_odometry(setup, robot, forward),
-        monitor=CollisionMonitor(mobile_base.description, bumpers),
-    )
-    algorithms = make_algorithms(config, model)
-    wrist = next(
-        (WristWrench(part, forward, joints, clock) for part in robot.parts.values() if isinstance(part, ForceTorque)),
-        None,
-    )
+    algorithms = make_algorithms(config, model, world.map)
+    parts = RobotParts(robot, model, world, algorithms)
     return SkillContext(
-        clock=clock,
+        clock=robot.clock,
         robot=model,
+        kinds=parts.kinds,
+        make_part=partial(getattr, parts),
         world=world,
-        base=base,
-        arm=ArmController(_first(robot, Arm), clock, kinematics=algorithms.kinematics, wrist=wrist),
-        gripper=GripperController(_first(robot, Gripper)),
-        head=HeadController(_first(robot, JointGroup, Arm), forward, joints, camera.optical_frame),
         stop=RobotStop(robot),
-        camera=RGBDSensor(camera, forward, joints, world, clock),
-        wrist_camera=RGBDSensor(on_hand, forward, joints, world, clock) if on_hand is not None else None,
-        tactile=[TactileSensor(part) for part in robot.parts.values() if isinstance(part, Tactile)],
-        joints=joints,
-        wrist_wrench=wrist,
         algorithms=algorithms,
-        computation=InlineComputation(clock),
+        computation=InlineComputation(robot.clock),
         costs=COMPUTATION_COSTS,
         rng=np.random.default_rng([config.seed, 2]),
         planners=cache(partial(algorithm_by_name, config, "global_planning")),
         followers=cache(partial(algorithm_by_name, config, "local_planning")),
         policies=find_policy,
-    )
-
-
-def _odometry(setup: Setup, robot: Robot, forward: ForwardKinematics) -> FusedOdometry:
-    """What the base's localisation predicts with."""
-    imu = next((part for part in robot.parts.values() if isinstance(part, Imu)), None)
-    gyro: GyroHeading | None = None
-    if imu is not None:
-        upwards = forward.pose(imu.frame, {}).rotation[2]
-        gyro = GyroHeading(imu, robot.clock, (float(upwards[0]), float(upwards[1]), float(upwards[2])))
-    made = make_odometry_filter(setup.config, setup.robot_model)
-    return FusedOdometry(_first(robot, MobileBase), robot.clock, made, gyro)
-
-
-def _camera_on_hand(model: RobotModel, cameras: Mapping[str, Camera]) -> Camera | None:
-    """The first camera that the arm carries."""
-    arm_joints = {joint for arm in model.arms.values() for joint in arm.joint_names}
-    carried = (part for part in cameras.values() if arm_joints & joints_above(model, part.optical_frame))
-    return next(carried, None)
-
-
-def _first(robot: Robot, kind: type[Any], but: type[Any] | None = None) -> Any:
-    """The first part of a kind; ``prepare`` has seen that there is one."""
-    return next(
-        part for part in robot.parts.values() if isinstance(part, kind) and (but is None or not isinstance(part, but))
     )

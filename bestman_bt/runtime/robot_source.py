@@ -47,12 +47,15 @@ class RobotSource:
 
     def after_tick(self, time: float, tick: int, wanted: frozenset[Topic]) -> None:
         """Tell what is due."""
-        tell, base = self._tell, self._skills.base
+        tell = self._tell
         if tell is None:
             return
         if time >= self._next_robot - EARLY:
             self._next_robot = time + ROBOT_EVERY
             tell(self._robot_now(time, tick))
+        if not self._skills.has("base") or not self._skills.has("lidar"):
+            return
+        base = self._skills.base
         if base.path is not self._path:
             self._path = base.path
             tell(partial(_path_events, time, self._path))

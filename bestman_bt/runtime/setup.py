@@ -30,19 +30,16 @@ from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import (
     algorithm_problems,
+    check_odometry,
     make_algorithms,
-    make_local_planner,
-    make_localizer,
-    make_odometry_filter,
 )
 from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
-from bestman_bt.runtime.robot_facts import lacking, parts_for_skills
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
-from bestman_bt.runtime.tree_checks import known_names, unfilled_entries, unknown_names
+from bestman_bt.runtime.tree_checks import known_names, lacking_parts, unfilled_entries, unknown_names
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, semantic_map
 from bestman_bt.task_planning.symbolic import Literal
 from bestman_bt.world_model import BasePose, WorldModel
@@ -94,7 +91,7 @@ class Setup:
     def drive_goal(self) -> Pose2D | None:
         """Where the task asks the base to be, map_from_base; None where it does not. SceneError if there is no room."""
         asked = self.config.task.drive
-        if asked is None:
+        if asked is None or not self.robot_model.bases:
             return None
         return drive_goal(asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
 
@@ -137,11 +134,28 @@ class Setup:
         names = known_names(self.world_model, self.robot_model, self.absent)
         if self.config.task.algorithm("detection")[0] not in NAMES_MODELS_ALONE:
             del names["object"]
+        if not self.robot_model.arms:
+            del names["posture"]  # who asks for one needs an arm
         return names
 
-    def unknown_in(self, tree: Tree) -> list[TreeProblem]:
-        """Things, policies and algorithms that a tree names and that are not there; its entries are not filled yet."""
-        found = [*unknown_names(tree, self.names), *policy_problems(tree), *algorithm_problems(tree, self.config)]
+    @cached_property
+    def usable_parts(self) -> frozenset[str]:
+        """Names of the robot's parts that are there: with real robots, those behind a connection."""
+        if self.config.driver != "hardware":
+            return frozenset(self.robot_model.part_names)
+        return frozenset(part for connection in self.robot_model.connections.values() for part in connection.parts)
+
+    def missing_in(self, tree: Tree) -> list[TreeProblem]:
+        """What a tree asks for that is not there: parts, and things, policies and algorithms that it names.
+
+        Its entries are not filled yet.
+        """
+        found = [
+            *lacking_parts(tree, self.robot_model, self.usable_parts),
+            *unknown_names(tree, self.names),
+            *policy_problems(tree),
+            *algorithm_problems(tree, self.config),
+        ]
         return sorted(found, key=lambda one: (one.file, one.line))
 
     def with_task(self, task: str) -> Setup:
@@ -178,25 +192,23 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
         scene = load_scene(config.task.scene, config.scene_settings)
     faults.problems += _driver_problems(config)
     if robot_model is not None:
-        faults.problems += _robot_problems(config, robot_model)
-        if not lacking(robot_model):
-            with faults.step():
-                _prepare_algorithms(config, robot_model)
-    if robot_model is None or scene is None or lacking(robot_model):
+        if config.driver == "hardware":
+            faults.problems += _address_problems(config, robot_model)
+        with faults.step():
+            _prepare_algorithms(config, robot_model)
+    if robot_model is None or scene is None:
         raise ConfigurationError(dict.fromkeys(faults.problems))
     world = draw_world(scene, config.seed)
     world_model = WorldModel(
         map=semantic_map(world),
         models=dict(scene.models),
-        base=_told_start(world.robot_start, config.seed) if config.task.known_start else UNKNOWN_START,
+        base=_told_start(config, world, robot_model),
     )
     faults.problems += task_problems(config, world, world_model, robot_model, scene.absent)
     with faults.step():
-        make_localizer(config, robot_model, world_model.map)
+        make_algorithms(config, robot_model, world_model.map)  # the localizer, too
     with faults.step():
-        make_local_planner(config)
-    with faults.step():
-        make_odometry_filter(config, robot_model)
+        check_odometry(config, robot_model)
     if registry is None:
         raise ConfigurationError(dict.fromkeys(faults.problems))
     setup = Setup(config, registry, robot_model, world, world_model, scene.absent)
@@ -216,7 +228,7 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
 
 def _check_tree(setup: Setup, all_entries: bool) -> None:
     tree = load_for(setup)
-    wrong = setup.unknown_in(tree)
+    wrong = setup.missing_in(tree)
     if all_entries:
         task = setup.config.name if setup.entries or setup.config.task.predicates else None
         wrong += [one for one in unfilled_entries(tree, setup.entries, task) if one.severity == "error"]
@@ -226,6 +238,8 @@ def _check_tree(setup: Setup, all_entries: bool) -> None:
 
 def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
     algorithms = make_algorithms(config, robot_model)
+    if not robot_model.cameras:
+        return
     try:
         algorithms.detection.prepare()
     except (PerceptionError, MissingExtraError) as error:
@@ -258,9 +272,14 @@ def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options
     return load_tree(find_data("tree", source), setup.registry, **options)
 
 
-def _told_start(start: Pose2D, seed: int) -> BasePose:
-    """Where the robot is told to be at the start: roughly, as an operator would."""
-    dx, dy, turn = np.random.default_rng([seed, 1]).uniform(-1.0, 1.0, 3)
+def _told_start(config: RunConfig, world: World, robot: RobotModel) -> BasePose:
+    """Where the robot is told to be at the start: roughly, as an operator would; exactly, where it cannot drive."""
+    start = world.robot_start
+    if not robot.bases:
+        return BasePose(start, 0.0, 0.0, 0.0)
+    if not config.task.known_start:
+        return UNKNOWN_START
+    dx, dy, turn = np.random.default_rng([config.seed, 1]).uniform(-1.0, 1.0, 3)
     told = Pose2D(
         start.x + START_POSITION_ERROR * float(dx),
         start.y + START_POSITION_ERROR * float(dy),
@@ -276,19 +295,6 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
         yield Problem("driver", None, "", str(error))
     if (config.driver == "replay") != bool(config.recording):
         yield Problem("driver", None, "", "replay needs a recording, and no other driver has a use for one")
-
-
-def _robot_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:
-    """The skills command one part of each kind, on hardware through a connection."""
-    connected = {part for connection in model.connections.values() for part in connection.parts}
-    for kind, parts in parts_for_skills(model).items():
-        if not parts:
-            yield Problem(str(config.task.robot), None, "parts", f"the skills need {kind}, this robot has none")
-        elif config.driver == "hardware" and not connected & set(parts):
-            message = f"the skills need {kind}, and none of {', '.join(parts)} is behind a connection"
-            yield Problem(str(config.task.robot), None, "connections", message)
-    if config.driver == "hardware":
-        yield from _address_problems(config, model)
 
 
 def _address_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:

@@ -38,6 +38,11 @@ def task_problems(
         for field in ("source", "surface"):
             name = getattr(task.tidy, field)
             yield from _unknown(config, ("tidy", field), name, _surfaces(known), "the map has no surface")
+    if task.drive is not None and not robot.bases:
+        yield config.problem(("drive",), f"needs a mobile base, and robot {robot.name} has none")
+    if (task.reach is not None or task.lift is not None) and not robot.arms:
+        asked = "reach" if task.reach is not None else "lift"
+        yield config.problem((asked,), f"needs an arm, and robot {robot.name} has none")
     if task.reach is not None:
         yield from _unknown(config, ("reach", "goal"), task.reach.goal, world.goals, "the scene has no goal")
     if task.lift is not None:

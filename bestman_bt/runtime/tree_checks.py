@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING
 
+from behaviours.parts import listed, parts_by_kind
 from bestman_bt.engine import Node, Tree
 from bestman_bt.engine.bounds import Named
 from bestman_bt.engine.dataflow import EntryUse
@@ -43,6 +44,26 @@ def known_names(world: WorldModel, robot: RobotModel, absent: Iterable[str] = ()
         "articulation": [f"{name}/{leaf.name}" for name, piece in pieces.items() for leaf in piece.leaves],
         "posture": list(robot.postures),
     }
+
+
+def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list[Problem]:
+    """Nodes that require parts (``REQUIRES``) which the robot lacks, each where the tree has it.
+
+    ``there``: names of the parts that are there; a real robot's others are behind no connection.
+    """
+    has = parts_by_kind(robot, there)
+    problems = []
+    for node in tree.nodes:
+        lacking = [kind for kind in getattr(node, "REQUIRES", ()) if kind not in has]
+        if lacking:
+            message = (
+                f"{node.path} needs {listed(lacking)}; robot {robot.name} has {', '.join(has) or 'none of that kind'}"
+            )
+            unconnected = [kind for kind in lacking if kind in parts_by_kind(robot, robot.part_names)]
+            if unconnected:
+                message += f", and its {' and '.join(unconnected)} behind no connection"
+            problems.append(problem_at(node, "", message, ""))
+    return problems
 
 
 def unknown_names(tree: Tree, names: Mapping[str, Collection[str]]) -> list[Problem]:

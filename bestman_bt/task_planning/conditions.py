@@ -27,6 +27,7 @@ class Holds(SkillCondition):
     ``{object}``, ``{place}`` and ``{container}`` in the text stand for the ports of these names.
     """
 
+    USES = ("arm",)
     INPUT_PORTS: ClassVar = {
         "fact": PortInformation(str, description="facts, joined by and"),
         "object": BoundedPort(ObjectName, required=False, description="for {object} in the fact"),
@@ -51,7 +52,9 @@ class Holds(SkillCondition):
 
 
 def beliefs_of(skills: SkillContext) -> Beliefs:
-    """What a running robot believes, with what its encoders tell of the arm."""
+    """What a running robot believes, with what its encoders tell of the arm; one without an arm has none out."""
+    if not skills.has("arm"):
+        return Beliefs(skills.world, tucked=True)
     posture = skills.robot.posture(DRIVEN, skills.arm_model.joint_names)
     off = float(np.abs(skills.arm_positions() - posture).max())
     return Beliefs(skills.world, tucked=off <= TUCKED)

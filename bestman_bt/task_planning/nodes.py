@@ -40,6 +40,7 @@ class _Planning(OnRobot):
 class Plan(_Planning, Skill):
     """Plan from what is believed now; FAILURE (``unsolvable``) says what is missing."""
 
+    USES = ("arm",)
     INPUT_PORTS: ClassVar = {
         "goal": _GOAL,
         "planner": PortInformation(str, False, "symbolic, fast_downward, or one of your own", "symbolic"),
@@ -67,6 +68,7 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
     The tree is one of its own: it sees the robot and the beliefs, not the entries of this one.
     """
 
+    USES = ("arm",)
     INPUT_PORTS: ClassVar = {
         "goal": _GOAL,
         "plan": PortInformation(TaskPlan, description="the actions, from Plan"),

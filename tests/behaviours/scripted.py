@@ -12,6 +12,7 @@ import numpy as np
 
 from behaviours.computation import InlineComputation
 from behaviours.context import Algorithms, SkillContext
+from behaviours.parts import parts_by_kind
 from bestman_bt.configuration import load_run
 from bestman_bt.control import ControlHandle
 from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
@@ -67,13 +68,14 @@ class ScriptedController:
 def _prepared(task: str, seed: int, settings: tuple[str, ...]) -> tuple[Setup, Algorithms]:
     """What tests leave as it is."""
     setup = prepare(load_run(task, seed=seed, settings=settings))
-    return setup, make_algorithms(setup.config, setup.robot_model)
+    return setup, make_algorithms(setup.config, setup.robot_model, setup.world_model.map)
 
 
 def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: str, seed: int = 3) -> Any:
     """A context whose robot believes to stand at ``base``, as a SkillContext and with ``setup`` beside it."""
     setup, algorithms = _prepared(task, seed, settings)
     skills: Any = SkillContext.__new__(SkillContext)
+    skills.kinds = parts_by_kind(setup.robot_model, setup.robot_model.part_names)
     skills.setup, skills.robot, skills.algorithms = setup, setup.robot_model, algorithms
     skills.clock, skills.world = ManualClock(50.0), setup.world_model.as_at_the_start()
     skills.world.base = BasePose(base, 0.01, 0.01, 50.0)

@@ -38,6 +38,7 @@ def skills() -> Any:
     context.robot = RobotModel(
         "robot", "<robot name='r'/>", "base", arms={"arm": arm}, postures={"carry": {"joint": 0}}
     )
+    context.kinds = {"arm": ("arm",)}
     context.arm = SimpleNamespace(name="arm")
     context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})
     models = {name: SCENE.models[name] for name in ("cup", "mug")}

@@ -208,7 +208,11 @@ ROBOTS = {
         "mount: colunm_top",
         "r.yaml:6: parts.arm.mount: no frame 'colunm_top' to mount on; did you mean 'column_top'?",
     ),
-    "no lidar": (LIDAR, "", "r.yaml: parts: the skills need a lidar, this robot has none"),
+    "no lidar": (
+        LIDAR,
+        "",
+        "NavigateTo::13 needs a lidar; robot r has base, arm, gripper,",
+    ),
     "not YAML": ("parts:", "parts: [", "r.yaml:5: is not YAML"),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -21,16 +22,35 @@ def test_robots_lists_robots_parts_and_how_many_ways_they_go_together(bestman_bt
     assert "omni_base+ur5_arm+suction" in told["combinations"]
 
 
-def test_robots_that_no_task_takes_stand_apart_and_are_refused_in_words(bestman_bt) -> None:
-    able, _, others = bestman_bt("robots").out.partition("\nRobots that no task takes")
-    assert "  diff_panda " in able
-    assert "  a1 " not in able
-    assert "  a1 " in others
-    assert "the skills need an arm, a gripper, a pan-tilt head, a camera, a lidar" in others
-    answer = bestman_bt("run", "--task", "navigate_kitchen", "--robot", "a1")
+def test_robots_are_listed_with_the_parts_that_skills_find(bestman_bt) -> None:
+    told = bestman_bt("robots").out
+    assert re.search(r"^  turtle +differential; no arm; no hand; \d+ kg; base, lidar$", told, re.MULTILINE)
+    assert re.search(r"^  a1 .*; base$", told, re.MULTILINE)
+
+
+def test_a_tree_is_refused_on_a_robot_that_lacks_what_its_nodes_require(bestman_bt, folder) -> None:
+    (folder / "tree.xml").write_text(
+        '<root BTCPP_format="4"><BehaviorTree ID="Main"><Sequence name="bring">\n'
+        '<NavigateTo goal="0;0;0"/>\n<MoveArm posture="carry"/>\n<Fallback>\n<Grasp object="cup" grasps="{g}"/>\n'
+        "</Fallback></Sequence></BehaviorTree></root>"
+    )
+    told = [
+        "tree.xml:3: <MoveArm>: MoveArm::3 needs an arm; robot turtle has base, lidar",
+        "tree.xml:5: <Grasp>: Grasp::5 needs an arm and a gripper; robot turtle has base, lidar",
+    ]
+    answer = bestman_bt("run", "tree.xml", "--scene", "kitchen", "--robot", "turtle")
     assert answer.code == 2
-    assert len(answer.err.splitlines()) == 6
-    assert "the skills need an arm, this robot has none" in answer.err
+    assert [line for line in answer.err.splitlines() if " needs a" in line] == told
+    assert not (folder / "runs").exists()
+    answer = bestman_bt("validate", "tree.xml", "--robot", "turtle")
+    assert answer.code == 2
+    assert [line for line in answer.err.splitlines() if " needs a" in line] == told
+    assert bestman_bt("validate", "tree.xml", "--robot", "diff_panda").code == 0
+    assert bestman_bt("run", "--task", "navigate_kitchen", "--robot", "a1").code == 2
+
+
+def test_a_node_is_shown_with_the_parts_that_it_requires(bestman_bt) -> None:
+    assert "requires camera; uses head" in bestman_bt("nodes", "ScanScene").out
 
 
 def test_show_tells_what_a_combination_can_do_and_draws_it(bestman_bt, folder) -> None:

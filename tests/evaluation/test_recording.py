@@ -90,6 +90,7 @@ def test_the_pictures_of_each_camera_are_recorded_when_a_skill_takes_one(tmp_pat
 def test_a_planned_grasp_is_marked_where_the_tool_will_be() -> None:
     told: list[Any] = []
     skills = SimpleNamespace(
+        has=lambda kind: True,
         base=SimpleNamespace(path=None, last_scan=None),
         world=SimpleNamespace(objects={}),
         gripper_model=SimpleNamespace(finger_depth=0.04),

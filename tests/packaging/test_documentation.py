@@ -14,7 +14,7 @@ from bestman_bt.configuration import load_run
 from bestman_bt.engine import load_tree
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import prepare, session
-from bestman_bt.runtime.algorithms import make_algorithms, make_local_planner
+from bestman_bt.runtime.algorithms import make_algorithms
 from bestman_bt.runtime.plugins import node_registry
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -58,13 +58,14 @@ def test_the_choices_of_algorithms_are_accepted(text: str, tmp_path: Path) -> No
     task.write_text("tree: navigate\nscene: kitchen\nrobot: diff_panda\n" + text)
     config, model = load_run(task), load_robot_model("diff_panda")
     asked = yaml.safe_load(text)["algorithms"]
-    made = [make_algorithms(config, model), make_local_planner(config)]
+    made = make_algorithms(config, model)
     assert asked
     for slot, choice in asked.items():
         name, parameters = config.task.algorithm(slot)
         assert name == choice.get("algorithm", name)
         assert parameters.keys() >= choice.keys() - {"algorithm"}
-    assert all(made)
+    assert made.global_planning
+    assert made.local_planning
 
 
 def test_the_task_of_the_page_on_tasks_can_start(tmp_path: Path) -> None:
@@ -178,4 +179,3 @@ def test_the_set_paths_of_the_page_of_parameters_are_accepted(path: str) -> None
     assert f"`{setting}=`" in (DOCS / "parameters.md").read_text()
     config = load_run("fetch_cup", settings=[path])
     make_algorithms(config, load_robot_model(config.task.robot))
-    make_local_planner(config)

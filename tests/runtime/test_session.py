@@ -9,9 +9,10 @@ from py_trees import composites
 
 import bestman_bt
 from behaviours.move_arm import MoveArm
+from behaviours.parts import MissingPartError
 from bestman_bt.configuration import ConfigurationError, load_run
 from bestman_bt.control.robot_stop import HELD
-from bestman_bt.engine import Sequence
+from bestman_bt.engine import Sequence, TreeLoadError
 from bestman_bt.monitor.control_client import request, running_executors
 from bestman_bt.runtime import Ending, open_session, prepare, session
 from hal.api import NotConnectedError
@@ -156,3 +157,25 @@ def test_contacts_may_be_allowed_with_walls_the_robot_and_its_links(tmp_path: Pa
     pairs = "[[robot, wall_0], [floor, can], [panda_hand, counter], [fingers, counter_box]]"
     path.write_text(f"tree: fetch_cup\nscene: kitchen\nrobot: diff_panda\nallowed_contacts: {pairs}\n")
     assert len(prepare(load_run(path)).config.task.allowed_contacts) == 4
+
+
+def test_a_session_makes_the_controllers_that_its_trees_need_and_no_others() -> None:
+    arm = '<root BTCPP_format="4"><BehaviorTree ID="Main"><MoveArm posture="carry"/></BehaviorTree></root>'
+    with bestman_bt.session(scene="kitchen", seed=3) as opened:
+        skills = opened.skills
+        assert not {"arm", "gripper", "head", "wrist_camera"} & vars(skills).keys()
+        opened.load(arm)
+        assert "arm" in vars(skills)
+        assert not {"gripper", "head", "wrist_camera"} & vars(skills).keys()
+        assert "grasp_pose" not in vars(skills.algorithms)
+
+
+def test_a_robot_of_base_and_lidar_is_localised_and_says_what_it_lacks() -> None:
+    with bestman_bt.session(scene="kitchen", robot="turtle", seed=3) as opened:
+        opened.robot.clock.sleep(1.0)
+        assert opened.skills.base.last_scan is not None
+        with pytest.raises(MissingPartError, match="robot turtle has no arm; it has base, lidar"):
+            _ = opened.skills.arm
+        assert (opened.skills.cameras, opened.skills.wrist_wrench, list(opened.skills.tactile)) == ((), None, [])
+        with pytest.raises(TreeLoadError, match="LookAt::1 needs a head and a camera; robot turtle has base, lidar"):
+            opened.run(HEAD)

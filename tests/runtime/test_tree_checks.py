@@ -216,21 +216,21 @@ def test_trees_and_what_they_include_find_the_planners_beside_them_and_no_others
     words = []
     for folder in ("one", "two"):
         tree = load_for(kitchen, tree_beside_planners(tmp_path / folder, name))
-        assert kitchen.unknown_in(tree) == []
+        assert kitchen.missing_in(tree) == []
         leaves = [node for node in tree.nodes if node.type_id == "ComputePathToPose"]
         words += [algorithm_by_name(kitchen.config, "global_planning", name, leaf.folders).word for leaf in leaves]
     base = tmp_path.name
     assert words == [f"{base}/one", "one/parts", f"{base}/two", "two/parts"]
     alone = tmp_path / "alone.xml"
     alone.write_text((tmp_path / "one/parts/inner.xml").read_text())
-    (problem,) = kitchen.unknown_in(load_for(kitchen, alone))
+    (problem,) = kitchen.missing_in(load_for(kitchen, alone))
     assert (problem.file, problem.line, problem.field) == (str(alone), 3, "planner_id")
 
 
 def test_an_own_planner_that_fails_is_told_with_its_line_and_the_trees(kitchen: Setup, tmp_path: Path) -> None:
     tree = tree_beside_planners(tmp_path / "one", "planners.py:Mine")
     (tmp_path / "one/planners.py").write_text("import math\nmath.sqrt(-1)\n")
-    (problem,) = kitchen.unknown_in(load_for(kitchen, tree))
+    (problem,) = kitchen.missing_in(load_for(kitchen, tree))
     assert str(problem).startswith(f"{tree}:4: <ComputePathToPose> port 'planner_id': {tmp_path}/one/planners.py:2: it")
 
 

@@ -134,6 +134,7 @@ def skills() -> Any:
     )
     context.world.models["cup"] = CUP
     context.world.objects["cup"] = believed("cup", "table/top")
+    context.kinds = {"arm": ("arm",)}
     context.arm = SimpleNamespace(name="arm")
     context.joints = SimpleNamespace(positions=lambda: {"joint": 0.0})
     context.computation = InlineComputation(clock)
@@ -362,6 +363,7 @@ def test_the_arm_is_tucked_where_every_joint_is(
     skills: Any, posture: list[float], positions: list[float], tucked: bool
 ) -> None:
     asked = SimpleNamespace(
+        has=lambda kind: True,
         world=skills.world,
         robot=SimpleNamespace(posture=lambda name, joints: np.array(posture) if name == DRIVEN else None),
         arm_model=SimpleNamespace(joint_names=("a", "b")),

@@ -1,0 +1,68 @@
+"""Kinds of parts that skills ask a robot for."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+from bestman_bt.errors import RobotError
+
+if TYPE_CHECKING:
+    from bestman_bt.robot_model import RobotModel
+
+PartKind: TypeAlias = Literal[
+    "base", "lidar", "arm", "gripper", "head", "camera", "wrist_camera", "force_torque", "tactile"
+]
+"""``head``: joints that turn a camera, and no arm. ``camera``: any; ``wrist_camera``: one that an arm carries."""
+
+WORDS: dict[PartKind, str] = {
+    "base": "a mobile base",
+    "lidar": "a lidar",
+    "arm": "an arm",
+    "gripper": "a gripper",
+    "head": "a head",
+    "camera": "a camera",
+    "wrist_camera": "a camera on the hand",
+    "force_torque": "a force-torque sensor",
+    "tactile": "a tactile sensor",
+}
+
+
+class MissingPartError(RobotError, LookupError):
+    """A skill asked for a part that its robot lacks, and had not declared it in ``REQUIRES``."""
+
+    code = "missing_part"
+
+
+def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[PartKind, tuple[str, ...]]:
+    """Kind → names of the robot's parts of it, of those that are ``there``; kinds that it lacks are left out."""
+    from bestman_bt.robot_model import joints_above
+
+    arm_joints = {joint for arm in robot.arms.values() for joint in arm.joint_names}
+    of_kind: dict[PartKind, Iterable[str]] = {
+        "base": robot.bases,
+        "lidar": robot.lidars,
+        "arm": robot.arms,
+        "gripper": robot.grippers,
+        "head": robot.joint_groups,
+        "camera": robot.cameras,
+        "wrist_camera": [
+            name for name, camera in robot.cameras.items() if arm_joints & joints_above(robot, camera.optical_frame)
+        ],
+        "force_torque": robot.force_torques,
+        "tactile": robot.tactiles,
+    }
+    found = {kind: tuple(name for name in names if name in there) for kind, names in of_kind.items()}
+    return {kind: names for kind, names in found.items() if names}
+
+
+def parts_in_words(node: type[Any]) -> str:
+    """What a class of nodes declares: ``requires arm, gripper; uses wrist_camera``; empty where it declares nothing."""
+    declared = {"requires": getattr(node, "REQUIRES", ()), "uses": getattr(node, "USES", ())}
+    return "; ".join(f"{word} {', '.join(kinds)}" for word, kinds in declared.items() if kinds)
+
+
+def listed(kinds: Iterable[PartKind]) -> str:
+    """The kinds in words: ``an arm and a gripper``."""
+    words = [WORDS[kind] for kind in kinds]
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
