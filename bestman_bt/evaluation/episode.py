@@ -137,33 +137,35 @@ def run_episode(
     disturbed = bool(setup.config.task.disturbances)
     observers = _Observers(disturbed, folder if pictures else None, twin_judge, prepare_robot)
     wall_start = time.perf_counter()
-    with ExitStack() as stack:
-        session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
-        tree = session.load()
-        durations = Durations(tree)
-        after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
-        executor = session.executor(tree, after_tick)
-        telemetry = stack.enter_context(session.telemetry(executor, folder))
-        stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
-        execution = executor.run()
-        verdict: Verdict | None = None
-        if execution.ending is Ending.CANCELLED:
-            session.robot.stop()
-            session.robot.clock.sleep(0.5)
-        elif judge is not None and observers.truth is not None:
-            driven = observers.driven.length if observers.driven is not None else 0.0
-            verdict = judge(session, observers.truth, session.robot.clock, driven)
-        if observers.pictures is not None:
-            observers.pictures.take("end", _object(setup))
-        audited = _audit(setup, observers)
-        result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
-        result = replace(result, durations=durations.seconds)
-        why = result.failure.why if result.failure is not None else result.not_judged
-        telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
+    with ExitStack() as to_the_end:
+        with ExitStack() as stack:
+            session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
+            tree = session.load()
+            durations = Durations(tree)
+            after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
+            executor = session.executor(tree, after_tick)
+            telemetry = stack.enter_context(session.telemetry(executor, folder))
+            stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
+            to_the_end.enter_context(executor.interrupts())
+            execution = executor.run()
+            verdict: Verdict | None = None
+            if execution.ending is Ending.CANCELLED:
+                session.robot.stop()
+                session.robot.clock.sleep(0.5)
+            elif judge is not None and observers.truth is not None:
+                driven = observers.driven.length if observers.driven is not None else 0.0
+                verdict = judge(session, observers.truth, session.robot.clock, driven)
+            if observers.pictures is not None:
+                observers.pictures.take("end", _object(setup))
+            audited = _audit(setup, observers)
+            result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
+            result = replace(result, durations=durations.seconds)
+            why = result.failure.why if result.failure is not None else result.not_judged
+            telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
+            if folder is not None:
+                write_world(folder / WORLD_NAME, setup, session.skills.world)
         if folder is not None:
-            write_world(folder / WORLD_NAME, setup, session.skills.world)
-    if folder is not None:
-        result.write(folder / "result.json")
+            result.write(folder / "result.json")
     return result
 
 

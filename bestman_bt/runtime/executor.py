@@ -23,6 +23,8 @@ MAX_WAKE_UPS = 1000
 """Ticks in a row at one and the same time."""
 MAX_TASKS = 16
 """What is done between two ticks at most for those who ask for it; the rest waits for the next."""
+WRAP_UP_TIME = 5.0
+"""Seconds after an interrupt in which more of them do not break off what brings the robot to rest and writes results."""
 PAUSE_POLL = 0.05
 """Seconds after which a paused executor looks again whether it was cancelled or given something to do."""
 
@@ -97,6 +99,8 @@ class Executor:
         self.watchers: list[ExecutionWatcher] = []
         self.ticks = 0
         self._cancel_reason = ""
+        self._looping = self._over = False
+        self._interrupted_at: float | None = None  # monotonic seconds
         self._go = threading.Event()
         self._go.set()
         self._step = False
@@ -166,19 +170,29 @@ class Executor:
         start, wall_start = self.clock.now(), time.perf_counter()
         ending, status, why = Ending.FINISHED, IDLE, ""
         self.tree.allow_ticks()  # the reason of an earlier ``cancel`` is seen before the first one
-        with self._interrupts():
+        self._over = False
+        with self.interrupts():
             try:
-                ending, status, why = self._loop(start)
+                self._looping = True
+                try:
+                    ending, status, why = self._loop(start)
+                finally:
+                    self._looping = False
             except (EngineError, RobotError) as error:
                 ending, why = Ending.ERROR, str(error)
                 if self._cancel_reason:
                     ending, why = Ending.CANCELLED, self._cancel_reason
+            except KeyboardInterrupt:  # in the middle of a tick
+                if not self._cancel_reason:
+                    raise
+                ending, why = Ending.CANCELLED, self._cancel_reason
             finally:
                 if status == IDLE:
                     self.tree.halt()
                 self._shut_down()
                 self._refuse_tasks()
                 self._stepped.set()
+                self._over = True
         elapsed = self.clock.now() - start
         return Execution(ending, status_name(status), self.ticks, elapsed, time.perf_counter() - wall_start, why)
 
@@ -257,18 +271,27 @@ class Executor:
             self._tasks.popleft()[1].cancel()
 
     @contextmanager
-    def _interrupts(self) -> Iterator[None]:
-        """Let the first Ctrl-C or termination signal cancel between ticks; a second one interrupts at once."""
+    def interrupts(self) -> Iterator[None]:
+        """Let the first Ctrl-C or termination signal cancel between ticks, and a second one in the middle of a tick.
+
+        Kept on after ``run()``, until what follows a cancelled execution is done, it ignores more of them meanwhile,
+        for ``WRAP_UP_TIME`` at most.
+        """
         if threading.current_thread() is not threading.main_thread():
             yield
             return
 
         def interrupted(number: int, frame: FrameType | None) -> None:
-            if self._cancel_reason:
+            if not self._cancel_reason and not self._over:
+                # Only these: the handler may run while this thread holds the lock of an event that ``cancel`` would set
+                self._cancel_reason = "interrupted from the keyboard" if number == signal.SIGINT else "terminated"
+                self._interrupted_at = time.monotonic()
+                self.tree.refuse_ticks()
+            elif self._looping:
+                self._looping = False
                 raise KeyboardInterrupt
-            # Only these: the handler may run while this thread holds the lock of an event that ``cancel`` would set.
-            self._cancel_reason = "interrupted from the keyboard" if number == signal.SIGINT else "terminated"
-            self.tree.refuse_ticks()
+            elif not self._cancel_reason or self._wrap_up_took_long():
+                raise KeyboardInterrupt
 
         before = {number: signal.signal(number, interrupted) for number in (signal.SIGINT, signal.SIGTERM)}
         try:
@@ -276,3 +299,8 @@ class Executor:
         finally:
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+    def _wrap_up_took_long(self) -> bool:
+        if self._interrupted_at is None:
+            self._interrupted_at = time.monotonic()
+        return time.monotonic() - self._interrupted_at > WRAP_UP_TIME

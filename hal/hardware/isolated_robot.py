@@ -7,10 +7,10 @@ import multiprocessing
 import os
 import subprocess
 import sys
-import threading
 import time
 import weakref
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 from types import MappingProxyType
 from typing import Any
@@ -188,27 +188,38 @@ class _Line:
 
 
 class _Wire:
-    """One question at a time."""
+    """One question at a time, asked by a thread of its own.
+
+    An interrupt of the thread that waits, as Ctrl-C is of the main thread, leaves no question half asked and no answer
+    for the next question: the exchange ends all the same, and its answer is dropped.
+    """
 
     def __init__(self, connection: Connection) -> None:
-        self._connection, self._lock = connection, threading.Lock()
+        self._connection = connection
+        self._thread = ThreadPoolExecutor(1, "wire")
 
     def ask(self, question: Any) -> Any:
         """The answer; NotConnectedError where the other process is gone."""
-        with self._lock:
-            try:
-                self._connection.send(question)
-                answer = self._connection.recv()
-            except (OSError, EOFError) as error:
-                raise NotConnectedError("the process that holds the robot's connections is gone") from error
+        try:
+            asked = self._thread.submit(self._exchange, question)
+        except RuntimeError as error:  # closed meanwhile
+            raise NotConnectedError("the robot was disconnected") from error
+        answer = asked.result()
         if isinstance(answer, Exception):
             raise answer
         return answer
 
+    def _exchange(self, question: Any) -> Any:
+        try:
+            self._connection.send(question)
+            return self._connection.recv()
+        except (OSError, EOFError) as error:
+            raise NotConnectedError("the process that holds the robot's connections is gone") from error
+
     def close(self) -> None:
-        """End it."""
-        with self._lock:
-            self._connection.close()
+        """End it, after the question that is being asked."""
+        self._thread.shutdown()
+        self._connection.close()
 
 
 class RemoteMotion(Motion):

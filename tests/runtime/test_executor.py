@@ -268,15 +268,38 @@ def test_what_is_asked_for_is_done_in_its_order_and_some_of_a_flood_waits_for_th
     assert all(future.done() and not future.cancelled() for future in flood)
 
 
-def test_the_second_interrupt_does_not_wait_and_still_halts_the_tree() -> None:
-    def interrupt_twice(_: Executor) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.01)
+def interrupt(times: int) -> None:
+    for _ in range(times):
+        signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(KeyboardInterrupt):
-        at_tick(3, interrupt_twice).run()
+
+def test_the_second_interrupt_does_not_wait_for_the_tick_and_still_halts_the_tree() -> None:
+    def interrupt_twice(_: Executor) -> None:
+        interrupt(2)
+        pytest.fail("the tick went on")
+
+    execution = at_tick(3, interrupt_twice).run()
+    assert (execution.ending, execution.why) == (Ending.CANCELLED, "interrupted from the keyboard")
     assert HALTED == ["work"]
+
+
+def test_more_interrupts_do_not_break_off_what_follows_a_cancelled_execution(monkeypatch: pytest.MonkeyPatch) -> None:
+    executor = at_tick(3, lambda _: interrupt(1))
+    monkeypatch.setattr(executor.tree, "shutdown", lambda: interrupt(1))
+    with executor.interrupts():
+        assert executor.run().ending is Ending.CANCELLED
+        interrupt(2)
+        monkeypatch.setattr("bestman_bt.runtime.executor.WRAP_UP_TIME", 0.0)
+        with pytest.raises(KeyboardInterrupt):
+            interrupt(1)
+
+
+def test_after_an_execution_that_nobody_cancelled_an_interrupt_is_an_interrupt() -> None:
+    executor = executor_of("<AlwaysSuccess/>")
+    with executor.interrupts():
+        assert executor.run().succeeded
+        with pytest.raises(KeyboardInterrupt):
+            interrupt(1)
 
 
 def test_an_interrupt_ends_a_paused_execution() -> None:
