@@ -24,6 +24,18 @@ FREE_SPEED = SpeedScale(0.5, 0.35)
 CARRYING_SPEED = SpeedScale(0.4, 0.21)
 ESCAPE_SPEED = SpeedScale(0.05, 0.05)
 
+ARM_PLANNING_FAILS = {
+    "start_out_of_limits": "Retreat",
+    "start_in_collision": "Retreat, or BackUp",
+    "start_violates_constraint": "what is held leans: CheckHeld",
+    "goal_out_of_limits": "stand elsewhere: FindStandPose, NavigateTo",
+    "goal_in_collision": "look again, or stand elsewhere: ScanScene, FindStandPose, NavigateTo",
+    "goal_violates_constraint": "another grasp: PlanGrasp",
+    "no_path": "stand elsewhere: FindStandPose, NavigateTo; or come from another posture: MoveArm",
+    "timed_path_invalid": "again; or stand elsewhere: FindStandPose, NavigateTo",
+}
+"""Failure codes of planning the arm's way (``PlanningErrorCode``); ``timeout`` is one of all skills."""
+
 
 def hand_contacts(skills: SkillContext, *others: str) -> list[tuple[str, str]]:
     """Pairs of hand and finger links with other bodies, to be allowed where the hand works."""

@@ -8,7 +8,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.names import SurfaceName
 from behaviours.skill import InstantSkill
-from behaviours.surfaces import find_surface
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine.bounds import BoundedPort
 
 
@@ -16,6 +16,7 @@ class BelieveBlocked(InstantSkill):
     """Remember that there was nowhere to stand from where a surface could be reached."""
 
     INPUT_PORTS: ClassVar = {"surface": BoundedPort(SurfaceName, description="the surface, such as table")}
+    FAILS: ClassVar = UNKNOWN_SURFACE
 
     def act(self) -> None:
         """Writes a belief; moves nothing. What moves a door or drawer clears it."""

@@ -32,6 +32,10 @@ class CheckHeld(Skill):
         "width": PortInformation(float, required=False, description="metres between the fingers"),
         "evidence": PortInformation(str, required=False, description="what was asked: width, touch, sight"),
     }
+    FAILS: ClassVar = {
+        "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
+        "object_lost": "find it again: ScanScene, DetectObject",
+    }
     DECLARATION = Declaration(pre=("holding({object})",), effects=("holding({object})",))
 
     def execute(self) -> Steps:

@@ -23,6 +23,7 @@ class ClearStop(Skill):
             float, required=False, default_value=5.0, description="seconds between attempts: controllers want time"
         ),
     }
+    FAILS: ClassVar = {"still_stopped": "somebody has to look: the message says what stops the robot"}
 
     def execute(self) -> Steps:
         """Try, wait, try again; at once done where the robot is not stopped."""

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.closing import BEFORE, Push, pushes
 from behaviours.contacts import handle
-from behaviours.following import error_code, followed
-from behaviours.leaf import Leaf, find_leaf, free_along, world_at_leaf
+from behaviours.following import FOLLOWING_FAILS, error_code, followed
+from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf, free_along, world_at_leaf
 from behaviours.names import ArticulationName, PostureName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
@@ -65,16 +65,18 @@ class Close(Skill):
     OUTPUT_PORTS: ClassVar = {
         "left": PortInformation(float, required=False, description="how far it may still be open, metres or radians")
     }
-    DECLARATION = Declaration(
-        pre=("not holding(any)",),
-        effects=("not open({articulation})",),
-        recovery={
-            "no_push": "stand elsewhere: FindCloseStand, NavigateTo",
-            "not_found": "it is open less, or farther, than believed: FindLookStand, DetectHandle",
-            "jammed": "push from elsewhere: FindCloseStand, NavigateTo; or pull what jams out again: Open",
-            "lost_contact": "it is not where it is believed to be: FindLookStand, DetectHandle, then Close",
-        },
-    )
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        **ARM_PLANNING_FAILS,
+        **FOLLOWING_FAILS,
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "no_push": "stand elsewhere: FindCloseStand, NavigateTo",
+        "not_found": "it is open less, or farther, than believed: FindLookStand, DetectHandle",
+        "jammed": "push from elsewhere: FindCloseStand, NavigateTo; or pull what jams out again: Open",
+        "lost_contact": "it is not where it is believed to be: FindLookStand, DetectHandle, then Close",
+        "not_withdrawn": "Retreat",
+    }
+    DECLARATION = Declaration(pre=("not holding(any)",), effects=("not open({articulation})",))
 
     def execute(self) -> Steps:
         """Plan, close the fingers, touch, push, withdraw."""

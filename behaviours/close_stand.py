@@ -10,7 +10,7 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.closing import BEFORE, Push, pushes
-from behaviours.leaf import Leaf, find_leaf
+from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.names import ArticulationName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
@@ -35,6 +35,10 @@ class FindCloseStand(Skill):
     REQUIRES = ("base", "lidar", "arm", "gripper")
     INPUT_PORTS: ClassVar = {"articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map")}
     OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "no_stand": "look where it stands now: FindLookStand, DetectHandle",
+    }
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
     def on_load(self) -> None:

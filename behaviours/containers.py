@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.leaf import find_leaf
+from behaviours.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.names import ArticulationName
 from behaviours.skill import InstantSkill
 from bestman_bt.engine.bounds import BoundedPort
@@ -26,6 +26,7 @@ class TakeContainer(InstantSkill):
         ),
         "shut": PortInformation(float, required=False, description="up to where it counts as shut, metres or radians"),
     }
+    FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
         """Asks the map."""
@@ -40,6 +41,7 @@ class BelieveLocked(InstantSkill):
     """Remember that a door or drawer did not open, so that nothing is planned that needs it open."""
 
     INPUT_PORTS: ClassVar = {"container": _CONTAINER}
+    FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
         """Writes a belief; moves nothing."""
@@ -54,6 +56,7 @@ class BelieveStuck(InstantSkill):
     """
 
     INPUT_PORTS: ClassVar = {"container": _CONTAINER}
+    FAILS: ClassVar = UNKNOWN_ARTICULATION
 
     def act(self) -> None:
         """Writes a belief; moves nothing."""

@@ -56,14 +56,13 @@ class ExploreAndMap(Skill):
         "area": PortInformation(float, required=False, description="floor that was found free, m²"),
         "saved": PortInformation(str, required=False, description="the file, where one was written"),
     }
-    DECLARATION = Declaration(
-        effects=("mapped()",),
-        recovery={
-            "time_limit": "ExploreAndMap with more max_time",
-            "no_image": "ExploreAndMap again",
-            "start_blocked": "DriveOnHeading or BackUp, then ExploreAndMap again",
-        },
-    )
+    FAILS: ClassVar = {
+        "timeout": "ExploreAndMap with more max_time",
+        "no_image": "ExploreAndMap again",
+        "start_blocked": "DriveOnHeading or BackUp, then ExploreAndMap again",
+        "not_saved": "give a file in a folder that can be written to",
+    }
+    DECLARATION = Declaration(effects=("mapped()",))
 
     def execute(self) -> Steps:
         """Explore, then save."""
@@ -90,7 +89,7 @@ class ExploreAndMap(Skill):
                 raise SkillFailure("not_saved", str(error)) from error
         if not finished:
             text = f"{area:.0f} m² were mapped in {self.get_input('max_time'):.0f} s, and there is more to see"
-            raise SkillFailure("time_limit", text)
+            raise SkillFailure("timeout", text)
         self.feedback_message = f"{area:.0f} m² of free floor, {slam.estimate.loop_closures} loop closures"
 
     def _localise_by(self, localizer: Localizer, told: BasePose) -> None:

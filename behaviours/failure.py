@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 
@@ -25,3 +26,54 @@ class NodeFailure:
     def named(self) -> str:
         """What people call the node; its path where no file defines it."""
         return self.where or self.node
+
+
+READING_FAILS: Mapping[str, str] = {
+    "disconnected": "the controller is gone: ClearStop connects it again",
+    "no_data": "a sensor is silent or switched off: see that it runs",
+}
+"""Failure codes of whatever reads the robot, each with what a tree may try then."""
+
+MOTION_FAILS: Mapping[str, str] = {
+    **READING_FAILS,
+    "stopped": "the robot was stopped: ClearStop, then look again",
+    "superseded": "two branches commanded the same part: let one wait for the other",
+    "canceled": "the tree halted it; nothing is wrong",
+    "refused": "beyond a limit, or the robot is stopped: ClearStop, else correct the tree",
+    "tracking": "a part did not follow, something may hold it: Retreat or BackUp, then again",
+    "blocked": "something is in the way: BackUp, ClearEntireCostmap, then again",
+    "lost": "where the base is is not known well enough: Relocalise",
+    "tolerance": "it came to rest beside the goal: again",
+    "unreachable": "the target is beyond the part's limits: stand elsewhere, by FindStandPose and NavigateTo",
+    "guarded": "what had to hold on the way no longer does, such as the grip: CheckHeld",
+    "timeout": "it took too long: again, or with more time",
+    "collision": "a collision, or a protective stop: ClearStop, Retreat, then look again",
+    "fault": "the part is broken: the message has its words, the vendor's code its number",
+}
+"""Those of whatever moves: the codes of ``messages.MotionErrorCode``."""
+
+SEEING_FAILS: Mapping[str, str] = {
+    "camera_no_image": "the camera delivers nothing: again, else see that it runs",
+    "camera_black": "the picture is black: light, or a cover on the lens",
+    "camera_no_depth": "nothing in sight has a depth: LookAt from elsewhere",
+    "camera_stale": "the pictures are too old: again",
+}
+"""Those of whatever takes a picture."""
+
+
+def declared_failures(leaf: type) -> dict[str, str]:
+    """Code → what a tree may try then: of the leaf and of what it derives from, the more special one first."""
+    return _declared(leaf.__mro__)
+
+
+def own_failures(leaf: type) -> dict[str, str]:
+    """Those that not every skill has."""
+    return _declared(cls for cls in leaf.__mro__ if cls.__module__ != "behaviours.skill")
+
+
+def _declared(classes: Iterable[type]) -> dict[str, str]:
+    declared: dict[str, str] = {}
+    for cls in classes:
+        for code, advice in vars(cls).get("FAILS", {}).items():
+            declared.setdefault(code, advice)
+    return declared

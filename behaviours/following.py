@@ -10,6 +10,15 @@ if TYPE_CHECKING:
     from bestman_bt.control import ControlHandle
     from bestman_bt.control.arm import FollowedMotion, FollowEnd
 
+FOLLOWING_FAILS = {
+    "locked": "it does not move at all: BelieveLocked, and take another one",
+    "jammed": "it got stuck on the way: Close or Open it the other way, then again",
+    "grip_lost": "the hand slipped off: FindLookStand, DetectHandle, then again",
+    "obstacle": "something pushes the hand aside: look again, from another stand",
+    "out_of_reach": "stand elsewhere: FindOpenStand or FindCloseStand, NavigateTo",
+}
+"""Failure codes of going along with a door or drawer; ``timeout`` is one of all skills."""
+
 
 def error_code(end: FollowEnd, reached: str = "") -> str:
     """What skills report where a following failed, and where it ``reached`` its end and more was asked."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, hand_contacts, move_free, timed_path
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free, timed_path
 from behaviours.contacts import grasp as grasp_contact
 from behaviours.contacts import support, surface_below
 from behaviours.grasp_candidates import grasp_candidates
@@ -56,21 +56,18 @@ class PlanGrasp(Skill):
         "count": PortInformation(int, required=False, default_value=4, description="how many to keep"),
     }
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, description="planned grasps, best first")}
-    DECLARATION = Declaration(
-        pre=("located({object})",),
-        effects=("grasps_known({object})",),
-        recovery={
-            "object_not_found": "DetectObject first",
-            "no_grasp": "stand elsewhere: FindStandPose, NavigateTo; or look again: DetectObject",
-        },
-    )
+    FAILS: ClassVar = {
+        "not_found": "DetectObject first",
+        "no_grasp": "stand elsewhere: FindStandPose, NavigateTo; or look again: DetectObject",
+    }
+    DECLARATION = Declaration(pre=("located({object})",), effects=("grasps_known({object})",))
 
     def execute(self) -> Steps:
         """Propose, check, rank."""
         name: str = self.get_input("object")
         belief = self.skills.world.objects.get(name)
         if belief is None:
-            raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         grasps = yield self.compute("grasp_planning", self._plan, belief, self.get_input("count"))
         if not grasps:
             raise SkillFailure("no_grasp", f"no grasp of the {name} is free and within reach from here")
@@ -129,15 +126,13 @@ class Grasp(Skill):
         "force": PortInformation(float, required=False, description="closing force, newtons; by default by the weight"),
     }
     OUTPUT_PORTS: ClassVar = {"grasps": PortInformation(list, required=False, description="the grasps that are left")}
-    DECLARATION = Declaration(
-        pre=("grasps_known({object})", "not holding(any)"),
-        effects=("holding({object})",),
-        recovery={
-            "no_path": "Grasp again: the next planned grasp",
-            "grasp_failed": "the object has moved: DetectObject, PlanGrasp",
-            "no_grasp": "PlanGrasp from another stand: FindStandPose, NavigateTo",
-        },
-    )
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        "no_path": "Grasp again: the next planned grasp",
+        "grasp_failed": "the object has moved: DetectObject, PlanGrasp",
+        "no_grasp": "PlanGrasp from another stand: FindStandPose, NavigateTo",
+    }
+    DECLARATION = Declaration(pre=("grasps_known({object})", "not holding(any)"), effects=("holding({object})",))
 
     def on_load(self) -> None:
         """Nothing has failed yet."""
@@ -243,6 +238,10 @@ class Holding(SkillCondition):
 
     REQUIRES = ("gripper",)
     INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="the object")}
+    FAILS: ClassVar = {
+        "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
+        "object_lost": "find it again: ScanScene, DetectObject",
+    }
 
     def check(self) -> tuple[str, str] | None:
         """Compares the fingers with the grasp."""
@@ -264,6 +263,10 @@ class Reachable(SkillCondition):
     REQUIRES = ("arm", "gripper")
     USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="a seen object")}
+    FAILS: ClassVar = {
+        "not_found": "DetectObject first",
+        "out_of_reach": "stand elsewhere: FindStandPose, NavigateTo",
+    }
 
     def check(self) -> tuple[str, str] | None:
         """Inverse kinematics for some of the candidates."""
@@ -271,7 +274,7 @@ class Reachable(SkillCondition):
         name: str = self.get_input("object")
         belief = skills.world.objects.get(name)
         if belief is None:
-            return "object_not_found", f"the {name} has not been seen"
+            return "not_found", f"the {name} has not been seen"
         reference = skills.arm_positions()
         candidates = grasp_candidates(skills, belief)
         for candidate in candidates[:12]:

@@ -8,7 +8,7 @@ import numpy as np
 from py_trees.ports import PortInformation
 
 from behaviours.furniture_place import believe_place, believe_shut_fronts
-from behaviours.leaf import Leaf, find_leaf
+from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf
 from behaviours.leaf_seen import opening_seen, opening_since
 from behaviours.names import ArticulationName, FurnitureName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
@@ -51,6 +51,11 @@ class DetectHandle(Skill):
         "opening": PortInformation(
             float, required=False, description="how far the articulation is open, metres or radians"
         ),
+    }
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "handle_not_found": "look from elsewhere: FindLookStand, NavigateTo, LookAt",
+        "unknown_furniture": "name furniture of the map",
     }
     DECLARATION = Declaration(effects=("handle_known({furniture})",))
 

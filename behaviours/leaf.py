@@ -32,6 +32,8 @@ and the hand may be within them. ``free``: nothing may.
 LeafWorlds: TypeAlias = "dict[tuple[Pose2D | None, float, Touching], CollisionWorld]"
 """What the arm has around it at a leaf, by stand, the leaf's position and what may touch."""
 
+UNKNOWN_ARTICULATION = {"unknown_articulation": "name a door or drawer of the map, as furniture/leaf"}
+
 
 @dataclass(frozen=True, eq=False)
 class Leaf:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from py_trees.ports import PortInformation
 
-from behaviours.leaf import find_leaf
+from behaviours.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.names import ArticulationName
 from behaviours.skill import SkillCondition
 from bestman_bt.engine.bounds import BoundedPort
@@ -20,6 +20,11 @@ class IsOpen(SkillCondition):
         "articulation": BoundedPort(ArticulationName, description="furniture/leaf of the map"),
         "at_least": PortInformation(float, required=False, default_value=0.0, description="metres or radians"),
         "at_most": PortInformation(float, required=False, default_value=math.inf, description="metres or radians"),
+    }
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "not_open": "Open",
+        "not_closed": "Close",
     }
 
     def check(self) -> tuple[str, str] | None:

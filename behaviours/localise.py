@@ -45,6 +45,11 @@ class Relocalise(Skill):
     OUTPUT_PORTS: ClassVar = {
         "pose": PortInformation(Pose2D, required=False, description="where the base was found, in the map frame")
     }
+    FAILS: ClassVar = {
+        "ambiguous": "drive on and look again: DriveOnHeading, then Relocalise",
+        "not_on_map": "the map is of another place, or much has changed: ExploreAndMap",
+        "no_room": "BackUp, then Relocalise",
+    }
     DECLARATION = Declaration(effects=("localised",))
 
     def execute(self) -> Steps:
@@ -93,6 +98,10 @@ class InitialPoseReceived(SkillCondition):
         "max_position_std": BoundedPort(
             Positive, required=False, default_value=KNOWN_POSITION_STD, description="metres, of the believed position"
         )
+    }
+    FAILS: ClassVar = {
+        "no_pose": "Relocalise",
+        "lost": "Relocalise",
     }
 
     def check(self) -> tuple[str, str] | None:

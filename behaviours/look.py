@@ -8,6 +8,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.surfaces import UNKNOWN_SURFACE
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
@@ -20,6 +21,10 @@ class LookAt(Skill):
         "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
         "object": BoundedPort(ObjectName, required=False, description="an object; used where it has been seen"),
         "surface": BoundedPort(SurfaceName, required=False, description="a surface of the map, such as table"),
+    }
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "no_target": "give a point or a surface, or DetectObject first",
     }
     DECLARATION = Declaration(effects=("looking_at({object})",))
 

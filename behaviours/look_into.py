@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.names import ObjectName, SurfaceName
-from behaviours.perceive import camera_called
+from behaviours.perceive import NO_CAMERA, camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from behaviours.surfaces import find_surface
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
@@ -39,11 +39,13 @@ class LookInto(Skill):
         "object": BoundedPort(ObjectName, required=False, description="looked at where it has been seen"),
         "point": PortInformation(Pose, required=False, description="a pose in the map frame; goes before the others"),
     }
-    DECLARATION = Declaration(
-        pre=("not holding(any)",),
-        effects=("looking_at({surface})",),
-        recovery={"no_view": "stand elsewhere: FindStandPose, NavigateTo; from afar: LookAt"},
-    )
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **NO_CAMERA,
+        **ARM_PLANNING_FAILS,
+        "no_view": "stand elsewhere: FindStandPose, NavigateTo; from afar: LookAt",
+    }
+    DECLARATION = Declaration(pre=("not holding(any)",), effects=("looking_at({surface})",))
 
     def execute(self) -> Steps:
         """Find postures of the arm, go to the first that is reached."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import MAX_HELD_TILT, follow_path, hand_contacts, move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT, follow_path, hand_contacts, move_free
 from behaviours.carrying import out_of_sight, postures_beside
 from behaviours.contacts import grasp
 from behaviours.names import PostureName
@@ -33,6 +33,8 @@ ROOM = 0.012
 TURN = np.radians(15.0)
 """Radians between the turns of the hand that are tried so that what it holds has room."""
 
+UNKNOWN_POSTURE = {"unknown_posture": "name a posture of the robot"}
+
 
 class MoveArm(Skill):
     """Move the arm to a posture of the robot, around everything that is believed to be there."""
@@ -46,6 +48,10 @@ class MoveArm(Skill):
             required=False,
             description="a place in the map that the head camera shall see past what is held",
         ),
+    }
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        **UNKNOWN_POSTURE,
     }
     DECLARATION = Declaration(effects=("posture({posture})",))
 
@@ -64,6 +70,10 @@ class Retreat(Skill):
     INPUT_PORTS: ClassVar = {
         "posture": BoundedPort(PostureName, required=False, default_value="carry", description="where to end"),
         "distance": PortInformation(float, required=False, default_value=0.1, description="straight back, metres"),
+    }
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        **UNKNOWN_POSTURE,
     }
     DECLARATION = Declaration(effects=("posture({posture})",))
 

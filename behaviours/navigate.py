@@ -40,6 +40,16 @@ PAUSE = 2.0
 PEOPLE = 3
 """How many recoveries one counts for where somebody walked about: who is in the way today goes on some time."""
 
+DRIVING_FAILS = {
+    "start_blocked": "BackUp, or ClearEntireCostmap",
+    "goal_blocked": "another goal: FindStandPose",
+    "start_outside": "where the base believes to be is not on the map: Relocalise",
+    "goal_outside": "a goal on the map",
+    "no_path": "ClearEntireCostmap, or another goal: FindStandPose",
+    "arm_in_the_way": "MoveArm to a posture within the base's outline, such as carry",
+}
+"""Failure codes of planning the base's way (``PlanningFailureReason``)."""
+
 
 class NavigateTo(Skill):
     """Drive to a pose in the map frame, around what the map does not know.
@@ -56,6 +66,10 @@ class NavigateTo(Skill):
         ),
     }
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path that is driven")}
+    FAILS: ClassVar = {
+        **DRIVING_FAILS,
+        "path_blocked": "something stands in the way for good: BelieveBlocked, or another goal by FindStandPose",
+    }
     DECLARATION = Declaration(effects=("at({goal})",))
 
     _walked_about = False
@@ -191,9 +205,8 @@ class ReturnToStart(NavigateTo):
             Pose2D, required=False, description="x;y;theta in the map frame; by default the root entry 'start'"
         ),
     }
-    DECLARATION = Declaration(
-        effects=("at({goal})",), recovery={"no_start": "where it started is not known: NavigateTo a named pose"}
-    )
+    FAILS: ClassVar = {"no_start": "where it started is not known: NavigateTo a named pose"}
+    DECLARATION = Declaration(effects=("at({goal})",))
 
     def execute(self) -> Steps:
         """Drive there."""
@@ -211,6 +224,7 @@ class At(SkillCondition):
         "tolerance": BoundedPort(Positive, required=False, default_value=0.05, description="metres"),
         "heading_tolerance": BoundedPort(Positive, required=False, default_value=0.1, description="radians"),
     }
+    FAILS: ClassVar = {"not_at_goal": "NavigateTo"}
 
     def check(self) -> tuple[str, str] | None:
         """Asks the localisation."""

@@ -38,6 +38,7 @@ class ObjectVisible(SkillCondition):
         "object": BoundedPort(ObjectName, description="the object"),
         "max_age": PortInformation(float, required=False, default_value=5.0, description="seconds"),
     }
+    FAILS: ClassVar = {"not_visible": "DetectObject, or ScanScene"}
 
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""
@@ -60,6 +61,7 @@ class ObjectAt(SkillCondition):
         "tolerance": PortInformation(float, required=False, default_value=0.02, description="metres, horizontally"),
         "yaw_tolerance": PortInformation(float, required=False, description="radians; any yaw without it"),
     }
+    FAILS: ClassVar = {"not_at_goal": "DetectObject, PlanGrasp, Grasp, then PlaceOn"}
 
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.contacts import handle
-from behaviours.following import error_code, followed
+from behaviours.following import FOLLOWING_FAILS, error_code, followed
 from behaviours.grasp import CLOSED
 from behaviours.handle_pull import HandlePull, plan_pull
-from behaviours.leaf import world_at_leaf
+from behaviours.leaf import UNKNOWN_ARTICULATION, world_at_leaf
 from behaviours.leaf_felt import felt_leaf
 from behaviours.names import ArticulationName, PostureName
 from behaviours.opening import Opening, plan_opening
@@ -51,17 +51,20 @@ class Open(Skill):
     OUTPUT_PORTS: ClassVar = {
         "opened": PortInformation(float, required=False, description="how far it is open, metres or radians")
     }
-    DECLARATION = Declaration(
-        pre=("handle_known({handle})", "not holding(any)"),
-        effects=("open({articulation})",),
-        recovery={
-            "handle_not_found": "DetectHandle first",
-            "no_grasp": "stand elsewhere: FindOpenStand, NavigateTo",
-            "grasp_failed": "look again from near by: LookAt, DetectHandle",
-            "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
-            "out_of_reach": "Open again, from another stand: FindOpenStand, NavigateTo",
-        },
-    )
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        **ARM_PLANNING_FAILS,
+        **FOLLOWING_FAILS,
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "handle_not_found": "DetectHandle first",
+        "no_grasp": "stand elsewhere: FindOpenStand, NavigateTo",
+        "grasp_failed": "look again from near by: LookAt, DetectHandle",
+        "grip_lost": "look where the handle is now: FindLookStand, DetectHandle, then Open",
+        "out_of_reach": "Open again, from another stand: FindOpenStand, NavigateTo",
+        "not_open": "Open again, from another stand: FindOpenStand, NavigateTo",
+        "not_withdrawn": "Retreat",
+    }
+    DECLARATION = Declaration(pre=("handle_known({handle})", "not holding(any)"), effects=("open({articulation})",))
 
     def execute(self) -> Steps:
         """Plan, grasp, follow, let go, withdraw."""

@@ -11,7 +11,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.context import DRIVEN
 from behaviours.handle_pull import pull_grasps
-from behaviours.leaf import find_leaf
+from behaviours.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.names import ArticulationName
 from behaviours.opening import Opening, before, plan_opening, stations
@@ -41,6 +41,10 @@ class FindLookStand(Skill):
     OUTPUT_PORTS: ClassVar = {
         "stand": PortInformation(Pose2D, description="where to stand, in the map frame"),
         "front": PortInformation(Pose, description="the middle of its front as it is believed, in the map frame"),
+    }
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "no_stand": "what stands there may have gone: ForgetBlocked, then again",
     }
     DECLARATION = Declaration(effects=("stand_known({articulation})",))
 
@@ -82,6 +86,11 @@ class FindOpenStand(Skill):
         "opening": PortInformation(float, description="how far to open: metres of a drawer, radians of a door"),
     }
     OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
+    FAILS: ClassVar = {
+        **UNKNOWN_ARTICULATION,
+        "handle_not_found": "DetectHandle first",
+        "no_stand": "ask for less opening, or another leaf",
+    }
     DECLARATION = Declaration(pre=("handle_known({handle})",), effects=("stand_known({articulation})",))
 
     def on_load(self) -> None:

@@ -11,7 +11,7 @@ from behaviours.beliefs import believe_objects, believe_surface, only_nearest, s
 from behaviours.context import SkillContext
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
-from behaviours.surfaces import surface_region
+from behaviours.surfaces import UNKNOWN_SURFACE, surface_region
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import ObjectBelief
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from bestman_bt.perception.detection import DetectedScene
     from bestman_bt.perception.segmentation import Region
     from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
+
+NO_CAMERA = {"no_camera": "a robot that has the camera"}
 
 
 class DetectObjects(Skill):
@@ -32,6 +34,10 @@ class DetectObjects(Skill):
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
     OUTPUT_PORTS: ClassVar = {"objects": PortInformation(list, required=False, description="names of what was seen")}
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **NO_CAMERA,
+    }
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
     def execute(self) -> Steps:
@@ -57,6 +63,12 @@ class DetectObject(Skill):
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
         "yaw_width": PortInformation(float, required=False, description="radians of yaw that the view leaves open"),
     }
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **NO_CAMERA,
+        "unknown_object": "add a model of it, or ScanScene for things without one",
+        "not_found": "look elsewhere: ScanScene, or another surface",
+    }
     DECLARATION = Declaration(effects=("visible({object})",))
 
     def execute(self) -> Steps:
@@ -72,7 +84,7 @@ class DetectObject(Skill):
             known = ", ".join(sorted(skills.world.models)) or "none"
             raise SkillFailure("unknown_object", f"no model of {name!r} and nothing so called seen; models: {known}")
         if belief is None or belief.stamp < view.stamp or belief.confidence < self.get_input("min_confidence"):
-            raise SkillFailure("object_not_found", f"no {name} on the {surface}: {seen_words(scene)}")
+            raise SkillFailure("not_found", f"no {name} on the {surface}: {seen_words(scene)}")
         self.set_output("pose", belief.pose)
         self.set_output("yaw_width", belief.yaw_set.width)
         self.feedback_message = f"{name} with confidence {belief.confidence:.2f}"
@@ -103,6 +115,12 @@ class EstimatePose(Skill):
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
         "yaw_width": PortInformation(float, required=False, description="radians of yaw that the view leaves open"),
     }
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **NO_CAMERA,
+        "not_found": "DetectObject first",
+        "object_lost": "it has moved or is hidden: DetectObject",
+    }
     DECLARATION = Declaration(pre=("visible({object})",), effects=("located({object})",))
 
     def execute(self) -> Steps:
@@ -111,7 +129,7 @@ class EstimatePose(Skill):
         name: str = self.get_input("object")
         belief = skills.world.objects.get(name)
         if belief is None:
-            raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         view = camera_called(skills, self.get_input("camera")).capture()
         base_from_object = view.map_from_base.inverse() @ belief.pose
         region = self._region(belief, base_from_object, view)

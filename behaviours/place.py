@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, hand_contacts, move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts, move_free
 from behaviours.beliefs import believe_surface
 from behaviours.contacts import grasp, support, surface_below
 from behaviours.names import ObjectName, SurfaceName
-from behaviours.perceive import camera_called
+from behaviours.perceive import NO_CAMERA, camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from behaviours.surfaces import surface_region
+from behaviours.surfaces import UNKNOWN_SURFACE, surface_region
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
@@ -66,13 +66,15 @@ class FindPlacePose(Skill):
         "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
     }
     OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="of the placed object, in the map frame")}
-    DECLARATION = Declaration(
-        effects=("free({goal})",),
-        recovery={
-            "goal_taken": "another goal: FindFreePlace",
-            "goal_not_seen": "another view: FindStandPose, NavigateTo, LookAt",
-        },
-    )
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **NO_CAMERA,
+        "unknown_object": "add a model of it",
+        "surface_full": "another surface",
+        "goal_taken": "another goal: FindFreePlace",
+        "goal_not_seen": "another view: FindStandPose, NavigateTo, LookAt",
+    }
+    DECLARATION = Declaration(effects=("free({goal})",))
 
     def execute(self) -> Steps:
         """Capture, measure the surface, look for room."""
@@ -123,14 +125,13 @@ class PlaceOn(Skill):
         "object": BoundedPort(ObjectName, description="the held object"),
         "pose": PortInformation(Pose, description="where it shall stand, in the map frame"),
     }
-    DECLARATION = Declaration(
-        pre=("holding({object})", "free({pose})"),
-        effects=("lowered({object}, {pose})",),
-        recovery={
-            "not_holding": "find it and take it: DetectObject, PlanGrasp, Grasp",
-            "no_approach": "stand elsewhere: FindStandPose, NavigateTo",
-        },
-    )
+    FAILS: ClassVar = {
+        **ARM_PLANNING_FAILS,
+        "not_holding": "find it and take it: DetectObject, PlanGrasp, Grasp",
+        "no_approach": "stand elsewhere: FindStandPose, NavigateTo",
+        "nothing_below": "measure the surface again: FindPlacePose",
+    }
+    DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
 
     def execute(self) -> Steps:
         """Plan above and down, then move."""
@@ -209,6 +210,10 @@ class Release(Skill):
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the held object"),
         "surface": BoundedPort(SurfaceName, required=False, description="below it, to look for it there later"),
+    }
+    FAILS: ClassVar = {
+        "not_holding": "there is nothing to let go of",
+        "not_released": "it sticks to the fingers: Release again",
     }
     DECLARATION = Declaration(
         pre=("lowered({object}, {pose})",), effects=("not holding({object})", "at({object}, {pose})")

@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.place import PlaceOn
 from behaviours.skill import Declaration, Explained, SkillFailure
-from behaviours.surfaces import find_surface
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine import SyncAction
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Box, PlacedShape, Pose
@@ -28,6 +28,7 @@ class GoalOnSurface(Explained, SyncAction):
         "surface": BoundedPort(SurfaceName, description="the surface, such as drawer_chest/drawer_3"),
     }
     OUTPUT_PORTS: ClassVar = {"now": PortInformation(Pose, description="in the map frame, as far as it is open")}
+    FAILS: ClassVar = UNKNOWN_SURFACE
 
     def on_tick(self) -> int:
         """Asks the beliefs."""
@@ -51,14 +52,8 @@ class PlaceIn(PlaceOn):
         "object": BoundedPort(ObjectName, description="the held object"),
         "pose": PortInformation(Pose, description="where it shall stand in the drawer, in the map frame"),
     }
-    DECLARATION = Declaration(
-        pre=("holding({object})", "free({pose})"),
-        effects=("lowered({object}, {pose})",),
-        recovery={
-            **PlaceOn.DECLARATION.recovery,
-            "no_drawer": "see that it stands open: IsOpen, Open; ask where the goal is now: GoalOnSurface",
-        },
-    )
+    FAILS: ClassVar = {"no_drawer": "see that it stands open: IsOpen, Open; ask where the goal is now: GoalOnSurface"}
+    DECLARATION = Declaration(pre=("holding({object})", "free({pose})"), effects=("lowered({object}, {pose})",))
 
     def _above(self, held: HeldObject) -> float:
         """So high that nothing of the object is below the rim."""

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import follow_path, move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.contacts import push, support, surface_below
 from behaviours.names import ObjectName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from behaviours.surfaces import find_surface
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 from bestman_bt.world_model import ObjectBelief
@@ -68,7 +68,7 @@ class Push(Skill):
     """Push a located object straight to a goal on its surface; the wrist feels whether something is in the way.
 
     How far it really went is for the next look to say. What helps when it fails: ``no_approach``: another stand;
-    ``blocked``: look again, something unseen is in the way; ``object_not_found``: detect it first.
+    ``blocked``: look again, something unseen is in the way; ``not_found``: detect it first.
     """
 
     REQUIRES = ("arm", "gripper")
@@ -83,13 +83,18 @@ class Push(Skill):
     OUTPUT_PORTS: ClassVar = {
         "pushed": PortInformation(float, required=False, description="metres that the hand went on with the object")
     }
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        **ARM_PLANNING_FAILS,
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "not_found": "DetectObject first",
+        "no_approach": "stand elsewhere: FindPushStand, NavigateTo",
+        "blocked": "something unseen is in the way: DetectObjects",
+        "off_surface": "a goal farther from the edge",
+        "not_withdrawn": "Retreat",
+    }
     DECLARATION = Declaration(
-        pre=("located({object})", "not holding(any)", "free({goal})"),
-        effects=("at({object}, {goal})",),
-        recovery={
-            "object_not_found": "DetectObject first",
-            "no_approach": "stand elsewhere: FindPushStand, NavigateTo",
-        },
+        pre=("located({object})", "not holding(any)", "free({goal})"), effects=("at({object}, {goal})",)
     )
 
     def execute(self) -> Steps:
@@ -101,7 +106,7 @@ class Push(Skill):
             raise SkillFailure("hand_not_empty", f"the hand holds the {skills.world.held.name}")
         belief = skills.world.objects.get(name)
         if belief is None:
-            raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         way = goal.position[:2] - belief.pose.position[:2]
         if float(np.linalg.norm(way)) < SHORTEST:
             self.feedback_message = f"the {name} is there already"

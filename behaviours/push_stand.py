@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from behaviours.push import STANDOFF, push_tool_poses
@@ -16,6 +18,7 @@ class FindPushStand(FindStandPose):
     Each time it is asked again for the same object and place it gives another stand, until all have been tried.
     """
 
+    FAILS: ClassVar = {"not_found": "DetectObject first"}
     DECLARATION = Declaration(pre=("visible({object})",), effects=("stand_known({surface})",))
 
     def _targets(self) -> list[StandTarget]:
@@ -23,7 +26,7 @@ class FindPushStand(FindStandPose):
         goal: Pose | None = self.get_input("goal")
         belief = self.skills.world.objects.get(name)
         if belief is None or goal is None:
-            raise SkillFailure("object_not_found", f"the {name or 'object'} has not been seen, or no goal is given")
+            raise SkillFailure("not_found", f"the {name or 'object'} has not been seen, or no goal is given")
         way = goal.position - belief.pose.position
         way[2] = 0.0
         direction = way / max(float(np.linalg.norm(way)), 1e-6)

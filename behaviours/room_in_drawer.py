@@ -10,7 +10,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import InstantSkill, SkillFailure
-from behaviours.surfaces import find_surface
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
 
@@ -37,6 +37,11 @@ class FindRoomIn(InstantSkill):
         ),
     }
     OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="where it shall stand, in the map frame")}
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
+        "surface_full": "another drawer",
+    }
 
     def on_load(self) -> None:
         """Nothing has been given yet."""

@@ -13,6 +13,7 @@ from py_trees.ports import PortInformation
 from behaviours.arm_motion import hand_contacts
 from behaviours.contacts import Contact, grasp, support, surface_below
 from behaviours.names import ObjectName
+from behaviours.perceive import NO_CAMERA
 from behaviours.policy_motion import CLOSED, PolicyMotion
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
@@ -60,18 +61,27 @@ class RunPolicy(Skill):
     OUTPUT_PORTS: ClassVar = {"chunks": PortInformation(int, required=False, description="how many were carried out")}
 
     # Of an object only where one is given; of the effects the one that ``success`` asks for.
-    DECLARATION = Declaration(
-        pre=("visible({object})",),
-        effects=("tool_at({goal})", "holding({object})"),
-        recovery={
-            "object_not_found": "DetectObject first",
-            "hand_full": "put down what is held: FindPlacePose, PlaceOn, Release",
-            "workspace": "stand where the policy's box holds the goal: FindStandPose, NavigateTo",
-            "collision": "come from another posture: Retreat, MoveArm",
-            "stalled": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
-            "timeout": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
-        },
-    )
+    FAILS: ClassVar = {
+        **NO_CAMERA,
+        "not_found": "DetectObject first",
+        "hand_not_empty": "put down what is held: FindPlacePose, PlaceOn, Release",
+        "workspace": "stand where the policy's box holds the goal: FindStandPose, NavigateTo",
+        "collision": "come from another posture: Retreat, MoveArm",
+        "stalled": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
+        "timeout": "look again and start over: MoveArm, DetectObject, RunPolicy; or pick by PlanGrasp, Grasp",
+        "no_goal": "give a goal",
+        "other_goal": "a policy whose goal is a pose",
+        "other_robot": "a policy that was trained for this arm",
+        "no_workspace": "give a workspace",
+        "policy_failed": "pick by PlanGrasp, Grasp",
+        "policy_unusable": "another file of the policy",
+        "bad_observation": "another policy, or the cameras that it needs",
+        "bad_action": "pick by PlanGrasp, Grasp",
+        "stale_chunk": "RunPolicy again; the policy is too slow",
+        "policy_unreachable": "see that its server runs",
+        "policy_server": "see what its server says",
+    }
+    DECLARATION = Declaration(pre=("visible({object})",), effects=("tool_at({goal})", "holding({object})"))
 
     motion: PolicyMotion | None = None
     """What moves while the skill runs, for those who record it."""
@@ -157,7 +167,7 @@ class RunPolicy(Skill):
         if success not in SUCCESSES:
             raise SkillFailure("bad_input", f"success should be one of {', '.join(SUCCESSES)} but is {success!r}")
         if name and name not in skills.world.objects:
-            raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         if goal is None and (spec.goal_size or success == "goal"):
             raise SkillFailure("no_goal", "the policy, or the condition of success, needs a goal")
         if spec.goal_size not in (0, 7):
@@ -181,7 +191,7 @@ class RunPolicy(Skill):
         if not spec.moves_gripper or not spec.open_width:
             return
         if skills.world.held is not None:
-            raise SkillFailure("hand_full", f"the hand holds the {skills.world.held.name}")
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.world.held.name}")
         if abs(skills.gripper.width() - spec.open_width) > CLOSED:
             yield skills.gripper.open(spec.open_width)
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import SkillCondition
-from behaviours.surfaces import find_surface
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine.bounds import BoundedPort
 
 
@@ -19,6 +19,10 @@ class FoundOn(SkillCondition):
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="the object that is looked for"),
         "surface": BoundedPort(SurfaceName, description="the surface that was looked at, such as table"),
+    }
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "not_found": "look elsewhere: Plan, or another place",
     }
 
     def check(self) -> tuple[str, str] | None:

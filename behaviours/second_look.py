@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
-from behaviours.arm_motion import move_free
+from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.beliefs import only_nearest, remember_view
 from behaviours.names import ObjectName
-from behaviours.perceive import region_around
+from behaviours.perceive import NO_CAMERA, region_around
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import PlacedShape, Pose
@@ -49,6 +49,13 @@ class SecondLook(Skill):
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
         "yaw_width": PortInformation(float, required=False, description="radians of yaw that are still open"),
     }
+    FAILS: ClassVar = {
+        **NO_CAMERA,
+        **ARM_PLANNING_FAILS,
+        "not_found": "DetectObject first",
+        "no_view": "do without, or stand elsewhere: FindStandPose, NavigateTo",
+        "object_lost": "DetectObject again",
+    }
     DECLARATION = Declaration(pre=("located({object})",), effects=("yaw_known({object})",))
 
     def execute(self) -> Steps:
@@ -57,7 +64,7 @@ class SecondLook(Skill):
         name: str = self.get_input("object")
         belief = skills.world.objects.get(name)
         if belief is None or not skills.observations.get(name):
-            raise SkillFailure("object_not_found", f"the {name} has not been seen; detect it first")
+            raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")
         if belief.yaw_set.width > self.get_input("max_yaw_width"):
             camera = skills.wrist_camera
             if camera is None:

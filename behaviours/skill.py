@@ -6,7 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
 
 from py_trees.ports import PortInformation
@@ -14,7 +14,7 @@ from py_trees.ports import PortInformation
 from behaviours.computation import Job
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
-from behaviours.failure import NodeFailure
+from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
 from behaviours.parts import PartKind
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
@@ -64,7 +64,7 @@ class Declaration:
     """What a skill needs and brings about, in terms of its ports: ``holding({object})``, ``at({goal})``.
 
     ``pre``: must hold at the start. ``hold``: must hold all the way. ``effects``: hold after success; ``not`` negates.
-    ``recovery``: error code → what a tree may try then, by the names of leaves. ``parameters``: port → type (object,
+    ``parameters``: port → type (object,
     place, container) of a leaf that task planners may order; None: it is a part of such abilities only. ``cost``: what
     a planner counts it for. ``parts``: of the robot that it keeps busy: arm, base; the hand belongs to the arm.
     """
@@ -72,7 +72,6 @@ class Declaration:
     pre: tuple[str, ...] = ()
     hold: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
-    recovery: Mapping[str, str] = field(default_factory=dict)
     parameters: Mapping[str, str] | None = None
     cost: float = 1.0
     parts: tuple[str, ...] = ()
@@ -98,7 +97,12 @@ class OnRobot(Node):
 
 
 class Explained(OnRobot):
-    """Shared by skills and conditions: failures are told with a code and in words."""
+    """Shared by skills and conditions: failures are told with a code and in words.
+
+    ``FAILS``: the codes, each with what a tree may try then, by the names of leaves; those of base classes are added.
+    """
+
+    FAILS: ClassVar[Mapping[str, str]] = {"bad_input": "a port has a value that is not accepted: correct the tree"}
 
     OUTPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
         "error_code": PortInformation(str, required=False, description="why it failed, for programs; empty if not"),
@@ -140,6 +144,12 @@ class Explained(OnRobot):
 class Skill(Explained, StatefulAction):
     """A leaf whose ``execute`` yields what it waits for; a halt cancels that and runs the ``finally`` clauses."""
 
+    FAILS: ClassVar = {
+        **MOTION_FAILS,
+        **SEEING_FAILS,
+        "failed": "an algorithm has nothing to work with: the message says what it lacks",
+        "missing_extra": "install what the message names",
+    }
     DECLARATION: ClassVar[Declaration] = Declaration()
 
     _steps: Steps | None = None
@@ -222,6 +232,8 @@ class Skill(Explained, StatefulAction):
 class SkillCondition(Explained, Condition):
     """A condition leaf: ``check`` returns None if it holds, else ``(code, why)``."""
 
+    FAILS: ClassVar = READING_FAILS
+
     def check(self) -> tuple[str, str] | None:
         """Decide; looks at beliefs and encoders only, never moves anything."""
         raise NotImplementedError(f"{type(self).__name__} does not define check()")
@@ -237,6 +249,8 @@ class SkillCondition(Explained, Condition):
 
 class InstantSkill(Explained, SyncAction, ABC):
     """A leaf that is done within its tick and moves nothing: ``act`` raises SkillFailure to fail."""
+
+    FAILS: ClassVar = READING_FAILS
 
     @abstractmethod
     def act(self) -> None:

@@ -16,7 +16,7 @@ from behaviours.grasp_candidates import grasp_candidates
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.place import place_tool_poses
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
-from behaviours.surfaces import find_surface, with_open_drawers
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import BasePose, MapFurniture, MapSurface
@@ -59,6 +59,10 @@ class FindStandPose(Skill):
         "goal": PortInformation(Pose, required=False, description="the place to reach, in the map frame"),
     }
     OUTPUT_PORTS: ClassVar = {"stand": PortInformation(Pose2D, description="where to stand, in the map frame")}
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "no_stand": "what stands there may have gone: ForgetBlocked, then again",
+    }
     DECLARATION = Declaration(effects=("stand_known({surface})",))
 
     def on_load(self) -> None:

@@ -29,6 +29,8 @@ INNER_BOARD = 0.008
 SLAB_GROWTH = 0.02
 """Metres by which a measured surface is taken to be larger on each side than what was seen of it."""
 
+UNKNOWN_SURFACE = {"unknown_surface": "name a surface of the map"}
+
 
 def find_surface(skills: SkillContext, name: str) -> tuple[MapFurniture, MapSurface]:
     """The mapped surface, of a drawer where that is believed to be; SkillFailure names what there is."""

@@ -13,7 +13,7 @@ from behaviours.beliefs import believe_surface
 from behaviours.context import SkillContext
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Explained, Skill, SkillCondition, SkillFailure, Steps
-from behaviours.surfaces import find_surface, surface_region
+from behaviours.surfaces import UNKNOWN_SURFACE, find_surface, surface_region
 from bestman_bt.engine import SyncAction
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
@@ -69,6 +69,7 @@ class FindUntidy(Explained, SyncAction):
         "margin": PortInformation(float, required=False, default_value=0.035, description="metres inside the region"),
     }
     OUTPUT_PORTS: ClassVar = {"untidy": PortInformation(list, description="their names")}
+    FAILS: ClassVar = UNKNOWN_SURFACE
 
     def on_tick(self) -> int:
         """Asks the beliefs."""
@@ -81,6 +82,11 @@ class IsTidy(SkillCondition):
     """Whether all things that were seen are believed to stand upright within a region; not where none was seen."""
 
     INPUT_PORTS: ClassVar = FindUntidy.INPUT_PORTS
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "nothing_seen": "ScanScene",
+        "untidy": "FindUntidy, then pick and place each",
+    }
 
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""
@@ -114,6 +120,11 @@ class FindFreePlace(Skill):
     }
     OUTPUT_PORTS: ClassVar = {
         "goal": PortInformation(Pose, description="the place, in the map frame, z of the surface")
+    }
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "unknown_object": "DetectObject first, or add a model",
+        "surface_full": "another surface or region",
     }
     DECLARATION = Declaration(effects=("free({goal})",))
 

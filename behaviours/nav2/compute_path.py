@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 from py_trees.ports import PortInformation
 
 from behaviours.nav2.ports import SERVER, PlannerName
+from behaviours.navigate import DRIVING_FAILS
 from behaviours.skill import Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Goals, Path2D, Pose2D
@@ -34,6 +35,7 @@ class _ComputePath(Skill):
         ),
     }
     OUTPUT_PORTS: ClassVar = {"path": PortInformation(Path2D, required=False, description="the path; empty on failure")}
+    FAILS: ClassVar = DRIVING_FAILS
 
     def on_halted(self) -> None:
         """Clear the path, as nav2 does."""
@@ -88,6 +90,7 @@ class ComputePathThroughPoses(_ComputePath):
             int, required=False, description="-1: the path leads through all; else the last pose that can be got to"
         )
     }
+    FAILS: ClassVar = {"no_goals": "give a pose"}
 
     def execute(self) -> Steps:
         """Plan."""

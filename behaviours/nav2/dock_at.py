@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from py_trees.ports import PortInformation
 
 from behaviours.names import FurnitureName
+from behaviours.navigate import DRIVING_FAILS
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
 from bestman_bt.engine import BoundedPort
 from bestman_bt.messages import Path2D, Pose2D, wrap_angle
@@ -44,10 +45,12 @@ class DockAt(Skill):
     OUTPUT_PORTS: ClassVar = {
         "docked": PortInformation(Pose2D, required=False, description="the goal, by where the furniture was seen")
     }
-    DECLARATION = Declaration(
-        effects=("at({goal})",),
-        recovery={"not_docked": "BackUp, then DockAt again", "not_seen": "DockAt without furniture"},
-    )
+    FAILS: ClassVar = {
+        **DRIVING_FAILS,
+        "not_docked": "BackUp, then DockAt again",
+        "not_found": "DockAt without furniture",
+    }
+    DECLARATION = Declaration(effects=("at({goal})",))
 
     def execute(self) -> Steps:
         """Get behind the goal, look, approach, judge."""
@@ -113,7 +116,7 @@ class DockAt(Skill):
             hits.append(map_from_lidar.apply(skills.base.scan().scan.points()))
         edge = front_edge(piece, np.vstack(hits))
         if edge is None:
-            raise SkillFailure("not_seen", f"too little is seen of the front of {piece.name}")
+            raise SkillFailure("not_found", f"too little is seen of the front of {piece.name}")
         return edge.corrected(piece, goal)
 
     def _improve(self, goal: Pose2D) -> StepsTo[str]:

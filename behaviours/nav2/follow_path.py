@@ -37,6 +37,7 @@ class FollowPath(Skill):
             description="a local planner, as pure_pursuit or file.py:Class; the configured one",
         ),
     }
+    FAILS: ClassVar = {"no_path": "ComputePathToPose first"}
 
     def execute(self) -> Steps:
         """Follow whatever path there is until the last one has ended."""

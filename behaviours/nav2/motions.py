@@ -34,6 +34,7 @@ class _Motion(Skill):
     """A motion that may take no longer than ``time_allowance``."""
 
     INPUT_PORTS: ClassVar = {**SERVER, **COLLISION_CHECKS, "time_allowance": TIME_ALLOWANCE}
+    FAILS: ClassVar = {"timeout": "again, with more time_allowance"}
 
     def in_time(self, motion: ControlHandle[BasePose], end: float) -> StepsTo[None]:
         """Wait for a motion, until ``end`` seconds at most."""

@@ -26,6 +26,7 @@ class NavigateThroughPoses(NavigateTo):
         **without_meaning("goal"),
         "goals": PortInformation(Goals, description="x;y;theta;x;y;theta in the map frame, metres and radians"),
     }
+    FAILS: ClassVar = {"no_goals": "give a pose"}
     DECLARATION = Declaration()
 
     def execute(self) -> Steps:

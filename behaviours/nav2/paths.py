@@ -127,6 +127,7 @@ class IsPathValid(SkillCondition):
     OUTPUT_PORTS: ClassVar = {
         "collision_poses": PortInformation(Goals, required=False, description="where it would touch first, if anywhere")
     }
+    FAILS: ClassVar = {"path_blocked": "ComputePathToPose again"}
 
     def check(self) -> tuple[str, str] | None:
         """Asks the costmap."""
@@ -161,6 +162,10 @@ class IsGoalNearby(SkillCondition):
             default_value=-1.0,
             description="metres of path beyond the last place within which the next one is looked for; below 0: all",
         ),
+    }
+    FAILS: ClassVar = {
+        "no_path": "ComputePathToPose first",
+        "not_near": "drive on: FollowPath",
     }
 
     def on_load(self) -> None:

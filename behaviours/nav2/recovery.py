@@ -19,6 +19,8 @@ class AreErrorCodesPresent(SkillCondition):
     CODES: ClassVar[tuple[str, ...]] = ()
     """What is looked for where the port names none."""
 
+    FAILS: ClassVar = {"other_code": "the failure is of another kind; nothing is wrong"}
+
     def check(self) -> tuple[str, str] | None:
         """Compares."""
         code = self.get_input("error_code")
@@ -43,6 +45,7 @@ class IsStuck(SkillCondition):
     """Whether the base was to move and does not get on, or was stopped harder than it brakes; until it moves again."""
 
     REQUIRES = ("base", "lidar")
+    FAILS: ClassVar = {"not_stuck": "nothing is wrong"}
 
     def check(self) -> tuple[str, str] | None:
         """Asks the base's controller."""

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from behaviours.failure import own_failures
 from behaviours.parts import parts_in_words
 from bestman_bt.cli.options import Plugins
 from bestman_bt.engine import NodeInfo, palette_xml
@@ -47,3 +48,5 @@ def _tell(info: NodeInfo) -> None:
         elif port.default is not None:
             facts.append(f"default {port.default}")
         print(f"      {port.name} ({', '.join(facts)}): {port.description}")
+    for code, advice in own_failures(info.cls).items():
+        print(f"      fails as {code}: {advice}")

@@ -27,6 +27,7 @@ from bestman_bt.engine import TreeLoadError
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.predicates import metric_names
 from bestman_bt.registry import suggestion
+from bestman_bt.runtime.renamed_codes import RENAMED_CODES
 from bestman_bt.runtime.setup import tree_problems
 from bestman_bt.scene import SceneError
 
@@ -241,5 +242,8 @@ def _contradictions(document: Document, asked: SuiteConfig) -> Iterable[Problem]
                 yield document.problem(path, f"more than all {entry.successes.of} are asked")
             if entry.causes and kind == "tasks":
                 yield document.problem((kind, key, "causes"), "is for controls: a task shall not fail")
+            for code in set(entry.causes) & set(RENAMED_CODES):
+                message = f"nothing fails as {code!r}; it is called {RENAMED_CODES[code]!r} now"
+                yield document.problem((kind, key, "causes"), message)
         for key in set(asked.tasks) & set(asked.controls) if kind == "controls" else ():
             yield document.problem((kind, key), "is the name of a task of this suite, too")

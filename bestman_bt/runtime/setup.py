@@ -37,6 +37,7 @@ from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.runtime.plan_goals import plan_goal, plan_problems, told_of_plan
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.policies import policy_problems
+from bestman_bt.runtime.renamed_codes import renamed_codes
 from bestman_bt.runtime.task_goals import TaskGoal, reach_goal, task_goals, told_places
 from bestman_bt.runtime.task_problems import task_problems
 from bestman_bt.runtime.tree_checks import known_names, lacking_parts, unfilled_entries, unknown_names
@@ -153,6 +154,7 @@ class Setup:
         found = [
             *lacking_parts(tree, self.robot_model, self.usable_parts),
             *unknown_names(tree, self.names),
+            *renamed_codes(tree),
             *policy_problems(tree),
             *algorithm_problems(tree, self.config),
         ]

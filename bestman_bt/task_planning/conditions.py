@@ -34,6 +34,10 @@ class Holds(SkillCondition):
         "place": BoundedPort(SurfaceName, required=False, description="for {place} in the fact"),
         "container": BoundedPort(ArticulationName, required=False, description="for {container} in the fact"),
     }
+    FAILS: ClassVar = {
+        "not_believed": "bring it about: Plan, ExecutePlan",
+        "unknown_name": "name what there is on the map",
+    }
 
     def check(self) -> tuple[str, str] | None:
         """Asks the beliefs; takes no picture."""

@@ -47,6 +47,12 @@ class Plan(_Planning, Skill):
         "limits": PortInformation(PlanLimits, False, "for a plan: steps=20; only=PickUp; without=fridge", PlanLimits()),
     }
     OUTPUT_PORTS: ClassVar = {"plan": PortInformation(TaskPlan, description="the actions")}
+    FAILS: ClassVar = {
+        "bad_goal": "correct the goal",
+        "unknown_name": "name a planner or builder that there is",
+        "no_plan": "ask for less, or with other limits",
+        "unsolvable": "ask for something that can be reached: the message says what nothing brings about",
+    }
 
     def execute(self) -> Steps:
         """Plan, and say what the plan is."""
@@ -78,6 +84,13 @@ class ExecutePlan(_Planning, Explained, StatefulAction):
     _tree: Tree | None = None
     _monitor: PlanMonitor
     _told: int
+    FAILS: ClassVar = {
+        "bad_goal": "correct the goal",
+        "unknown_name": "name a planner or builder that there is",
+        "bad_plan": "Plan again",
+        "refused": "the plan fails in a dry run: Plan again",
+        "plan_failed": "look at what has changed, then Plan again",
+    }
 
     def on_start(self) -> int:
         """Refuse a tree that does not pass, before anything moves."""

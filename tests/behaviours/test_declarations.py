@@ -1,42 +1,69 @@
-"""Hints for recovery name leaves that exist, for codes that the skill may fail with."""
+"""Skills declare the codes that they fail with, all of them and no others, with advice that names leaves that exist."""
 
 from __future__ import annotations
 
-import inspect
 import re
 
 import pytest
 
-from behaviours import following
-from behaviours.skill import Skill
+from behaviours.arm_motion import ARM_PLANNING_FAILS
+from behaviours.failure import MOTION_FAILS, SEEING_FAILS, declared_failures, own_failures
+from behaviours.following import FOLLOWING_FAILS, error_code
+from behaviours.navigate import DRIVING_FAILS
+from behaviours.skill import Explained, Skill
+from bestman_bt.control.arm import FollowEnd
+from bestman_bt.manipulation.motion_planning import PlanningErrorCode
+from bestman_bt.manipulation.policy import errors as policy_errors
+from bestman_bt.messages import MotionErrorCode
+from bestman_bt.navigation.global_planning import PlanningFailureReason
 from bestman_bt.registry import BEHAVIOURS
+from bestman_bt.sensing.rgbd import CameraErrorCode
+from tests.behaviours.raised_codes import raised_codes
 
-SKILLS = {name: found for name in BEHAVIOURS if issubclass(found := BEHAVIOURS.resolve(name), Skill)}
-HINTED = sorted(name for name, skill in SKILLS.items() if skill.DECLARATION.recovery)
-LEAF = re.compile(r"\b[A-Z][a-z]+(?:[A-Z][a-z]+)*\b")
+LEAVES = {name: found for name in BEHAVIOURS if issubclass(found := BEHAVIOURS.resolve(name), Explained)}
+LEAF = re.compile(r"\b[A-Z][a-z]+(?:[A-Z][a-z]+)+\b")
+SYNONYMS = {"hand_full", "object_not_found", "not_seen", "time_limit"}
+OF_ENUMERATIONS = {
+    *ARM_PLANNING_FAILS,
+    *DRIVING_FAILS,
+    *FOLLOWING_FAILS,
+    *(kind.code for kind in vars(policy_errors).values() if isinstance(kind, type) and hasattr(kind, "code")),
+    *("not_open", "timeout"),  # of a following that got to its end, or not
+}
+"""Codes that stand in no skill as literals."""
 
 
-@pytest.mark.parametrize("name", HINTED)
-def test_every_hint_names_a_leaf_and_only_leaves_that_exist(name) -> None:
-    for code, hint in SKILLS[name].DECLARATION.recovery.items():
-        named = set(LEAF.findall(hint))
-        assert named, f"{name} {code}: {hint!r} names no leaf"
-        assert named <= set(BEHAVIOURS), f"{name} {code}: {named - set(BEHAVIOURS)}"
+@pytest.mark.parametrize("name", sorted(LEAVES))
+def test_every_code_that_a_skill_fails_with_is_declared_and_only_those(name: str) -> None:
+    raised = raised_codes(LEAVES[name])
+    assert raised <= set(declared_failures(LEAVES[name]))
+    assert set(own_failures(LEAVES[name])) <= raised | OF_ENUMERATIONS
+
+
+def test_the_codes_of_motions_cameras_and_planners_are_declared_where_they_are_told() -> None:
+    assert set(MOTION_FAILS) == {*MotionErrorCode, "no_data"}
+    assert set(SEEING_FAILS) == set(CameraErrorCode)
+    assert {*ARM_PLANNING_FAILS, "timeout"} == set(PlanningErrorCode)
+    assert set(DRIVING_FAILS) == {reason.value for reason in PlanningFailureReason}
+    assert {*FOLLOWING_FAILS, "timeout"} == {error_code(end) for end in FollowEnd} - {""}
+    assert set(MOTION_FAILS) | set(SEEING_FAILS) < set(declared_failures(Skill))
+
+
+def test_advice_names_leaves_that_exist_and_no_code_has_a_synonym() -> None:
+    for name, leaf in LEAVES.items():
+        for code, advice in declared_failures(leaf).items():
+            assert advice, f"{name} {code}"
+            assert set(LEAF.findall(advice)) <= set(BEHAVIOURS), f"{name} {code}: {advice}"
+            assert code not in SYNONYMS
+
+
+def test_the_more_special_advice_counts() -> None:
+    assert declared_failures(LEAVES["Grasp"])["no_path"] == "Grasp again: the next planned grasp"
+    assert declared_failures(LEAVES["PlaceIn"])["not_holding"] == declared_failures(LEAVES["PlaceOn"])["not_holding"]
 
 
 @pytest.mark.parametrize("name", sorted({"Grasp", "PlaceOn", "PlaceIn", "Push", "Open", "Close"}))
-def test_skills_that_act_on_things_say_what_they_need_bring_about_and_how_to_go_on_after_failure(name) -> None:
-    declared = SKILLS[name].DECLARATION
+def test_skills_that_act_on_things_say_what_they_need_and_bring_about(name: str) -> None:
+    declared = LEAVES[name].DECLARATION  # type: ignore[attr-defined]
     assert declared.pre
     assert declared.effects
-    assert declared.recovery
-
-
-@pytest.mark.parametrize("name", sorted(set(HINTED) - {"Grasp"}))  # no_path of Grasp comes from the planner
-def test_hinted_codes_are_told_somewhere_in_the_skill_or_what_it_derives_from(name) -> None:
-    modules = [inspect.getmodule(base) for base in SKILLS[name].__mro__ if base.__module__.startswith("behaviours.")]
-    if any(hasattr(module, "followed") for module in modules):
-        modules.append(following)  # whose codes are told where going along ends early
-    source = "".join(inspect.getsource(module) for module in modules if module is not None)
-    for code in SKILLS[name].DECLARATION.recovery:
-        assert source.count(f'"{code}"') > 1, f"{name} never fails with {code}"

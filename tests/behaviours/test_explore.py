@@ -80,7 +80,7 @@ def test_time_that_is_up_is_told_and_the_map_is_saved_all_the_same(tmp_path: Pat
         file = tmp_path / "part.yaml"
         execution = opened.run(tree_of(f'<ExploreAndMap file="{file}" max_time="2"/>'))
         assert execution.tree_status == "FAILURE"
-        assert opened.skills.failures[-1].error_code == "time_limit"
+        assert opened.skills.failures[-1].error_code == "timeout"
         assert (read_map(file).data == FREE).sum() > 1000
 
 

@@ -46,7 +46,7 @@ def skills(monkeypatch: pytest.MonkeyPatch) -> Any:
     return skills
 
 
-@pytest.mark.parametrize(("leaf", "code"), [(DETECT, "object_not_found"), (ESTIMATE, "object_lost")])
+@pytest.mark.parametrize(("leaf", "code"), [(DETECT, "not_found"), (ESTIMATE, "object_lost")])
 def test_an_object_that_is_hidden_now_is_not_found_though_it_was_seen_before(skills: Any, leaf: str, code: str) -> None:
     skills.world.objects["cup"] = belief(skills, BEFORE)
     tree = load(skills, leaf)
@@ -70,7 +70,7 @@ def test_an_object_without_a_model_that_was_never_seen_is_unknown_and_one_with_a
     assert run(skills, load(skills, DETECT.replace("cup", "unicorn"))) == FAILURE
     assert run(skills, load(skills, DETECT)) == FAILURE
     assert run(skills, load(skills, ESTIMATE)) == FAILURE
-    assert codes(skills) == ["unknown_object", "object_not_found", "object_not_found"]
+    assert codes(skills) == ["unknown_object", "not_found", "not_found"]
 
 
 def test_a_camera_that_the_robot_does_not_have_is_told(skills: Any) -> None:

@@ -89,9 +89,9 @@ def test_a_goal_beyond_the_edge_of_the_table_is_refused(seen) -> None:
 def test_what_was_never_seen_is_not_pushed(seen) -> None:
     session, truth = seen
     goal = goal_beside(truth, "can", 0.1, 0.0)
-    assert why_not(session, f'<Push object="cup" goal="{goal}"/>')[0] == "object_not_found"
+    assert why_not(session, f'<Push object="cup" goal="{goal}"/>')[0] == "not_found"
     assert why_not(session, f'<FindPushStand object="cup" surface="table" goal="{goal}" stand="{{s}}"/>')[0] == (
-        "object_not_found"
+        "not_found"
     )
 
 

@@ -199,7 +199,7 @@ def test_a_server_that_is_gone_is_told_by_its_code(robot: Session) -> None:
         ({}, Pose.from_xyz_rpy((0.55, 0.0, 2.5)), {}, "workspace"),
         ({}, None, {}, "no_goal"),
         ({}, GOAL, {"success": "luck"}, "bad_input"),
-        ({}, GOAL, {"object": "can"}, "object_not_found"),
+        ({}, GOAL, {"object": "can"}, "not_found"),
         ({}, GOAL, {"workspace": "1;2;3"}, "bad_input"),
         ({"workspace": None}, GOAL, {}, "no_workspace"),
         ({"robot": "another"}, GOAL, {}, "other_robot"),
@@ -229,7 +229,7 @@ def test_a_hand_that_is_full_is_not_opened_for_a_policy(robot: Session) -> None:
     model = robot.skills.world.models["cup"]
     robot.skills.world.held = HeldObject("cup", model, Pose(), 0.066)
     try:
-        assert refused(robot)[0] == "hand_full"
+        assert refused(robot)[0] == "hand_not_empty"
     finally:
         robot.skills.world.held = None
 

@@ -127,12 +127,12 @@ def test_what_was_taken_away_is_not_found_any_more(table) -> None:
     put(session, "cup", [-6.0, 0.0, 0.0])
     noticed = len(session.skills.world.changes)
     code, words = why_not(session, DETECT_CUP)
-    assert code == "object_not_found"
+    assert code == "not_found"
     assert words.startswith("no cup on the table: seen ")
     assert "can (" in words
     assert [(c.kind, c.name) for c in session.skills.world.changes[noticed:]] == [("removed", "cup")]
     assert "cup" not in session.skills.world.objects
-    assert why_not(session, '<EstimatePose object="cup"/>')[0] == "object_not_found"
+    assert why_not(session, '<EstimatePose object="cup"/>')[0] == "not_found"
     put(session, "cup", [6.0, 0.0, 0.0])
 
 

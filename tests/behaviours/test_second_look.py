@@ -45,7 +45,7 @@ def yaw_error(session: Session, truth: GroundTruth) -> float:
 
 def test_what_was_never_seen_cannot_be_looked_at_again(crowded) -> None:
     code, words = why_not(crowded[0], '<SecondLook object="duck"/>')
-    assert (code, words) == ("object_not_found", "the duck has not been seen; detect it first")
+    assert (code, words) == ("not_found", "the duck has not been seen; detect it first")
 
 
 def test_one_view_leaves_the_yaw_open_and_says_so(crowded) -> None:

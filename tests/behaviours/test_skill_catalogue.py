@@ -22,6 +22,7 @@ def test_the_page_is_that_of_the_present_skills() -> None:
     script = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(script)
     assert script.page() == PAGE, "run scripts/skill_catalogue.py"
+    assert script.errors_page() == script.ERRORS.read_text(), "run scripts/skill_catalogue.py"
 
 
 @pytest.mark.parametrize("example", re.findall(r"```xml\n(.*?)\n```", PAGE, re.DOTALL), ids=lambda text: text[1:25])

@@ -42,6 +42,12 @@ def test_nodes_lists_the_library_with_ports(bestman_bt: Command) -> None:
     assert "\n  ReactiveSequence: " in answer.out
 
 
+def test_nodes_tells_how_a_skill_fails_and_what_to_try_then(bestman_bt: Command) -> None:
+    answer = bestman_bt("nodes", "PlanGrasp")
+    assert "fails as no_grasp: stand elsewhere: FindStandPose, NavigateTo" in answer.out
+    assert "fails as stopped" not in answer.out, "every skill may"
+
+
 def test_nodes_of_one_name_lists_that_node_alone(bestman_bt: Command) -> None:
     answer = bestman_bt("nodes", "NavigateTo")
     assert "NavigateTo" in answer.out

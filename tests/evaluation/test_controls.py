@@ -46,7 +46,7 @@ def test_with_slippery_fingers_the_grasp_fails_and_the_tree_says_so(without_retr
 
 def test_without_a_cup_the_shipped_tree_gives_up_and_says_what_it_saw_instead() -> None:
     config = load_run("fetch_cup", seed=1, settings=[*AT_THE_TABLE, "scene.objects.cup=absent"])
-    why = assert_failed(run_episode(config), "DetectObject", "object_not_found")
+    why = assert_failed(run_episode(config), "DetectObject", "not_found")
     assert why.startswith("no cup on the table: seen ")
     assert "can" in why
 

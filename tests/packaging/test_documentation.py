@@ -115,9 +115,9 @@ def test_the_skill_of_the_readme_runs_and_fails_as_it_declares(tmp_path: Path) -
         assert opened.run(plugin).succeeded
         assert not opened.run(tree.format(0)).succeeded
         (failure,) = opened.skills.failures
-        declaration = opened.setup.registry.info("Nod").cls.DECLARATION
-    assert declaration.effects == ("nodded()",)
-    assert failure.error_code in declaration.recovery
+        nod = opened.setup.registry.info("Nod").cls
+    assert nod.DECLARATION.effects == ("nodded()",)
+    assert failure.error_code in nod.FAILS
 
 
 def test_every_page_is_in_the_navigation() -> None:

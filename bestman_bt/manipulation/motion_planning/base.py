@@ -26,7 +26,7 @@ class PlanningErrorCode(StrEnum):
     GOAL_IN_COLLISION = "goal_in_collision"
     GOAL_VIOLATES_CONSTRAINT = "goal_violates_constraint"
     NO_PATH = "no_path"
-    TIME_LIMIT = "time_limit"
+    TIMEOUT = "timeout"
     TIMED_PATH_INVALID = "timed_path_invalid"
 
 

@@ -93,7 +93,7 @@ class Portfolio(MotionPlanner):
             try:
                 plans.append(planner.plan(start, goals, world, limits, own, constraint))
             except PlanningError as error:
-                if error.code not in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIME_LIMIT):
+                if error.code not in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIMEOUT):
                     raise
                 failures.append(str(error))
                 continue

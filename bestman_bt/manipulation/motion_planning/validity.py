@@ -16,7 +16,7 @@ _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK = 256
 class CountedValidity:
     """Free of collisions and within the constraint, as a Python ``bool`` (OMPL refuses numpy's).
 
-    ``wall_limit``: seconds after which it raises PlanningError (``time_limit``). A result never depends on it.
+    ``wall_limit``: seconds after which it raises PlanningError (``timeout``). A result never depends on it.
     """
 
     def __init__(self, world: CollisionWorld, constraint: PathConstraint | None, wall_limit: float) -> None:
@@ -31,7 +31,7 @@ class CountedValidity:
         self.checks += 1
         if self.checks % _CHECKS_BETWEEN_LOOKS_AT_THE_CLOCK == 0 and time.monotonic() > self._end:
             raise PlanningError(
-                PlanningErrorCode.TIME_LIMIT,
+                PlanningErrorCode.TIMEOUT,
                 f"planning was aborted after {self._wall_limit:g} s and {self.checks} checks",
             )
         if self._constraint is not None and not self._constraint.satisfied(positions):

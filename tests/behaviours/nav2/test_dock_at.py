@@ -61,5 +61,5 @@ def test_a_piece_that_is_gone_is_told(driver, monkeypatch) -> None:
     monkeypatch.setattr(driver.skills.world, "map", driver.skills.world.map.with_furniture(gone))
     goal = here @ Pose2D(0.5, 0.0, 0.0)
     code, words = why_not(driver, f'<DockAt goal="{text(goal)}" furniture="gone"/>')
-    assert code == "not_seen"
+    assert code == "not_found"
     assert "gone" in words

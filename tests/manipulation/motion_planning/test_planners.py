@@ -110,7 +110,7 @@ def test_a_wall_limit_aborts_with_an_error(world, arm, rng):
     start, goal = problems()[5]
     with pytest.raises(PlanningError, match="planning was aborted after 1e-06 s and") as aborted:
         RRTConnect(RRTConnectParameters(wall_limit=1e-6)).plan(start, [goal], world, arm, rng)
-    assert aborted.value.code is PlanningErrorCode.TIME_LIMIT
+    assert aborted.value.code is PlanningErrorCode.TIMEOUT
 
 
 def test_planning_never_touches_a_simulated_world(world, arm, referee):

@@ -133,7 +133,7 @@ LONG, SHORT = [np.array([0.0, 1.0])], []
 
 
 def test_a_portfolio_goes_on_after_no_path_and_after_time_is_up_but_not_after_a_refusal():
-    for code in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIME_LIMIT):
+    for code in (PlanningErrorCode.NO_PATH, PlanningErrorCode.TIMEOUT):
         second = Scripted(SHORT)
         plan = Portfolio(planners=(Scripted(code), second)).plan(START, [GOAL], FREE, TWO, np.random.default_rng(0))
         assert len(plan.path) == 2
