@@ -22,7 +22,7 @@ NEAR, FAR = 0.05, 6.0
 
 @dataclass(frozen=True)
 class DepthNoise:
-    """See bestman_bt.robot_model.CameraModel; ``quantum``: metres between two depth values."""
+    """See bestman_bt.robot_model.CameraPart; ``quantum``: metres between two depth values."""
 
     base: float = 0.0012
     quadratic: float = 0.0019

@@ -20,7 +20,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics, link_hulls
 from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, RRTConnectParameters
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
-from bestman_bt.robot_model import CameraModel, RobotModel, joints_above
+from bestman_bt.robot_model import CameraPart, RobotModel, joints_above
 
 Array = NDArray[np.float64]
 
@@ -217,7 +217,7 @@ class PostureSearch:
             for corners in hulls
         ]
 
-    def _covered(self, camera: CameraModel, base_from_camera: Pose, bodies: list[Array]) -> float:
+    def _covered(self, camera: CameraPart, base_from_camera: Pose, bodies: list[Array]) -> float:
         lens = camera.intrinsics
         scale = self.parameters.picture_width / lens.width
         shape = (round(lens.height * scale), round(lens.width * scale))

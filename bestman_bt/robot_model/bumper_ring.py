@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.robot_model.model import BaseModel
-from bestman_bt.robot_model.sensor_models import BumperModel
-from bestman_bt.robot_model.sensor_part_config import BumperPart
+from bestman_bt.robot_model.sensor_parts import BumperPart, MountedBumper
 
 
-def bumper_model(bumper: BumperPart, base: BaseModel) -> BumperModel:
+def mounted_bumper(bumper: BumperPart, base: BaseModel) -> MountedBumper:
     """Strips of equal length, counter-clockwise, from the front right corner on."""
     corners = np.array(base.footprint)
     begin = int(np.argmin(np.abs(np.arctan2(corners[:, 1], corners[:, 0]) + math.pi / 4)))
@@ -21,15 +20,8 @@ def bumper_model(bumper: BumperPart, base: BaseModel) -> BumperModel:
     lengths = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(outline, axis=0), axis=1)))
     marks = np.linspace(0.0, lengths[-1], bumper.zones + 1)
     ends = np.column_stack([np.interp(marks, lengths, outline[:, axis]) for axis in (0, 1)])
-    return BumperModel(
-        frame=bumper.frame,
-        joints=base.wheel_joints + base.steering_joints,
-        zones=tuple((_pair(start), _pair(end)) for start, end in itertools.pairwise(ends)),
-        threshold=bumper.threshold,
-        height=bumper.height,
-        rate=bumper.rate,
-        latency=bumper.latency,
-    )
+    zones = tuple((_pair(start), _pair(end)) for start, end in itertools.pairwise(ends))
+    return MountedBumper(bumper, base.wheel_joints + base.steering_joints, zones)
 
 
 def _pair(point: NDArray[np.float64]) -> tuple[float, float]:

@@ -9,16 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model.bumper_ring import bumper_model
+from bestman_bt.robot_model.bumper_ring import mounted_bumper
 from bestman_bt.robot_model.describe_legs import legged_base_model
-from bestman_bt.robot_model.describe_sensors import (
-    battery_model,
-    camera_model,
-    force_torque_model,
-    imu_model,
-    lidar_model,
-    tactile_model,
-)
 from bestman_bt.robot_model.footprint import footprint, origin_pose
 from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
 from bestman_bt.robot_model.part_config import (
@@ -33,21 +25,14 @@ from bestman_bt.robot_model.part_config import (
 from bestman_bt.robot_model.part_fields import JointLimitsConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.self_pairs import allowed_self_pairs
-from bestman_bt.robot_model.sensor_models import (
-    BatteryModel,
-    CameraModel,
-    ForceTorqueModel,
-    ImuModel,
-    LidarModel,
-    TactileModel,
-)
-from bestman_bt.robot_model.sensor_part_config import (
+from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
     BumperPart,
     CameraPart,
     ForceTorquePart,
     ImuPart,
     LidarPart,
+    MountedForceTorque,
     TactilePart,
 )
 
@@ -73,12 +58,12 @@ def describe(
     arms: dict[str, ArmModel] = {}
     grippers: dict[str, GripperModel] = {}
     groups: dict[str, JointGroupModel] = {}
-    cameras: dict[str, CameraModel] = {}
-    lidars: dict[str, LidarModel] = {}
-    force_torques: dict[str, ForceTorqueModel] = {}
-    imus: dict[str, ImuModel] = {}
-    tactiles: dict[str, TactileModel] = {}
-    batteries: dict[str, BatteryModel] = {}
+    cameras: dict[str, CameraPart] = {}
+    lidars: dict[str, LidarPart] = {}
+    force_torques: dict[str, MountedForceTorque] = {}
+    imus: dict[str, ImuPart] = {}
+    tactiles: dict[str, TactilePart] = {}
+    batteries: dict[str, BatteryPart] = {}
     for part_name, part in placed.items():
         match part.config:
             case BasePart() as base:
@@ -92,7 +77,7 @@ def describe(
                     joint_names=arm.joints,
                     base_frame=part.root,
                     tool_frame=_tool(hand) or arm.tip,
-                    encoders=arm.encoders.model(),
+                    encoders=arm.encoders,
                     **_limits(arm.limits),
                 )
             case GripperPart() as gripper:
@@ -100,22 +85,22 @@ def describe(
             case SuctionPart() as cup:
                 grippers[part_name] = _suction(cup, part.root)
             case JointGroupPart() as group:
-                encoders = group.encoders.model()
+                encoders = group.encoders
                 groups[part_name] = JointGroupModel(
                     joint_names=group.joints, encoders=encoders, **_limits(group.limits)
                 )
             case CameraPart() as camera:
-                cameras[part_name] = camera_model(camera)
+                cameras[part_name] = camera
             case LidarPart() as lidar:
-                lidars[part_name] = lidar_model(lidar)
+                lidars[part_name] = lidar
             case ForceTorquePart() as sensor:
-                force_torques[part_name] = force_torque_model(sensor, _joints_below(sensor.frame, urdf))
+                force_torques[part_name] = MountedForceTorque(sensor, _joints_below(sensor.frame, urdf))
             case ImuPart() as imu:
-                imus[part_name] = imu_model(imu)
+                imus[part_name] = imu
             case TactilePart() as pad:
-                tactiles[part_name] = tactile_model(pad)
+                tactiles[part_name] = pad
             case BatteryPart() as battery:
-                batteries[part_name] = battery_model(battery)
+                batteries[part_name] = battery
     rings = {part_name: part.config for part_name, part in placed.items() if isinstance(part.config, BumperPart)}
     return RobotModel(
         name=name,
@@ -130,7 +115,7 @@ def describe(
         force_torques=force_torques,
         imus=imus,
         tactiles=tactiles,
-        bumpers={part_name: bumper_model(ring, base) for part_name, ring in rings.items() for base in bases.values()},
+        bumpers={part_name: mounted_bumper(ring, base) for part_name, ring in rings.items() for base in bases.values()},
         batteries=batteries,
         postures=postures,
         hand_of=hand_of,
@@ -237,7 +222,7 @@ def _base(
         steering_joints=base.steering_joints,
         steering_torque=base.steering_torque,
         steering_speed=base.steering_speed,
-        encoders=base.encoders.model(),
+        encoders=base.encoders,
         max_jerk=base.max_jerk,
         max_angular_jerk=base.max_angular_jerk,
     )

@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions
-from bestman_bt.robot_model.sensor_models import (
-    BatteryModel,
-    BumperModel,
-    CameraModel,
-    EncoderModel,
-    ForceTorqueModel,
-    ImuModel,
-    LidarModel,
-    TactileModel,
+from bestman_bt.robot_model.part_fields import EncodersConfig
+from bestman_bt.robot_model.sensor_parts import (
+    BatteryPart,
+    CameraPart,
+    ImuPart,
+    LidarPart,
+    MountedBumper,
+    MountedForceTorque,
+    TactilePart,
 )
 
 
@@ -38,7 +38,7 @@ class ArmModel:
     velocity: NDArray[np.float64]
     acceleration: NDArray[np.float64]
     effort: NDArray[np.float64]
-    encoders: EncoderModel = field(default_factory=EncoderModel)
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ class BaseModel:
     legs: tuple[LegModel, ...] = ()
     trunk_link: str = ""
     stand_height: float = 0.0
-    encoders: EncoderModel = field(default_factory=EncoderModel)
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
     max_jerk: float = 2.0
     max_angular_jerk: float = 10.0
     turning_drift: float = 0.0
@@ -195,7 +195,7 @@ class JointGroupModel:
     velocity: NDArray[np.float64]
     acceleration: NDArray[np.float64]
     effort: NDArray[np.float64]
-    encoders: EncoderModel = field(default_factory=EncoderModel)
+    encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
 @dataclass(frozen=True)
@@ -216,13 +216,13 @@ class RobotModel:
     arms: Mapping[str, ArmModel] = field(default_factory=dict)
     grippers: Mapping[str, GripperModel] = field(default_factory=dict)
     joint_groups: Mapping[str, JointGroupModel] = field(default_factory=dict)
-    cameras: Mapping[str, CameraModel] = field(default_factory=dict)
-    lidars: Mapping[str, LidarModel] = field(default_factory=dict)
-    force_torques: Mapping[str, ForceTorqueModel] = field(default_factory=dict)
-    imus: Mapping[str, ImuModel] = field(default_factory=dict)
-    tactiles: Mapping[str, TactileModel] = field(default_factory=dict)
-    bumpers: Mapping[str, BumperModel] = field(default_factory=dict)
-    batteries: Mapping[str, BatteryModel] = field(default_factory=dict)
+    cameras: Mapping[str, CameraPart] = field(default_factory=dict)
+    lidars: Mapping[str, LidarPart] = field(default_factory=dict)
+    force_torques: Mapping[str, MountedForceTorque] = field(default_factory=dict)
+    imus: Mapping[str, ImuPart] = field(default_factory=dict)
+    tactiles: Mapping[str, TactilePart] = field(default_factory=dict)
+    bumpers: Mapping[str, MountedBumper] = field(default_factory=dict)
+    batteries: Mapping[str, BatteryPart] = field(default_factory=dict)
     postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     hand_of: Mapping[str, str] = field(default_factory=dict)
     allowed_self_pairs: frozenset[frozenset[str]] = frozenset()

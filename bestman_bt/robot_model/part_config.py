@@ -25,7 +25,7 @@ from bestman_bt.configuration.quantity import (
     Torque,
 )
 from bestman_bt.robot_model.part_fields import EncodersConfig, FrameConfig, JointLimitsConfig, PartConfig
-from bestman_bt.robot_model.sensor_part_config import (
+from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
     BumperPart,
     CameraPart,

@@ -23,7 +23,6 @@ from bestman_bt.configuration.quantity import (
     Stiffness,
     Time,
 )
-from bestman_bt.robot_model.sensor_models import EncoderModel
 
 
 @dataclass(frozen=True)
@@ -84,10 +83,6 @@ class EncodersConfig:
     latency: Time = 0.0
     noise: Spread = 0.0
     noise_speed: SpreadOfSpeed = 0.0
-
-    def model(self) -> EncoderModel:
-        """The same for the robot model."""
-        return EncoderModel(self.rate, self.latency, self.noise, self.noise_speed)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,13 +8,13 @@ import numpy as np
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
 from bestman_bt.robot_model import (
-    BatteryModel,
-    BumperModel,
-    CameraModel,
-    ForceTorqueModel,
-    ImuModel,
-    LidarModel,
-    TactileModel,
+    BatteryPart,
+    CameraPart,
+    ImuPart,
+    LidarPart,
+    MountedBumper,
+    MountedForceTorque,
+    TactilePart,
 )
 from hal.api import (
     Battery,
@@ -48,7 +48,7 @@ def stamp_of(robot: MemoryRobot, sensor: str) -> float:
 class FlatCamera(Camera):
     """Looks at a grey wall, straight."""
 
-    def __init__(self, name: str, model: CameraModel, robot: MemoryRobot) -> None:
+    def __init__(self, name: str, model: CameraPart, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._model, self._robot = model, robot
 
@@ -72,7 +72,7 @@ class FlatCamera(Camera):
 class RoundRoom(Lidar):
     """Stands in the middle of a round room."""
 
-    def __init__(self, name: str, model: LidarModel, robot: MemoryRobot) -> None:
+    def __init__(self, name: str, model: LidarPart, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._model, self._robot = model, robot
 
@@ -92,14 +92,14 @@ class RoundRoom(Lidar):
 class QuietWrist(ForceTorque):
     """Feels nothing."""
 
-    def __init__(self, name: str, model: ForceTorqueModel, robot: MemoryRobot) -> None:
+    def __init__(self, name: str, model: MountedForceTorque, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._model, self._robot = model, robot
 
     @property
     def frame(self) -> str:
         """That of the model."""
-        return self._model.frame
+        return self._model.part.frame
 
     def wrench(self) -> Wrench:
         """No force, no torque."""
@@ -109,7 +109,7 @@ class QuietWrist(ForceTorque):
 class StillImu(Imu):
     """Never moves; feels its weight."""
 
-    def __init__(self, name: str, model: ImuModel, robot: MemoryRobot) -> None:
+    def __init__(self, name: str, model: ImuPart, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._model, self._robot = model, robot
 
@@ -126,7 +126,7 @@ class StillImu(Imu):
 class UntouchedPad(Tactile):
     """Touches nothing."""
 
-    def __init__(self, name: str, model: TactileModel, robot: MemoryRobot) -> None:
+    def __init__(self, name: str, model: TactilePart, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._model, self._robot = model, robot
 
@@ -144,7 +144,7 @@ class UntouchedPad(Tactile):
 class FullBattery(Battery):
     """Never runs down."""
 
-    def __init__(self, name: str, model: BatteryModel, robot: MemoryRobot) -> None:
+    def __init__(self, name: str, model: BatteryPart, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._model, self._robot = model, robot
 
@@ -157,7 +157,7 @@ class FullBattery(Battery):
 class UntouchedBumper(Bumper):
     """Nothing presses on it."""
 
-    def __init__(self, name: str, model: BumperModel, robot: MemoryRobot) -> None:
+    def __init__(self, name: str, model: MountedBumper, robot: MemoryRobot) -> None:
         super().__init__(name)
         self._robot = robot
         self._zones = tuple(BumperZone(start, end) for start, end in model.zones)

@@ -120,11 +120,11 @@ def forces_are_those_of_the_hand(robot: Robot) -> None:
         for what, values in (("force", wrench.force), ("torque", wrench.torque)):
             right = np.shape(values) == (3,) and bool(np.all(np.isfinite(values)))
             require(right, f"{sensor.name} gave the {what} {values}")
-        model = robot.model.force_torques[sensor.name]
-        weight = GRAVITY * mass_on(robot.model, model.joints)
+        mounted = robot.model.force_torques[sensor.name]
+        weight = GRAVITY * mass_on(robot.model, mounted.joints)
         for what, values, more, offset, reach in (
-            ("force", wrench.force, TOUCH[0], model.offset_force, 1.0),
-            ("torque", wrench.torque, TOUCH[1], model.offset_torque, HAND_LENGTH),
+            ("force", wrench.force, TOUCH[0], mounted.part.offset_force, 1.0),
+            ("torque", wrench.torque, TOUCH[1], mounted.part.offset_torque, HAND_LENGTH),
         ):
             felt, most = float(np.linalg.norm(values)), HAND_MARGIN * weight * reach + more + 5 * offset
             words = f"{sensor.name} is at rest and says a {what} of {felt:.4g}; the weight on it is {weight:.3g} N"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import BatteryModel, CameraModel, ForceTorqueModel, ImuModel, LidarModel
+from bestman_bt.robot_model import BatteryPart, CameraPart, ImuPart, LidarPart, MountedForceTorque
 from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
 from hal.parts import ControlledPart, PartConnection, StopLatch
 
@@ -41,7 +41,7 @@ class HardwareSensor(ControlledPart):
 class HardwareCamera(HardwareSensor, Camera):
     """``take``: brings an image that was taken after it was asked for; it may wait, and raises NoDataError."""
 
-    def __init__(self, name: str, model: CameraModel, latch: StopLatch, take: Callable[[], RGBDImage]) -> None:
+    def __init__(self, name: str, model: CameraPart, latch: StopLatch, take: Callable[[], RGBDImage]) -> None:
         super().__init__(name, latch)
         self._model, self._take = model, take
 
@@ -64,7 +64,7 @@ class HardwareCamera(HardwareSensor, Camera):
 class HardwareLidar(HardwareSensor, Lidar):
     """``read``: the latest scan; NoDataError where there is none."""
 
-    def __init__(self, name: str, model: LidarModel, latch: StopLatch, read: Callable[[], LaserScan]) -> None:
+    def __init__(self, name: str, model: LidarPart, latch: StopLatch, read: Callable[[], LaserScan]) -> None:
         super().__init__(name, latch)
         self._model, self._read = model, read
 
@@ -82,14 +82,14 @@ class HardwareLidar(HardwareSensor, Lidar):
 class HardwareForceTorque(HardwareSensor, ForceTorque):
     """``read``: the latest wrench; NoDataError where there is none."""
 
-    def __init__(self, name: str, model: ForceTorqueModel, latch: StopLatch, read: Callable[[], Wrench]) -> None:
+    def __init__(self, name: str, model: MountedForceTorque, latch: StopLatch, read: Callable[[], Wrench]) -> None:
         super().__init__(name, latch)
         self._model, self._read = model, read
 
     @property
     def frame(self) -> str:
         """The frame of the wrenches."""
-        return self._model.frame
+        return self._model.part.frame
 
     def wrench(self) -> Wrench:
         """The latest wrench."""
@@ -100,7 +100,7 @@ class HardwareForceTorque(HardwareSensor, ForceTorque):
 class HardwareImu(HardwareSensor, Imu):
     """``read``: the latest reading; NoDataError where there is none."""
 
-    def __init__(self, name: str, model: ImuModel, latch: StopLatch, read: Callable[[], ImuReading]) -> None:
+    def __init__(self, name: str, model: ImuPart, latch: StopLatch, read: Callable[[], ImuReading]) -> None:
         super().__init__(name, latch)
         self._model, self._read = model, read
 
@@ -118,7 +118,7 @@ class HardwareImu(HardwareSensor, Imu):
 class HardwareBattery(HardwareSensor, Battery):
     """``read``: the latest reading; NoDataError where there is none."""
 
-    def __init__(self, name: str, model: BatteryModel, latch: StopLatch, read: Callable[[], BatteryReading]) -> None:
+    def __init__(self, name: str, model: BatteryPart, latch: StopLatch, read: Callable[[], BatteryReading]) -> None:
         super().__init__(name, latch)
         self._model, self._read = model, read
 

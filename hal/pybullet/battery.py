@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import BatteryModel
+from bestman_bt.robot_model import BatteryPart
 from hal.api import Battery, BatteryReading
 from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
@@ -21,7 +21,7 @@ class SimulatedBattery(Battery):
     makes it fail as a sensor.
     """
 
-    def __init__(self, name: str, model: BatteryModel, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, model: BatteryPart, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
         self._energy = model.charge * model.capacity

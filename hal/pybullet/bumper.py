@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import BumperModel
+from bestman_bt.robot_model import MountedBumper
 from hal.api import Bumper, BumperReading, BumperZone
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.sensor_pipeline import SensorPipeline
@@ -18,13 +18,13 @@ class SimulatedBumper(Bumper):
     ``line.fault`` makes it fail.
     """
 
-    def __init__(self, name: str, model: BumperModel) -> None:
+    def __init__(self, name: str, model: MountedBumper) -> None:
         super().__init__(name)
-        self._model = model
+        self._mounted, self._model = model, model.part
         self._zones = tuple(BumperZone(start, end) for start, end in model.zones)
         self._middles = np.array([zone.middle for zone in self._zones])
         self._halves = np.array([(np.array(zone.end) - np.array(zone.start)) / 2 for zone in self._zones])
-        self.line: SensorPipeline[BumperReading] = SensorPipeline(name, model.rate, model.latency)
+        self.line: SensorPipeline[BumperReading] = SensorPipeline(name, model.part.rate, model.part.latency)
 
     @property
     def zones(self) -> tuple[BumperZone, ...]:
@@ -40,7 +40,7 @@ class SimulatedBumper(Bumper):
         reader = simulation.client.reader(ReadPurpose.SENSOR)
         built = simulation.built
         holder, _ = built.frames.get(self._model.frame, (self._model.frame, None))
-        links = {built.links[holder]} | {built.joints[joint] for joint in self._model.joints}
+        links = {built.links[holder]} | {built.joints[joint] for joint in self._mounted.joints}
         self.line.attach(simulation, lambda: self._measure(simulation, reader, frozenset(links)))
 
     def detach(self) -> None:

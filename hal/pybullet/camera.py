@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from enum import Enum
 from functools import cached_property
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from bestman_bt.messages import CameraIntrinsics, Pose, RGBDImage
-from bestman_bt.robot_model import CameraModel
+from bestman_bt.robot_model import CameraPart
 from hal.api import Camera, NoDataError
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.lens import Lens
@@ -43,7 +42,7 @@ class SimulatedCamera(Camera):
     ``fault``: set it to make the camera fail from now on, None to repair it.
     """
 
-    def __init__(self, name: str, model: CameraModel, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, model: CameraPart, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
         self._last: RGBDImage | None = None
@@ -96,11 +95,11 @@ class SimulatedCamera(Camera):
     def _seen(self, reader: Reader, map_from_optical: Pose) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         if self._lens is None:
             return render(reader, map_from_optical, self._model)
-        rgb, depth = render(reader, map_from_optical, replace(self._model, intrinsics=self._lens.ideal))
+        rgb, depth = render(reader, map_from_optical, self._model.with_intrinsics(self._lens.ideal))
         return self._lens.color(rgb), self._lens.depth(depth)
 
 
-def render(reader: Reader, map_from_optical: Pose, model: CameraModel) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+def render(reader: Reader, map_from_optical: Pose, model: CameraPart) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """Exact colour (H, W, 3) and depth (H, W) metres, as a pinhole with these intrinsics sees.
 
     The depth is 0 where it is less than ``near`` or more than ``far``.
@@ -138,7 +137,7 @@ def projection_matrix(k: CameraIntrinsics, near: float, far: float) -> list[floa
     return values
 
 
-def spoil_depth(depth: NDArray[np.float64], model: CameraModel, rng: np.random.Generator) -> NDArray[np.float32]:
+def spoil_depth(depth: NDArray[np.float64], model: CameraPart, rng: np.random.Generator) -> NDArray[np.float32]:
     """Systematic error, noise that grows with the square of the distance, holes at edges and at random, steps."""
     deviation = model.noise_base + model.noise_quadratic * np.clip(depth - 0.4, 0.0, None) ** 2
     noisy = model.depth_scale * depth + model.depth_offset + rng.standard_normal(depth.shape) * deviation

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import EncoderModel
+from bestman_bt.robot_model import EncodersConfig
 from hal.pybullet.sensor_pipeline import SensorPipeline
 from hal.pybullet.simulation import Simulation
 
@@ -26,7 +26,7 @@ class EncoderReading:
 class Encoders:
     """The encoders of one part. ``line.fault`` makes them fail; drives go on, they have encoders of their own."""
 
-    def __init__(self, name: str, model: EncoderModel, step_rate: float, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, model: EncodersConfig, step_rate: float, rng: np.random.Generator) -> None:
         self._model, self._rng = model, rng
         rate, on_demand = model.rate or step_rate, model.rate is None
         line_name = f"{name} (encoders)"

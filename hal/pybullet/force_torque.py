@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Wrench
-from bestman_bt.robot_model import ForceTorqueModel
+from bestman_bt.robot_model import MountedForceTorque
 from hal.api import ForceTorque
 from hal.pybullet.client import Reader, ReadPurpose, SimulationError
 from hal.pybullet.sensor_pipeline import SensorPipeline
@@ -43,11 +43,11 @@ class SimulatedForceTorque(ForceTorque):
     (spinning friction) is missing from the torque: Bullet does not tell it. ``line.fault`` makes it fail.
     """
 
-    def __init__(self, name: str, model: ForceTorqueModel, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, model: MountedForceTorque, rng: np.random.Generator) -> None:
         super().__init__(name)
-        self._model, self._rng = model, rng
-        self._offset = rng.standard_normal(6) * np.repeat([model.offset_force, model.offset_torque], 3)
-        self.line: SensorPipeline[Wrench] = SensorPipeline(name, model.rate, model.latency, on_demand=True)
+        self._mounted, self._model, self._rng = model, model.part, rng
+        self._offset = rng.standard_normal(6) * np.repeat([model.part.offset_force, model.part.offset_torque], 3)
+        self.line: SensorPipeline[Wrench] = SensorPipeline(name, model.part.rate, model.part.latency, on_demand=True)
         self._masses: dict[int, float] = {}
         self._latest: Wrench | None = None
         self._motion: _Motion | None = None
@@ -64,10 +64,10 @@ class SimulatedForceTorque(ForceTorque):
     def attach(self, simulation: Simulation) -> None:
         """Find what hangs on the sensor."""
         built, client = simulation.built, simulation.client
-        missing = [joint for joint in self._model.joints if joint not in built.joints]
-        if missing or not self._model.joints:
+        missing = [joint for joint in self._mounted.joints if joint not in built.joints]
+        if missing or not self._mounted.joints:
             raise SimulationError(f"{self.name} carries nothing that has a shape ({', '.join(missing) or 'no joint'})")
-        carried = {built.joints[joint] for joint in self._model.joints}
+        carried = {built.joints[joint] for joint in self._mounted.joints}
         for index in range(client.getNumJoints(built.robot)):  # parents come before children
             if client.getJointInfo(built.robot, index)[16] in carried:
                 carried.add(index)

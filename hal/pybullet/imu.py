@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ImuModel
+from bestman_bt.robot_model import ImuPart
 from hal.api import Imu, ImuReading
 from hal.pybullet.client import ReadPurpose
 from hal.pybullet.link_motion import FrameTracker
@@ -21,7 +21,7 @@ class SimulatedImu(Imu):
     Each axis has a bias of its own, drawn once, and normal noise. ``line.fault`` makes it fail.
     """
 
-    def __init__(self, name: str, model: ImuModel, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, model: ImuPart, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
         self._deviations = np.repeat([model.noise_angular_velocity, model.noise_acceleration], 3)

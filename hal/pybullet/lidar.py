@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose
-from bestman_bt.robot_model import LidarModel, joints_above
+from bestman_bt.robot_model import LidarPart, joints_above
 from hal.api import Lidar
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.sensor_pipeline import SensorPipeline
@@ -19,7 +19,7 @@ class SimulatedLidar(Lidar):
     One that is built into a base looks out through a slot: its beams begin where they leave the outline of the base.
     """
 
-    def __init__(self, name: str, model: LidarModel, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, model: LidarPart, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
         self.line: SensorPipeline[LaserScan] = SensorPipeline(name, model.rate, model.latency, on_demand=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import TactileModel
+from bestman_bt.robot_model import TactilePart
 from hal.api import Tactile, TactileReading
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.link_motion import FrameMotion, FrameTracker, body_velocity_at
@@ -27,7 +27,7 @@ class SimulatedTactile(Tactile):
     makes it fail.
     """
 
-    def __init__(self, name: str, model: TactileModel, rng: np.random.Generator) -> None:
+    def __init__(self, name: str, model: TactilePart, rng: np.random.Generator) -> None:
         super().__init__(name)
         self._model, self._rng = model, rng
         width, height = model.size

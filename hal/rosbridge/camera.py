@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
-from bestman_bt.robot_model import CameraModel
+from bestman_bt.robot_model import CameraPart
 from hal.api import Clock, NoDataError
 from hal.hardware import RemoteTime
 from hal.rosbridge import decoding
@@ -29,7 +29,7 @@ class RosCamera:
     def __init__(
         self,
         name: str,
-        model: CameraModel,
+        model: CameraPart,
         link: RosLink,
         clock: Clock,
         ros_time: RemoteTime,

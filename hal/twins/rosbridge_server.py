@@ -67,12 +67,13 @@ class RosbridgeTwin:
         self._blind = False
         self._closing = threading.Event()
         self.faults = Faults()
+        wrists = {name: mounted.part for name, mounted in model.force_torques.items()}
         makers: tuple[tuple[Any, Callable[[str], None]], ...] = (
             (model.bases, self._add_base),
             (model.cameras, self._add_camera),
             (model.joint_groups, self._add_joints),
             (model.lidars, functools.partial(self._add_sensor, "lidar", model.lidars)),
-            (model.force_torques, functools.partial(self._add_sensor, "force_torque", model.force_torques)),
+            (wrists, functools.partial(self._add_sensor, "force_torque", wrists)),
             (model.imus, functools.partial(self._add_sensor, "imu", model.imus)),
             (model.batteries, functools.partial(self._add_sensor, "battery", model.batteries)),
         )

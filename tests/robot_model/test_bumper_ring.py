@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from bestman_bt.robot_model.bumper_ring import bumper_model
+from bestman_bt.robot_model.bumper_ring import mounted_bumper
 
 
 def zones(count: int) -> tuple[tuple[tuple[float, float], tuple[float, float]], ...]:
@@ -14,7 +14,7 @@ def zones(count: int) -> tuple[tuple[tuple[float, float], tuple[float, float]], 
     corners = ((-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2), (0.3, 0.2))
     base = SimpleNamespace(footprint=corners, wheel_joints=("left", "right"), steering_joints=())
     part = SimpleNamespace(frame="bumper", zones=count, threshold=5.0, height=0.1, rate=50.0, latency=0.0)
-    return bumper_model(part, base).zones
+    return mounted_bumper(part, base).zones
 
 
 def test_strips_go_counter_clockwise_from_the_front_right_corner() -> None:

@@ -23,7 +23,7 @@ from bestman_bt.perception.view import View
 class FrontsParameters:
     """Lengths in metres, angles in radians.
 
-    ``noise_base``, ``noise_quadratic``: the depth's noise is base + quadratic (z - 0.4 m)², see CameraModel.
+    ``noise_base``, ``noise_quadratic``: the depth's noise is base + quadratic (z - 0.4 m)², see CameraPart.
     ``window``, ``stride``: pixels, of an image 640 pixels wide, of the local planes.
     ``max_tilt``: of a front against the vertical. ``max_incidence``: between its normal and the ray to it.
     ``max_range``: of fronts from the camera. ``yaw_bin``, ``offset_bin``: of the votes. ``yaw_window``: of windows

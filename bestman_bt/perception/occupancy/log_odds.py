@@ -23,7 +23,7 @@ class LogOddsParameters:
     """``hit``, ``miss``: log odds that a view adds to a voxel with a surface, or takes from one that it sees through.
 
     ``limit``: log odds stay within ±``limit``; small, so that two views clear what has moved away. ``min_hits``:
-    measured points that make a surface. ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel; a ray frees
+    measured points that make a surface. ``noise_base``, ``noise_quadratic``: of depth, as in CameraPart; a ray frees
     voxels up to ``noise_deviations`` of it before the surface. ``max_range``: metres along the optical axis that are
     trusted.
     """

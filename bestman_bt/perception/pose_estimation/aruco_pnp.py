@@ -22,7 +22,7 @@ from bestman_bt.perception.errors import PerceptionError
 
 @dataclass(frozen=True)
 class ArucoPnpParameters:
-    """``corner_std``: of a corner, pixels. ``noise_base``, ``noise_quadratic``: of depth, metres, as in CameraModel.
+    """``corner_std``: of a corner, pixels. ``noise_base``, ``noise_quadratic``: of depth, metres, as in CameraPart.
 
     ``depth_points``: of the face, at most; fewer than ``min_depth_points`` are not used. ``depth_tolerance``: metres,
     farther from the face's median depth plane lies something else. ``ambiguity``: the other pose is told where its cost

@@ -34,7 +34,7 @@ class RegistrationParameters:
     starts; ``offsets``: of the starts from the cluster's centre, away from the camera (which sees only the near side).
     ``coarse_iterations``, ``fine_iterations``: of Gauss-Newton; ``coarse_scale``, ``fine_scale``: residuals beyond
     these count less (Cauchy). ``refined``: starts that are refined per model; ``yaw_separation``: how far apart their
-    yaws are at least. ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel.
+    yaws are at least. ``noise_base``, ``noise_quadratic``: of depth, as in CameraPart.
     ``error_factor``, ``position_floor``, ``yaw_floor``: standard deviations are the residuals' times the factor
     (neighbouring residuals are not independent: measured on rendered images) and at least the floor. The yaw of models
     without symmetry hangs on few points: ``asymmetric_yaw_floor``.

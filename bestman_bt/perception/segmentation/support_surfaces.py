@@ -40,7 +40,7 @@ class SupportSurfacesParameters(HorizontalPlaneParameters):
     ``min_height``: above the frame's origin: the floor is no support. ``min_size``: shorter and longer side of a
     surface's rectangle; ``min_fill``: share of its rectangle that was seen or hidden by things on it.
     ``window``: (rows, columns) of the pixels for a normal, odd; ``max_normal_tilt``: of a pixel's noisy normal.
-    ``min_piece_points``: pixels of a piece. ``noise_base``, ``noise_quadratic``: of depth, as in CameraModel; a window
+    ``min_piece_points``: pixels of a piece. ``noise_base``, ``noise_quadratic``: of depth, as in CameraPart; a window
     is flat up to ``max_residual`` times the noise. ``grow``: pixels by which a piece grows over its plane, since
     windows reach over its edge. ``trim``: share of the points that noise takes beyond each end. ``join_height``,
     ``join_gap``: two pieces at most so far apart can be one surface.

@@ -35,7 +35,7 @@ def small_model() -> RobotModel:
     parts = Document({"parts": {name: {"part": part, "mount": link} for name, (part, link) in ADDED.items()}})
     model = compose_robot("small", read_document(find_data("robot", "diff_panda")).merged(parts))
     cameras = {
-        name: replace(camera, intrinsics=replace(camera.intrinsics, width=8, height=6))
+        name: camera.with_intrinsics(replace(camera.intrinsics, width=8, height=6))
         for name, camera in model.cameras.items()
     }
     return replace(model, cameras=cameras)

@@ -34,8 +34,8 @@ def weight_between_fingers(model: RobotModel, empty: World) -> World:
 def exact_model(robot_model: RobotModel) -> RobotModel:
     """The same robot with a sensor that does not err."""
     sensor = robot_model.force_torques[SENSOR]
-    exact = dataclasses.replace(sensor, noise_force=0.0, noise_torque=0.0, offset_force=0.0, offset_torque=0.0)
-    return dataclasses.replace(robot_model, force_torques={SENSOR: exact})
+    part = dataclasses.replace(sensor.part, noise_force=0.0, noise_torque=0.0, offset_force=0.0, offset_torque=0.0)
+    return dataclasses.replace(robot_model, force_torques={SENSOR: dataclasses.replace(sensor, part=part)})
 
 
 def test_it_weighs_the_hand_with_its_camera(exact_model: RobotModel, empty_world) -> None:
@@ -78,7 +78,7 @@ def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
                 values.append(np.append(sensor.wrench().force, sensor.wrench().torque))
             return np.array(values)
 
-    model = robot_model.force_torques[SENSOR]
+    model = robot_model.force_torques[SENSOR].part
     first, exact = readings(robot_model, 1), readings(exact_model, 1)
     np.testing.assert_array_equal(first, readings(robot_model, 1))
     errors = first - exact  # the motion is the same

@@ -25,10 +25,10 @@ def robot(robot_model, table_worlds):
         yield robot
 
 
-def camera(robot: PyBulletRobot, **changes) -> SimulatedCamera:
+def camera(robot: PyBulletRobot, intrinsics: CameraIntrinsics = SMALL, **changes) -> SimulatedCamera:
     """The head camera with another model, without noise, in the same world."""
     noiseless = {"noise_base": 0.0, "noise_quadratic": 0.0, "dropout": 0.0, "edge_dropout": 0.0, "depth_step": 0.0}
-    model = replace(robot.model.cameras["head_camera"], **(noiseless | {"intrinsics": SMALL} | changes))
+    model = replace(robot.model.cameras["head_camera"], **(noiseless | changes)).with_intrinsics(intrinsics)
     other = SimulatedCamera("head_camera", model, np.random.default_rng(1))
     other.attach(robot.simulation)
     return other

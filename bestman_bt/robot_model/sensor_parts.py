@@ -1,4 +1,4 @@
-"""The YAML of sensors and batteries, one dataclass per kind.
+"""Sensors and batteries: one dataclass per kind is its YAML and what programs know of it; SI units.
 
 ``latency``: seconds from the measurement, which its stamp tells, until the reading can be had. Without one, cameras,
 lidars and force-torque sensors measure when they are asked, with one they measure at their ``rate``, asked or not; all
@@ -7,7 +7,9 @@ others always do.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 from bestman_bt.configuration.quantity import (
@@ -35,16 +37,22 @@ from bestman_bt.configuration.quantity import (
     Voltage,
     WholeNumber,
 )
+from bestman_bt.messages import CameraIntrinsics
 from bestman_bt.robot_model.part_fields import PartConfig
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraPart(PartConfig):
-    """An RGB-D camera; noise and systematic depth error as in ``CameraModel``.
+    """An RGB-D camera.
 
     ``frame``: the link with x right, y down, z forward. ``focal_length`` (fx, fy) and ``principal_point`` (cx, cy),
     pixels, come from a calibration and take the place of ``vertical_fov`` and the image centre.
     ``distortion``: of the lens, OpenCV's k1, k2, p1, p2 and maybe k3.
+
+    Depth noise: standard deviation ``noise_base + noise_quadratic * max(0, z - 0.4)²`` metres; a share
+    ``edge_dropout`` of the pixels at depth edges and ``dropout`` of all others have no depth; the rest comes in steps
+    of ``depth_step`` metres. Systematic error: the camera tells ``depth_scale * z + depth_offset``; simulated cameras
+    err that way, and the sensor takes it away again.
     """
 
     kind: Literal["camera"]
@@ -66,6 +74,30 @@ class CameraPart(PartConfig):
     distortion: LensDistortion = ()
     rate: Frequency = 30.0
     latency: Time = 0.0
+
+    @property
+    def optical_frame(self) -> str:
+        """``frame``, by the name that ``hal.api.Camera`` gives it."""
+        return self.frame
+
+    @cached_property
+    def intrinsics(self) -> CameraIntrinsics:
+        """The pinhole and its lens, pixels."""
+        focal = self.height / 2 / math.tan(self.vertical_fov / 2)
+        fx, fy = self.focal_length or (focal, focal)
+        cx, cy = self.principal_point or ((self.width - 1) / 2, (self.height - 1) / 2)
+        return CameraIntrinsics(self.width, self.height, fx, fy, cx, cy, self.distortion)
+
+    def with_intrinsics(self, k: CameraIntrinsics) -> CameraPart:
+        """The same camera with another pinhole and lens."""
+        return replace(
+            self,
+            width=k.width,
+            height=k.height,
+            focal_length=(k.fx, k.fy),
+            principal_point=(k.cx, k.cy),
+            distortion=k.distortion,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,3 +215,23 @@ class BatteryPart(PartConfig):
     latency: Time = 0.0
     noise_voltage: Voltage
     noise_charge: Share
+
+
+@dataclass(frozen=True)
+class MountedForceTorque:
+    """A force-torque sensor in a robot; ``joints``: fixed ones, by which all that it feels hangs on its frame."""
+
+    part: ForceTorquePart
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class MountedBumper:
+    """A bumper around a base; it feels at the link that carries its frame and at those of ``joints``: wheels.
+
+    ``zones``: (x, y) of each strip's start and end in the base frame, metres, counter-clockwise.
+    """
+
+    part: BumperPart
+    joints: tuple[str, ...]
+    zones: tuple[tuple[tuple[float, float], tuple[float, float]], ...]
