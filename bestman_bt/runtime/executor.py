@@ -24,7 +24,7 @@ MAX_WAKE_UPS = 1000
 MAX_TASKS = 16
 """What is done between two ticks at most for those who ask for it; the rest waits for the next."""
 WRAP_UP_TIME = 5.0
-"""Seconds after an interrupt in which more of them do not break off what brings the robot to rest and writes results."""
+"""Seconds after an interrupt in which further ones do not break off what stops the robot and writes results."""
 PAUSE_POLL = 0.05
 """Seconds after which a paused executor looks again whether it was cancelled or given something to do."""
 
