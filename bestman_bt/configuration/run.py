@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import os
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -21,6 +22,8 @@ from bestman_bt.configuration.secret import shown_setting
 from bestman_bt.configuration.task import TaskConfig, check_task, task_document, with_default_algorithms
 
 _SECRET = re.compile(r"connections(\.[^.]+(\.(address|token))?)?")
+
+_NAMED_FILE = re.compile(r"(.+\.\w+)((?<=\.py):\w+)?")
 
 
 @dataclass(frozen=True)
@@ -121,9 +124,14 @@ def parse_settings(settings: Iterable[str]) -> dict[str, Any]:
     return values
 
 
-def dump_run(run: RunConfig) -> str:
-    """The run as YAML text, SI numbers; without the addresses and tokens of controllers."""
+def dump_run(run: RunConfig, absolute: bool = False) -> str:
+    """The run as YAML text, SI numbers; without the addresses and tokens of controllers.
+
+    ``absolute``: with the whole paths of files that are named from the working directory, to be read anywhere.
+    """
     document = _plain(run)
+    if absolute:
+        document = _absolute(document) | {"recording": run.recording and os.path.abspath(run.recording)}
     settings = document["robot_settings"]
     document["robot_settings"] = {key: value for key, value in settings.items() if not _SECRET.fullmatch(key)}
     text: str = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
@@ -137,6 +145,17 @@ def read_run(path: Path) -> RunConfig:
     task = document.below("task")
     check_task(task)
     return _remembering(run, task)
+
+
+def _absolute(value: Any) -> Any:
+    """Texts that name a file, ``mine.yaml`` or ``mine.py:MyPlanner``, with its whole path; all else as it is."""
+    if isinstance(value, dict):
+        return {key: _absolute(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_absolute(item) for item in value]
+    if isinstance(value, str) and (match := _NAMED_FILE.fullmatch(value)) and os.path.isfile(match[1]):
+        return os.path.abspath(match[1]) + (match[2] or "")
+    return value
 
 
 def _remembering(run: RunConfig, written: Document) -> RunConfig:

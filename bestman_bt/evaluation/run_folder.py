@@ -26,5 +26,5 @@ def make_run_folder(config: RunConfig, parent: Path = Path("runs")) -> Path:
         except OSError as error:
             message = f"no run folder can be made there: {error.strerror}"
             raise ConfigurationError([Problem(f"--runs {parent}", None, "", message)]) from error
-    (folder / "config.yaml").write_text(dump_run(config), encoding="utf-8")
+    (folder / "config.yaml").write_text(dump_run(config, absolute=True), encoding="utf-8")
     return folder

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -69,6 +69,28 @@ def test_a_dumped_run_is_read_back_unchanged(run: RunConfig, tmp_path: Path) -> 
     again = read_run(path)
     assert again == run
     assert dump_run(again) == dump_run(run)
+
+
+def test_a_run_that_names_files_from_the_working_directory_can_be_read_anywhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine").mkdir()
+    for name in ("room.yaml", "mine/planners.py", "bench.yaml", "me.py"):
+        Path(name).touch()
+    settings = (
+        "algorithms.global_planning.algorithm=mine/planners.py:Corner",
+        "scene.furniture.table.model=bench.yaml",
+    )
+    run = replace(load_run("fetch_cup", scene="room.yaml", settings=settings, plugins=["me.py"]), recording="mine")
+    path = tmp_path / "config.yaml"
+    path.write_text(dump_run(run, absolute=True), encoding="utf-8")
+    again = read_run(path)
+    assert (again.task.tree, again.task.scene) == ("fetch_cup", str(tmp_path / "room.yaml"))
+    assert again.task.algorithm("global_planning")[0] == f"{tmp_path}/mine/planners.py:Corner"
+    assert again.task.plugins == (str(tmp_path / "me.py"),)
+    assert again.scene_settings == {"furniture.table.model": str(tmp_path / "bench.yaml")}
+    assert again.recording == str(tmp_path / "mine")
 
 
 def test_the_command_line_replaces_what_the_task_names() -> None:
