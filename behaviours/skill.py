@@ -64,9 +64,9 @@ class Declaration:
     """What a skill needs and brings about, in terms of its ports: ``holding({object})``, ``at({goal})``.
 
     ``pre``: must hold at the start. ``hold``: must hold all the way. ``effects``: hold after success; ``not`` negates.
-    ``parameters``: port → type (object,
-    place, container) of a leaf that task planners may order; None: it is a part of such abilities only. ``cost``: what
-    a planner counts it for. ``parts``: of the robot that it keeps busy: arm, base; the hand belongs to the arm.
+    ``parameters``: port → type (object, place, container) of a leaf that task planners may order; None: it is a part of
+    such abilities only. ``cost``: what a planner counts it for. ``parts``: of the robot that it keeps busy: arm, base;
+    the hand belongs to the arm.
     """
 
     pre: tuple[str, ...] = ()
