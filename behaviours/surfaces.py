@@ -24,6 +24,8 @@ BOARD = 0.06
 """Metres below the next surface at which things on this one end: the thickness of a board, and the map's error."""
 RIM = 0.015
 """Metres of an enclosed surface next to its walls that are left out."""
+BOARD_OUTSIDE = 0.04
+"""Metres: how thick the top of furniture is taken to be."""
 INNER_BOARD = 0.008
 """Metres that a board within furniture is thick at least."""
 SLAB_GROWTH = 0.02
@@ -83,25 +85,42 @@ def surface_region(skills: SkillContext, name: str, view: RGBDView) -> Region:
 
 
 def measured_surface(skills: SkillContext, name: str, view: RGBDView, plane: SupportPlane) -> Obstacle:
-    """The furniture below a measured surface as an obstacle.
-
-    A slab where the surface was seen, and the mapped body of the furniture, grown by the map's error, up to just
-    below the slab. Of furniture that opens it is the slab alone, within it a thin one: the map knows the boards below
-    and around it, and a drawer goes through where a solid body would be.
-    """
+    """The furniture below a measured surface as an obstacle: a slab where the surface was seen, and ``_support``."""
     furniture, surface = find_surface(skills, name)
     if furniture.is_inside(surface):
-        board = plane.slab(thickness=INNER_BOARD)
-        return Obstacle(f"{name}/surface", (PlacedShape(board.shape, view.map_from_base @ board.pose),), view.stamp)
-    slab = plane.slab(thickness=0.04, grow=SLAB_GROWTH)
-    placed = PlacedShape(slab.shape, view.map_from_base @ slab.pose)
-    if furniture.leaves:
-        return Obstacle(f"{name}/surface", (placed,), view.stamp)
+        slab = plane.slab(thickness=INNER_BOARD)
+    else:
+        slab = plane.slab(thickness=BOARD_OUTSIDE, grow=SLAB_GROWTH)
     map_from_surface = furniture.pose.to_pose() @ surface.pose
-    measured_height = plane.height_at(*(view.map_from_base.inverse() @ map_from_surface).position[:2])
-    top = measured_height - 0.02
+    height = plane.height_at(*(view.map_from_base.inverse() @ map_from_surface).position[:2])
+    return _support(
+        name, furniture, surface, PlacedShape(slab.shape, view.map_from_base @ slab.pose), height, view.stamp
+    )
+
+
+def told_surface(skills: SkillContext, name: str, height: float) -> Obstacle:
+    """As ``measured_surface``, of a surface that is known to be ``height`` metres above the floor."""
+    furniture, surface = find_surface(skills, name)
+    thickness = INNER_BOARD if furniture.is_inside(surface) else BOARD_OUTSIDE
+    mapped = furniture.pose.to_pose() @ surface.pose
+    middle = Pose(np.array([*mapped.position[:2], height - thickness / 2]), mapped.quaternion)
+    slab = PlacedShape(Box((*surface.size, thickness)), middle)
+    return _support(name, furniture, surface, slab, height, skills.clock.now())
+
+
+def _support(
+    name: str, furniture: MapFurniture, surface: MapSurface, slab: PlacedShape, height: float, stamp: float
+) -> Obstacle:
+    """The slab, and below it the mapped body of the furniture, grown by the map's error.
+
+    Of furniture that opens it is the slab alone, within it a thin one: the map knows the boards below and around it,
+    and a drawer goes through where a solid body would be.
+    """
+    if furniture.is_inside(surface) or furniture.leaves:
+        return Obstacle(f"{name}/surface", (slab,), stamp)
+    top = height - BOARD_OUTSIDE / 2
     body = PlacedShape(
         Box((furniture.footprint[0] + MARGIN, furniture.footprint[1] + MARGIN, top)),
         furniture.pose.to_pose() @ Pose(np.array([0.0, 0.0, top / 2])),
     )
-    return Obstacle(f"{name}/surface", (placed, body), view.stamp)
+    return Obstacle(f"{name}/surface", (slab, body), stamp)

@@ -181,6 +181,7 @@ BEHAVIOURS = Registry(
         "BelieveLocked": "behaviours.containers:BelieveLocked",
         "BelieveStuck": "behaviours.containers:BelieveStuck",
         "ForgetBlocked": "behaviours.blocked_places:ForgetBlocked",
+        "BelieveObject": "behaviours.believe_object:BelieveObject",
         "BelievedSurface": "behaviours.object_conditions:BelievedSurface",
         "CheckHeld": "behaviours.check_held:CheckHeld",
         "ClearCostmap": "behaviours.nav2.clear_costmap:ClearCostmap",

@@ -30,7 +30,7 @@ FAMILIES = {
     "Pushing": "push push_stand",
     "Tidying": "tidying task_goals",
     "Learned policies": "run_policy",
-    "Beliefs": "blocked_places object_conditions",
+    "Beliefs": "believe_object blocked_places object_conditions",
     "Plans, stops and messages": "nodes conditions clear_stop log",
 }
 """Family → the modules, by their last names, that its skills stand in."""
