@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -198,6 +199,22 @@ class JointGroupModel:
     encoders: EncodersConfig = field(default_factory=EncodersConfig)
 
 
+Part = (
+    BaseModel
+    | ArmModel
+    | GripperModel
+    | JointGroupModel
+    | CameraPart
+    | LidarPart
+    | MountedForceTorque
+    | ImuPart
+    | TactilePart
+    | MountedBumper
+    | BatteryPart
+)
+Kind = TypeVar("Kind", bound=Part)
+
+
 @dataclass(frozen=True)
 class RobotModel:
     """A composed robot. Mappings go from part name (``arm``, ``gripper``, ``base``, ``head``, ``head_camera``, …).
@@ -229,23 +246,31 @@ class RobotModel:
     connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
 
+    @cached_property
+    def parts(self) -> Mapping[str, Part]:
+        """All parts by name, kind by kind; a kind's own in the order of the robot's YAML."""
+        return {
+            **self.bases,
+            **self.arms,
+            **self.grippers,
+            **self.joint_groups,
+            **self.cameras,
+            **self.lidars,
+            **self.force_torques,
+            **self.imus,
+            **self.tactiles,
+            **self.bumpers,
+            **self.batteries,
+        }
+
     @property
     def part_names(self) -> tuple[str, ...]:
-        """Names of all parts, kind by kind; a kind's own in the order of the robot's YAML."""
-        kinds: tuple[Mapping[str, object], ...] = (
-            self.bases,
-            self.arms,
-            self.grippers,
-            self.joint_groups,
-            self.cameras,
-            self.lidars,
-            self.force_torques,
-            self.imus,
-            self.tactiles,
-            self.bumpers,
-            self.batteries,
-        )
-        return tuple(name for kind in kinds for name in kind)
+        """Names of all parts, in the order of ``parts``."""
+        return tuple(self.parts)
+
+    def of(self, kind: type[Kind]) -> dict[str, Kind]:
+        """The parts of one kind by name: ``robot.of(LidarPart)``."""
+        return {name: part for name, part in self.parts.items() if isinstance(part, kind)}
 
     def posture(self, name: str, joint_names: tuple[str, ...]) -> NDArray[np.float64]:
         """Positions (n,) of ``joint_names`` in a posture; KeyError names what there is."""

@@ -3,14 +3,29 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from types import MappingProxyType
+from typing import Any
 from zlib import crc32
 
 import numpy as np
 
-from bestman_bt.robot_model import RobotModel, payload
+from bestman_bt.robot_model import (
+    ArmModel,
+    BaseModel,
+    BatteryPart,
+    CameraPart,
+    GripperModel,
+    ImuPart,
+    JointGroupModel,
+    LidarPart,
+    MountedBumper,
+    MountedForceTorque,
+    RobotModel,
+    TactilePart,
+    payload,
+)
 from bestman_bt.scene import World
 from hal.api import NotConnectedError, Part, Robot
 from hal.parts import (
@@ -55,6 +70,16 @@ SimulatedSensor = (
     | SimulatedLidar
     | SimulatedTactile
 )
+SENSORS: Mapping[type, Callable[[str, Any, np.random.Generator], SimulatedSensor]] = {
+    CameraPart: SimulatedCamera,
+    LidarPart: SimulatedLidar,
+    MountedForceTorque: SimulatedForceTorque,
+    ImuPart: SimulatedImu,
+    TactilePart: SimulatedTactile,
+    MountedBumper: lambda name, part, _: SimulatedBumper(name, part),
+    BatteryPart: SimulatedBattery,
+}
+"""The kind of a part → its sensor, made of name, part and the source of its noise."""
 LEGS = DrivingParameters(stop_time=0.08, profile=MotionProfileParameters(arrived=0.005))
 """A base on legs needs most of half a second to set its feet down, and comes to rest less exactly than on wheels."""
 
@@ -251,43 +276,33 @@ class PyBulletRobot(Robot):
         """Noise of a part; its own stream, so that one part's use does not change another's."""
         return np.random.default_rng([self._seed, crc32(part.encode())])
 
-    def _make_actuators(self) -> None:
-        model, parameters, latch = self._model, self._parameters, self._latch
-        period = parameters.control_period
-        for name, base in model.bases.items():
-            if base.legs:
-                imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
-                body = payload(model, base.trunk_link, model.postures.get("home"))
-                legs = self._channels[name] = LegDrive(base, parameters, imu, body)
-                self._actuators[name] = DrivenBase(name, base, legs, latch, LEGS)
-            else:
-                wheels = self._channels[name] = WheelDrive(name, base, parameters, self._generator(name))
-                self._actuators[name] = DrivenBase(name, base, wheels, latch)
-        for name, arm in model.arms.items():
-            motors = self._channels[name] = JointMotors(name, arm, parameters, self._generator(name))
-            tool = ToolLimits(model, name, model.safety)
-            self._actuators[name] = StreamedArm(name, arm, motors, latch, period, tool, now=self._clock.now)
-        for name, gripper in model.grippers.items():
-            make = SuctionPump if gripper.kind == "suction" else FingerMotors
-            fingers = self._channels[name] = make(gripper, parameters)
-            self._actuators[name] = CommandedGripper(name, gripper, fingers, latch)
-        for name, group in model.joint_groups.items():
-            motors = self._channels[name] = JointMotors(name, group, parameters, self._generator(name))
-            self._actuators[name] = StreamedJointGroup(name, group, motors, latch, period)
-
     def _make_sensors(self) -> None:
-        model, sensors, rng = self._model, self._sensors, self._generator
-        for name, camera in model.cameras.items():
-            sensors[name] = SimulatedCamera(name, camera, rng(name))
-        for name, lidar in model.lidars.items():
-            sensors[name] = SimulatedLidar(name, lidar, rng(name))
-        for name, wrist in model.force_torques.items():
-            sensors[name] = SimulatedForceTorque(name, wrist, rng(name))
-        for name, imu in model.imus.items():
-            sensors[name] = SimulatedImu(name, imu, rng(name))
-        for name, pad in model.tactiles.items():
-            sensors[name] = SimulatedTactile(name, pad, rng(name))
-        for name, bumper in model.bumpers.items():
-            sensors[name] = SimulatedBumper(name, bumper)
-        for name, battery in model.batteries.items():
-            sensors[name] = SimulatedBattery(name, battery, rng(name))
+        for name, part in self._model.parts.items():
+            if type(part) in SENSORS:
+                self._sensors[name] = SENSORS[type(part)](name, part, self._generator(name))
+
+    def _make_actuators(self) -> None:
+        model, latch, period = self._model, self._latch, self._parameters.control_period
+        for name, part in model.parts.items():
+            match part:
+                case BaseModel():
+                    drive = self._channels[name] = self._base_channel(name, part)
+                    self._actuators[name] = DrivenBase(name, part, drive, latch, LEGS if part.legs else None)
+                case ArmModel():
+                    motors = self._channels[name] = JointMotors(name, part, self._parameters, self._generator(name))
+                    tool = ToolLimits(model, name, model.safety)
+                    self._actuators[name] = StreamedArm(name, part, motors, latch, period, tool, now=self._clock.now)
+                case GripperModel():
+                    make = SuctionPump if part.kind == "suction" else FingerMotors
+                    fingers = self._channels[name] = make(part, self._parameters)
+                    self._actuators[name] = CommandedGripper(name, part, fingers, latch)
+                case JointGroupModel():
+                    motors = self._channels[name] = JointMotors(name, part, self._parameters, self._generator(name))
+                    self._actuators[name] = StreamedJointGroup(name, part, motors, latch, period)
+
+    def _base_channel(self, name: str, base: BaseModel) -> LegDrive | WheelDrive:
+        if not base.legs:
+            return WheelDrive(name, base, self._parameters, self._generator(name))
+        imu = next(sensor for sensor in self._sensors.values() if isinstance(sensor, SimulatedImu))
+        body = payload(self._model, base.trunk_link, self._model.postures.get("home"))
+        return LegDrive(base, self._parameters, imu, body)

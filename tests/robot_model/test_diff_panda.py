@@ -12,7 +12,7 @@ import pinocchio as pin
 import pybullet
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, GripperModel, LidarPart, RobotModel, load_robot_model
 
 DECLARED_MASS = 60 + 2 * 2 + 2 * 0.5 + 8 + 3 + 0.8 + 0.072 + 0.06 + 17.96  # base to cameras, and the Panda
 
@@ -301,3 +301,11 @@ def test_composing_twice_gives_the_same_robot(robot: RobotModel) -> None:
     again = load_robot_model("diff_panda")
     assert again.urdf == robot.urdf
     assert again.allowed_self_pairs == robot.allowed_self_pairs
+
+
+def test_parts_are_there_by_name_and_by_kind(robot: RobotModel) -> None:
+    assert robot.parts["arm"] is robot.arms["arm"]
+    assert robot.of(LidarPart) == robot.lidars
+    assert robot.of(ArmModel) == robot.arms
+    assert robot.of(GripperModel) == robot.grippers
+    assert list(robot.parts) == list(robot.part_names)
