@@ -11,7 +11,6 @@ from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, find_data, shipped_trees
 from bestman_bt.engine import load_tree
 from bestman_bt.engine.validation import validate_file
-from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.runtime.tree_checks import ALWAYS_FILLED, TASK_ENTRIES, lacking_parts
 
@@ -24,7 +23,11 @@ def command(
     plugins: Plugins = None,
 ) -> None:
     """Check tree files without running them."""
-    model = load_robot_model(robot) if robot is not None else None
+    model = None
+    if robot is not None:
+        from bestman_bt.robot_model import load_robot_model
+
+        model = load_robot_model(robot)
     registry = node_registry([str(plugin) for plugin in plugins or ()])
     errors = 0
     for file in files:
