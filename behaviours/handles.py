@@ -9,7 +9,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.furniture_place import believe_place, believe_shut_fronts
 from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf
-from behaviours.leaf_seen import opening_seen, opening_since
+from behaviours.leaf_seen import SHUT, opening_by_board, opening_seen, opening_since
 from behaviours.names import ArticulationName, FurnitureName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
@@ -18,6 +18,7 @@ from bestman_bt.world_model import HandleBelief, MapFurniture
 
 if TYPE_CHECKING:
     from bestman_bt.perception.affordance import HandleScene
+    from bestman_bt.perception.segmentation import SupportPlane
 
 MAP_MARGIN = 0.10
 """Metres around a piece of furniture on the map in which its handles may be: the map is off, handles stick out."""
@@ -29,7 +30,7 @@ class DetectHandle(Skill):
     """Look for handles through the head camera, on one piece of furniture or anywhere; fail if there is none.
 
     All that are seen are believed; the output is the one nearest to ``near``, else the surest. Of an ``articulation``
-    it also tells, and believes, how far that stands open.
+    it also tells, and believes, how far that stands open: where no handle on it is seen, by its board, before it fails.
     """
 
     REQUIRES = ("camera",)
@@ -73,7 +74,10 @@ class DetectHandle(Skill):
             # Whether a leaf is shut that was closed, its neighbours tell better than a map that was never measured.
             closed = skills.world.articulations.get(articulation) == 0.0
             believe_shut_fronts(skills.world, find_leaf(skills, articulation).furniture.name, seen, closed)
-            seen = self._on_leaf(find_leaf(skills, articulation), seen)
+            leaf = find_leaf(skills, articulation)
+            seen = self._on_leaf(leaf, seen)
+            if not seen:
+                self._believe_board(leaf, [front.seen_from(view.map_from_base) for front in scene.fronts])
         names = [self._believe(handle, view.stamp) for handle in seen]
         chosen = [name for name in dict.fromkeys(names) if self._wanted(skills.world.handles[name], furniture)]
         for name in chosen:
@@ -105,6 +109,16 @@ class DetectHandle(Skill):
             skills.world.believe_articulation(leaf.articulation, opening)
             self.set_output("opening", opening)
         return [handle for handle, _ in found]
+
+    def _believe_board(self, leaf: Leaf, fronts: list[SupportPlane]) -> None:
+        """By its board a leaf is known to stand open where that is more than the map's error explains."""
+        openings = [opening for front in fronts if (opening := opening_by_board(leaf, front)) is not None]
+        if not openings:
+            return
+        opening, world = openings[0], self.skills.world  # the largest plane goes first
+        if abs(opening - world.articulations.get(leaf.articulation, 0.0)) > SHUT[leaf.leaf.kind]:
+            world.believe_articulation(leaf.articulation, opening)
+        self.set_output("opening", opening)
 
     def _furniture(self) -> MapFurniture | None:
         name = self.get_input("furniture")

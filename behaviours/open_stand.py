@@ -18,7 +18,7 @@ from behaviours.opening import Opening, before, plan_opening, stations
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.world_model import HandleBelief
+from bestman_bt.world_model import MOVED, HandleBelief
 
 if TYPE_CHECKING:
     from bestman_bt.manipulation.kinematics import StandAlong
@@ -50,15 +50,21 @@ class FindLookStand(Skill):
 
     def on_load(self) -> None:
         """Nothing has been tried yet."""
-        self._asked = 0
+        self._asked, self._position = 0, math.nan
 
     def execute(self) -> Steps:
-        """The first distance at which the base has room; each time it is asked again from another side, in turn."""
+        """The first distance at which the base has room; each time it is asked again from another side, in turn.
+
+        Of a leaf that is no longer believed to be where it was, from straight before it again.
+        """
         from bestman_bt.manipulation.kinematics import stands_around
 
         articulation: str = self.get_input("articulation")
         leaf = find_leaf(self.skills, articulation)
-        front = leaf.front(self.skills.world.articulations.get(articulation, 0.0))
+        position = self.skills.world.articulations.get(articulation, 0.0)
+        if not abs(position - self._position) <= MOVED:
+            self._asked, self._position = 0, position
+        front = leaf.front(position)
         facing = math.atan2(-float(front.rotation[1, 0]), -float(front.rotation[0, 0]))
         clearance = yield self.compute("stand_planning", lambda: self.skills.costmap(DRIVEN).clearance_at)
         first = self._asked % len(LOOK_BEARINGS)

@@ -11,6 +11,7 @@ from bestman_bt.world_model.openness import (
 )
 from bestman_bt.world_model.semantic_map import MapFurniture, MapLeaf, MapSurface, SemanticMap
 from bestman_bt.world_model.world_model import (
+    MOVED,
     BasePose,
     HandleBelief,
     HeldObject,
@@ -21,6 +22,7 @@ from bestman_bt.world_model.world_model import (
 )
 
 __all__ = [
+    "MOVED",
     "BasePose",
     "HandleBelief",
     "HeldObject",

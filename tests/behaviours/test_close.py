@@ -8,6 +8,7 @@ import pytest
 
 from bestman_bt.configuration import load_run
 from bestman_bt.engine import RUNNING
+from bestman_bt.messages import Pose2D
 from bestman_bt.runtime import open_session
 from tests.behaviours.truth import audited, known_world, succeeds, why_not
 
@@ -82,6 +83,17 @@ def test_a_drawer_that_is_not_where_it_is_believed_to_be_is_told() -> None:
         session.skills.world.articulations[DRAWER] = 0.22
         code, words = why_not(session, '<Close articulation="{articulation}"/>')
         assert code == "not_found", words
+
+
+def test_a_door_whose_handle_is_not_recognised_is_believed_to_be_where_its_board_is_seen() -> None:
+    with standing_open("open_fridge", DOOR, "55 deg", (0.057, 0.0, 0.0)) as (session, truth):
+        world = session.skills.world
+        look = f'<Sequence><MoveArm posture="look"/>{LOOK}</Sequence>'.replace("{articulation}", DOOR)
+        code, words = why_not(session, look)
+        assert code == "handle_not_found", words
+        assert world.articulations[DOOR] == pytest.approx(truth.articulation_position(DOOR), abs=math.radians(3.0))
+        behind = Pose2D(0.45, -0.1, -math.pi / 2)
+        assert session.skills.costmap("carry").clearance_at(behind) < 0.0  # nobody drives through it
 
 
 def test_the_tree_knows_how_far_a_door_stands_open_before_the_robot_drives() -> None:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from behaviours.leaf import Leaf
-from behaviours.leaf_seen import opening_seen, opening_since
-from bestman_bt.messages import Handle, Pose, Pose2D
+from behaviours.leaf_seen import opening_by_board, opening_seen, opening_since
+from bestman_bt.messages import Box, Handle, Pose, Pose2D
+from bestman_bt.perception.segmentation import SupportPlane
 from bestman_bt.scene import PlacedFurniture, Wall, World, read_furniture, semantic_map
 
 AT = Pose2D(1.2, -0.4, 0.7)
@@ -88,3 +89,57 @@ def test_another_handle_does_not_tell_how_far_a_leaf_has_moved() -> None:
     leaf, known = leaf_and_handle("drawer_chest", "drawer_2", 0.0)
     _, other = leaf_and_handle("drawer_chest", "drawer_3", 0.2)
     assert opening_since(leaf, 0.0, known, other) is None
+
+
+def board_seen(
+    name: str,
+    part: str,
+    position: float,
+    face: tuple[float, float, float] = (-1.0, 0.0, 0.0),
+    share: float = 1.0,
+) -> tuple[Leaf, SupportPlane]:
+    """The leaf as the map has it, and the middle ``share`` of a face of its true board, open by ``position``."""
+    leaf, _ = leaf_and_handle(name, part, position)
+    front = leaf.leaf.shapes[0]
+    assert isinstance(front.shape, Box)
+    true = OFF.to_pose() @ leaf.leaf.moved(position) @ front.pose
+    out = np.array(face)
+    beside = np.cross([0.0, 0.0, 1.0], out)
+    size = np.array(front.shape.size)
+    width, height = float(np.abs(beside) @ size), float(size[2])
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([beside, [0.0, 0.0, 1.0], out], axis=1)
+    matrix[:3, 3] = out * size / 2
+    frame = true @ Pose.from_matrix(matrix)
+    across, up = np.meshgrid(np.linspace(-0.5, 0.5, 9) * width * share, np.linspace(-0.5, 0.5, 9) * height * share)
+    points = frame.apply(np.column_stack([across.ravel(), up.ravel(), np.zeros(across.size)]))
+    return leaf, SupportPlane(frame, (width * share, height * share), points, 0.0)
+
+
+@pytest.mark.parametrize("part", ["upper_door", "lower_door"])
+@pytest.mark.parametrize("degrees", [10.0, 55.0, 90.0])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_front_and_the_back_of_a_door_tell_how_far_it_is_open(part: str, degrees: float, side: float) -> None:
+    leaf, plane = board_seen("fridge", part, math.radians(degrees), (side, 0.0, 0.0), share=0.5)
+    assert opening_by_board(leaf, plane) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_the_front_and_the_back_of_a_drawer_front_tell_how_far_it_is_out(side: float) -> None:
+    leaf, plane = board_seen("drawer_chest", "drawer_2", 0.22, (side, 0.0, 0.0))
+    assert opening_by_board(leaf, plane) == pytest.approx(0.22, abs=0.045)
+
+
+@pytest.mark.parametrize(("name", "part"), [("fridge", "upper_door"), ("drawer_chest", "drawer_2")])
+def test_the_board_of_a_shut_leaf_tells_that_it_is_shut(name: str, part: str) -> None:
+    assert opening_by_board(*board_seen(name, part, 0.0)) == 0.0
+
+
+def test_other_boards_the_edge_of_a_door_and_a_small_part_of_it_tell_nothing() -> None:
+    upper, plane = board_seen("fridge", "upper_door", 0.8)
+    lower, _ = leaf_and_handle("fridge", "lower_door", 0.0)
+    assert opening_by_board(lower, plane) is None
+    assert opening_by_board(*board_seen("fridge", "upper_door", 0.8, (0.0, -1.0, 0.0))) is None
+    assert opening_by_board(*board_seen("fridge", "upper_door", 0.8, share=0.2)) is None
+    away = Pose(0.4 * plane.normal)
+    assert opening_by_board(upper, plane.seen_from(away)) is None

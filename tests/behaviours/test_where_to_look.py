@@ -127,3 +127,21 @@ def test_a_scan_of_no_surface_turns_the_head_about_what_is_ahead(
     assert bearings[0] == pytest.approx(0.0)
     assert sorted(bearings) == pytest.approx([-0.6, 0.0, 0.6])
     assert region.frame_from_region.yaw == pytest.approx(base.theta)
+
+
+def test_a_door_that_is_seen_to_stand_open_is_looked_at_from_before_its_front_again() -> None:
+    skills, door = scripted_skills("close_fridge"), "fridge/upper_door"
+    tree = load(skills, f'<FindLookStand articulation="{door}" stand="{{stand}}" front="{{front}}"/>')
+
+    def beside_the_front() -> float:
+        """Degrees from straight before the front, as it is believed, to the stand."""
+        assert run(skills, tree) == SUCCESS
+        stand, front = tree.blackboard.get("stand"), tree.blackboard.get("front")
+        x, y, _ = front.inverse().apply(np.array([[stand.x, stand.y, front.position[2]]]))[0]
+        return float(np.degrees(np.arctan2(-y, -x)))
+
+    assert beside_the_front() == pytest.approx(0.0, abs=1e-6)
+    assert beside_the_front() == pytest.approx(50.0)
+    skills.world.believe_articulation(door, 0.96)
+    assert beside_the_front() == pytest.approx(0.0, abs=1e-6)
+    assert beside_the_front() == pytest.approx(50.0)

@@ -6,7 +6,7 @@ from bestman_bt.perception.grasp_pose.anygrasp import AnyGraspAdapter, AnyGraspA
 from bestman_bt.perception.grasp_pose.base import GraspCandidate, GraspPlanner, GraspTarget
 from bestman_bt.perception.grasp_pose.bounding_box import BoundingBox, BoundingBoxParameters
 from bestman_bt.perception.grasp_pose.hand_placement import HandPlacementParameters
-from bestman_bt.perception.grasp_pose.hand_shape import HandShapeParameters
+from bestman_bt.perception.grasp_pose.hand_shape import HandShape, HandShapeParameters
 from bestman_bt.perception.grasp_pose.handle_grasp import HandleGrasp, HandleGraspParameters
 from bestman_bt.perception.grasp_pose.handle_motion import handle_motion
 from bestman_bt.perception.grasp_pose.model_based import ModelBased, ModelBasedParameters
@@ -25,6 +25,7 @@ __all__ = [
     "GraspRankingParameters",
     "GraspTarget",
     "HandPlacementParameters",
+    "HandShape",
     "HandShapeParameters",
     "HandleGrasp",
     "HandleGraspParameters",

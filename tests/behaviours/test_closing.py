@@ -1,0 +1,107 @@
+"""Ways to push a leaf shut: the fingers alone touch it, whatever the map is wrong by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import islice, takewhile
+from typing import Any
+
+import numpy as np
+import pytest
+
+from behaviours.closing import Push, pushes
+from behaviours.leaf import Leaf, find_leaf
+from bestman_bt.messages import Box, Pose
+from bestman_bt.perception.grasp_pose import HandShape, HandShapeParameters
+from bestman_bt.scene import read_furniture
+from bestman_bt.world_model import HandleBelief, handle_shape
+from tests.behaviours.scripted import scripted_skills
+
+CLOSED_FINGERS = np.zeros(1)
+
+
+def standing_open(task: str, articulation: str, position: float, handle_seen: bool = True) -> tuple[Any, Leaf]:
+    """Skills that believe a leaf to be open by ``position``, with its handle where it truly is on it."""
+    skills = scripted_skills(task)
+    leaf = find_leaf(skills, articulation)
+    if handle_seen:
+        model = read_furniture(leaf.furniture.name)
+        part = next(one for one in model.articulations if one.name == leaf.leaf.name)
+        name = f"{leaf.furniture.name}/handle_1"
+        true = part.handle.seen_from(leaf.furniture.pose.to_pose())
+        skills.world.handles[name] = HandleBelief(name, true, 50.0, leaf.furniture.name)
+    skills.world.believe_articulation(articulation, position)
+    return skills, leaf
+
+
+def in_palm(skills: Any, points: np.ndarray, map_from_tool: Pose, grown: float) -> bool:
+    """Whether one of the points (N, 3), map frame, is in the palm, grown by so many metres."""
+    centres, halves = HandShape(skills.gripper_model, HandShapeParameters()).boxes(CLOSED_FINGERS)
+    local = map_from_tool.inverse().apply(points) - centres[0, 2]
+    return bool((np.abs(local) < halves[0, 2] + grown).all(axis=1).any())
+
+
+def surface(box: Box, pose: Pose) -> np.ndarray:
+    """Points all over a box, (N, 3)."""
+    axes = [np.linspace(-extent / 2, extent / 2, max(2, math.ceil(extent / 0.015))) for extent in box.size]
+    return pose.apply(np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3))
+
+
+def hands_of(push: Push) -> list[Pose]:
+    """The hand in the map frame with each tilt, with the leaf where it is first."""
+    return push.stations()[0]
+
+
+def tilts_of_level_hands(skills: Any, leaf: Leaf) -> dict[tuple[tuple[float, ...], float], tuple[float, ...]]:
+    """By pushed point and roll of the hand."""
+    level = takewhile(lambda push: push.pitch == 0.0, pushes(skills, leaf))
+    return {(tuple(push.point), push.roll): push.tilts for push in level}
+
+
+DOOR = ("close_fridge", "fridge/upper_door", math.radians(55.0))
+DRAWER = ("close_drawer", "drawer_chest/drawer_3", 0.22)
+
+
+@pytest.mark.parametrize(("task", "articulation", "position"), [DOOR, DRAWER])
+def test_the_palm_stays_clear_of_the_handle_by_what_the_map_is_wrong_by(
+    task: str, articulation: str, position: float
+) -> None:
+    skills, leaf = standing_open(task, articulation, position)
+    (seen,) = skills.world.handles_of(leaf.furniture, leaf.leaf)
+    placed = handle_shape(seen.handle)
+    assert isinstance(placed.shape, Box)
+    handle = surface(placed.shape, placed.pose)
+    ways = list(islice(pushes(skills, leaf), 12))
+    assert ways
+    assert leaf.furniture.position_error == pytest.approx(0.03)
+    for push in ways:
+        assert not any(in_palm(skills, handle, hand, 0.03) for hand in hands_of(push))
+
+
+def test_the_palm_stays_clear_of_a_door_that_is_turned_by_what_the_map_is_wrong_by() -> None:
+    skills, leaf = standing_open(*DOOR)
+    front = leaf.leaf.shapes[0].shape
+    assert isinstance(front, Box)
+    for push in islice(pushes(skills, leaf), 4):
+        for off in (-0.08, 0.08):  # 3 cm at the lever, and 2°
+            turned = Pose(push.at(push.start)) @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, off)) @ Pose(-push.at(push.start))
+            board = surface(front, turned @ leaf.front(push.start))
+            assert not any(in_palm(skills, board, hand, 0.0) for hand in hands_of(push))
+
+
+def test_beside_a_handle_the_hand_is_held_along_it_and_tilted_less_where_it_is_broad() -> None:
+    with_handle = tilts_of_level_hands(*standing_open(*DOOR))
+    without = tilts_of_level_hands(*standing_open(*DOOR, handle_seen=False))
+    narrow = {tilts for (_, roll), tilts in without.items() if roll == 0.0}
+    broad = {tilts for (_, roll), tilts in without.items() if roll == math.radians(90)}
+    assert max(map(max, broad)) < min(map(max, narrow)) < math.radians(45.0)
+    assert all(set(tilts) <= set(without.get(way, tilts)) for way, tilts in with_handle.items())
+    assert any(len(tilts) < len(without[way]) for way, tilts in with_handle.items() if way in without)
+
+
+def test_a_piece_that_was_measured_leaves_the_hand_more_room() -> None:
+    skills, leaf = standing_open(*DOOR)
+    vague = next(pushes(skills, leaf)).tilts
+    known = replace(leaf, furniture=replace(leaf.furniture, position_error=0.0, heading_error=0.0))
+    assert set(vague) < set(next(pushes(skills, known)).tilts)
