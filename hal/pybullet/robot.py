@@ -37,6 +37,7 @@ from hal.parts import (
     StopLatch,
     StreamedArm,
     StreamedJointGroup,
+    StreamingParameters,
     ToolLimits,
 )
 from hal.pybullet.audit_record import AuditRecord
@@ -80,6 +81,8 @@ SENSORS: Mapping[type, Callable[[str, Any, np.random.Generator], SimulatedSensor
     BatteryPart: SimulatedBattery,
 }
 """The kind of a part → its sensor, made of name, part and the source of its noise."""
+JOINTS = StreamingParameters(latency=0.0)
+"""A reading shows the set-point of the control period before: nothing lies between, as a vendor's controller does."""
 LEGS = DrivingParameters(stop_time=0.08, profile=MotionProfileParameters(arrived=0.005))
 """A base on legs needs most of half a second to set its feet down, and comes to rest less exactly than on wheels."""
 
@@ -291,14 +294,16 @@ class PyBulletRobot(Robot):
                 case ArmModel():
                     motors = self._channels[name] = JointMotors(name, part, self._parameters, self._generator(name))
                     tool = ToolLimits(model, name, model.safety)
-                    self._actuators[name] = StreamedArm(name, part, motors, latch, period, tool, now=self._clock.now)
+                    self._actuators[name] = StreamedArm(
+                        name, part, motors, latch, period, tool, JOINTS, self._clock.now
+                    )
                 case GripperModel():
                     make = SuctionPump if part.kind == "suction" else FingerMotors
                     fingers = self._channels[name] = make(part, self._parameters)
                     self._actuators[name] = CommandedGripper(name, part, fingers, latch)
                 case JointGroupModel():
                     motors = self._channels[name] = JointMotors(name, part, self._parameters, self._generator(name))
-                    self._actuators[name] = StreamedJointGroup(name, part, motors, latch, period)
+                    self._actuators[name] = StreamedJointGroup(name, part, motors, latch, period, JOINTS)
 
     def _base_channel(self, name: str, base: BaseModel) -> LegDrive | WheelDrive:
         if not base.legs:
