@@ -39,8 +39,9 @@ ELSEWHERE = ("bestman_bt.engine.", "behaviours.nav2.")
 
 HEAD = """# Skills
 
-What a tree of bestman-bt can do, family by family: each skill with its ports and an example. `bestman-bt nodes NAME`
-prints the same of one skill, and of your own with `--plugin`. Control nodes, decorators and other built-in nodes are in
+What a tree of bestman-bt can do, family by family: each skill with its ports, an example and its import. The command
+`bestman-bt nodes NAME` prints the same of one skill, and of your own with `--plugin`. Control nodes, decorators and
+other built-in nodes are in
 the [catalogue of the engine](engine/catalogue.md), the nodes of Nav2's files in [Nav2](nav2.md). An error code and a
 message, `error_code` and `error_message`, are outputs of every skill; codes that any skill may fail with, such as
 `stopped`, are in [errors and codes](errors.md).
@@ -103,7 +104,7 @@ def section(info: NodeInfo, used: dict[str, ElementTree.Element]) -> str:
     failures = own_failures(info.cls)
     if failures:
         text += "\n" + _codes(failures)
-    return text + f"\n```xml\n{example(info, used)}\n```\n"
+    return text + f"\n```xml\n{example(info, used)}\n```\n\n```python\n{info.import_line}\n```\n"
 
 
 def example(info: NodeInfo, used: dict[str, ElementTree.Element]) -> str:

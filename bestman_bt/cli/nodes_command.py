@@ -14,6 +14,7 @@ from bestman_bt.engine import NodeInfo, palette_xml
 from bestman_bt.runtime.plugins import node_registry
 
 KINDS = ("Action", "Condition", "Control", "Decorator", "SubTree")
+SHIPPED = ("bestman_bt.", "behaviours.")
 
 
 def command(
@@ -33,6 +34,8 @@ def command(
             print(f"{kind}s" if kind != "SubTree" else kind)
             for info in of_kind:
                 _tell(info)
+                if names and info.cls.__module__.startswith(SHIPPED):
+                    print(f"      in Python: {info.import_line}")
             print()
     sys.stdout.flush()
 

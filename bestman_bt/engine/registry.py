@@ -51,6 +51,11 @@ class NodeInfo:
         """The output and inout ports."""
         return [port for port in self.ports.values() if port.direction != "input"]
 
+    @property
+    def import_line(self) -> str:
+        """The line by which a Python tree imports the class."""
+        return f"from {'bestman_bt.engine' if self.builtin else self.cls.__module__} import {self.cls.__name__}"
+
 
 class NodeRegistry:
     """Names to node classes. The whole catalogue of v4 is in it from the start."""

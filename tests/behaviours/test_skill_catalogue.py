@@ -29,3 +29,13 @@ def test_the_page_is_that_of_the_present_skills() -> None:
 def test_each_example_loads(example: str) -> None:
     text = f'<root BTCPP_format="4" main_tree_to_execute="M"><BehaviorTree ID="M">{example}</BehaviorTree></root>'
     assert load_tree(text, registry=node_registry([])).nodes
+
+
+def test_each_import_line_imports_its_class() -> None:
+    assert "from behaviours.log import Log" in PAGE
+    for info in node_registry([]).manifest():
+        names: dict[str, object] = {}
+        exec(info.import_line, names)
+        assert names[info.name] is info.cls
+        own_page = info.cls.__module__.startswith("behaviours.nav2.")
+        assert info.builtin or own_page or f"```python\n{info.import_line}\n" in PAGE

@@ -52,6 +52,7 @@ def test_nodes_of_one_name_lists_that_node_alone(bestman_bt: Command) -> None:
     answer = bestman_bt("nodes", "NavigateTo")
     assert "NavigateTo" in answer.out
     assert "LookAt" not in answer.out
+    assert "\n      in Python: from behaviours.navigate import NavigateTo\n" in answer.out
 
 
 def test_validate_accepts_what_is_shipped(bestman_bt: Command) -> None:

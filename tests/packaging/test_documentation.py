@@ -11,11 +11,13 @@ import yaml
 
 from bestman_bt.cli.main import VERBS
 from bestman_bt.configuration import load_run
-from bestman_bt.engine import load_tree
+from bestman_bt.engine import TreeLoadError, load_tree
+from bestman_bt.messages import Pose
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.runtime import prepare, session
 from bestman_bt.runtime.algorithms import make_algorithms
 from bestman_bt.runtime.plugins import node_registry
+from bestman_bt.world_model import ObjectBelief
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 DOCS = CHECKOUT / "docs"
@@ -94,7 +96,7 @@ def test_the_programs_of_a_session_run(capsys: pytest.CaptureFixture[str]) -> No
 
 @pytest.mark.parametrize("page", ["docs/writing_a_skill.md", "README.md"])
 def test_the_skills_are_leaves_that_a_plugin_adds(page: str, tmp_path: Path) -> None:
-    (text,) = (text for text in fences(page, "python") if "(Skill)" in text)
+    (text,) = (text for text in fences(page, "python") if "Nod(Skill)" in text)
     plugin = tmp_path / "nod.py"
     plugin.write_text(text)
     leaf = node_registry([str(plugin)]).info("Nod")
@@ -118,6 +120,29 @@ def test_the_skill_of_the_readme_runs_and_fails_as_it_declares(tmp_path: Path) -
         nod = opened.setup.registry.info("Nod").cls
     assert nod.DECLARATION.effects == ("nodded()",)
     assert failure.error_code in nod.FAILS
+
+
+def test_the_skill_with_outputs_and_names_runs(tmp_path: Path) -> None:
+    (text,) = (text for text in fences("docs/writing_a_skill.md", "python") if "LookAround(Skill)" in text)
+    plugin = tmp_path / "look_around.py"
+    plugin.write_text(text)
+    tree = '<root BTCPP_format="4"><BehaviorTree ID="Main"><LookAround {}/></BehaviorTree></root>'
+    before_the_table = [f"scene.robot_start.{axis}=[0.0, 0.05]" for axis in ("x", "y", "yaw")]
+    with session(task="pick_place_table", seed=3, settings=before_the_table, plugins=[str(plugin)]) as opened:
+        for wrong, told in (('surface="tabel"', "did you mean 'table'"), ('surface="table" duration="-1"', "duration")):
+            with pytest.raises(TreeLoadError, match=told):
+                opened.run(tree.format(f'object="cup" {wrong}'))
+        began = opened.robot.clock.now()
+        assert not opened.run(tree.format('surface="table" object="cup" duration="1.5"')).succeeded
+        assert opened.robot.clock.now() - began > 1.5, opened.skills.failures
+        (failure,) = opened.skills.failures
+        assert failure.error_code == "object_not_found"
+        skills = opened.skills
+        there = skills.map_from_base @ Pose([0.3, 0.4, 0.8])
+        skills.world.objects["cup"] = ObjectBelief("cup", skills.world.models["cup"], there, 1.0, 0.001, began)
+        looked = opened.load(tree.format('surface="table" object="cup" duration="0.1" distance="{distance}"'))
+        assert opened.executor(looked).run().succeeded
+        assert looked.blackboard.get("distance") == pytest.approx(0.5, abs=1e-3)
 
 
 def test_every_page_is_in_the_navigation() -> None:
