@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from bestman_bt.engine.spelling import closest
 from bestman_bt.engine.status import FAILURE, STATUS_NAMES, SUCCESS
 from bestman_bt.monitor.events import MAIN_TREE, EventError
 from bestman_bt.monitor.nodes import NodeList
@@ -14,11 +15,29 @@ LONGEST_TEXT = 4096
 Request = dict[str, Any]
 
 
+class UnknownControlError(RunError):
+    """There is no such control; the message names the one that was probably meant, else all."""
+
+    def __init__(self, what: str) -> None:
+        meant = closest(what, CONTROLS)
+        known = f"did you mean {meant!r}?" if meant else f"known: {', '.join(CONTROLS)}"
+        super().__init__(f"unknown control {what[:40]!r}; {known}")
+
+
+def check_fields(what: str, asked: Request) -> None:
+    """RunError where a request has a field that the control does not take, by its name."""
+    for name in asked:
+        if name not in FIELDS.get(what, ()):
+            meant = closest(name, FIELDS.get(what, ()))
+            known = f"did you mean {meant!r}?" if meant else f"it takes {', '.join(FIELDS.get(what, ())) or 'no field'}"
+            raise RunError(f"{what} has no field {name[:40]!r}; {known}")
+
+
 async def control(run: MonitoredRun, asked: Request) -> Request:
     """Carry out one control and give the executor's answer; raises RunError with what was wrong."""
     what = asked.get("do")
     if what not in CONTROLS:
-        raise RunError(f"unknown control {str(what)[:40]!r}")
+        raise UnknownControlError(str(what))
     return await run.request({"do": what, **CONTROLS[what](asked, run.history.nodes)})
 
 
@@ -46,7 +65,9 @@ def _breakpoint(asked: Request, nodes: NodeList) -> Request:
 
 
 def _clear_breakpoint(asked: Request, nodes: NodeList) -> Request:
-    return _node(asked, nodes) | {"when": _when(asked)}
+    """Without ``node`` all, without ``when`` both of a node."""
+    request = {} if asked.get("node") is None else _node(asked, nodes)
+    return request if asked.get("when") is None else request | {"when": _when(asked)}
 
 
 def _force(asked: Request, nodes: NodeList) -> Request:
@@ -68,6 +89,14 @@ CONTROLS: dict[str, Callable[[Request, NodeList], Request]] = {
     "clear_breakpoint": _clear_breakpoint,
     "force": _force,
 }
+
+FIELDS: dict[str, tuple[str, ...]] = {
+    "set": ("key", "value", "scope"),
+    "breakpoint": ("node", "when", "condition", "once"),
+    "clear_breakpoint": ("node", "when"),
+    "force": ("node", "result"),
+}
+"""What each control takes; those that are missing here take nothing."""
 
 
 def _node(asked: Request, nodes: NodeList) -> Request:

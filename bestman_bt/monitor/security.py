@@ -11,7 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import cookie_parser
-from starlette.responses import JSONResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from bestman_bt.monitor.address import SERVICE
@@ -102,9 +102,9 @@ class Guard:
     def _refusal(self, scope: Scope) -> Response | None:
         headers = Headers(scope=scope)
         if not self._is_our_host(headers):
-            return PlainTextResponse("this server does not go by that name\n", 403)
+            return JSONResponse({"error": "this server does not go by that name"}, 403)
         if scope["method"] not in ("GET", "HEAD") and "origin" in headers and not self._is_our_origin(headers):
-            return PlainTextResponse("no other page may control a run\n", 403)
+            return JSONResponse({"error": "no other page may control a run"}, 403)
         if self._is_known(headers):
             return None
         if scope["path"] == "/health":
@@ -114,7 +114,7 @@ class Guard:
             answer = RedirectResponse("/", 303)
             answer.set_cookie(self._rules.cookie, self._session, httponly=True, samesite="strict", path="/")
             return answer
-        return PlainTextResponse("open the address that bestman-bt monitor has printed: it holds the token\n", 401)
+        return JSONResponse({"error": "open the address that bestman-bt monitor has printed: it holds the token"}, 401)
 
     async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)

@@ -7,15 +7,16 @@ import contextlib
 import json
 import logging
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
@@ -23,7 +24,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from bestman_bt.monitor.address import SERVICE
 from bestman_bt.monitor.control_client import socket_folder
-from bestman_bt.monitor.controls import control
+from bestman_bt.monitor.controls import CONTROLS, UnknownControlError, check_fields, control
 from bestman_bt.monitor.run import RunError
 from bestman_bt.monitor.run_list import RunList
 from bestman_bt.monitor.security import AccessRules, Guard
@@ -70,17 +71,17 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
     async def page(_: Request) -> Response:
         index = STATIC / "index.html"
         if not index.is_file():
-            return PlainTextResponse("this installation has no built page: bestman_bt/monitor/static is empty\n", 404)
+            return _error("this installation has no built page: bestman_bt/monitor/static is empty", 404)
         return FileResponse(index, headers={"Cache-Control": "no-cache"})
 
     async def image(request: Request) -> Response:
         run = runs.get(request.path_params["identity"])
         if run is None:
-            return PlainTextResponse("there is no such run\n", 404)
+            return _error("there is no such run; GET /api/runs lists them", 404)
         try:
             content = await run.picture(request.path_params["number"])
         except RunError as error:
-            return PlainTextResponse(f"{error}\n", 404)
+            return _error(str(error), 404)
         kind = "image/png" if content.startswith(b"\x89PNG") else "image/jpeg"
         return Response(content, media_type=kind, headers={"Cache-Control": "private, max-age=3600"})
 
@@ -90,13 +91,24 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
     async def control_run(request: Request) -> Response:
         run, what = runs.get(request.path_params["identity"]), request.path_params.get("control", "status")
         if run is None:
-            return JSONResponse({"error": "there is no such run; GET /api/runs lists them"}, 404)
+            return _error("there is no such run; GET /api/runs lists them", 404)
+        if request.method == "GET" and what in CONTROLS and "control" in request.path_params:
+            return _error(f"{what} is asked by POST", 405, {"Allow": "POST"})
         if config.read_only and what != "status":
-            return JSONResponse({"error": "this monitor only shows"}, 403)
+            return _error("this monitor only shows", 403)
         try:
-            return JSONResponse(await control(run, {**await _asked(request), "do": what}))
+            asked = await _asked(request)
+            if what in CONTROLS:
+                check_fields(what, asked)
+            return JSONResponse(await control(run, {**asked, "do": what}))
+        except UnknownControlError as error:
+            return _error(str(error), 404)
         except RunError as error:
-            return JSONResponse({"error": str(error)}, 409)
+            return _error(str(error), 409)
+
+    async def refused(_: Request, error: Exception) -> Response:
+        assert isinstance(error, HTTPException)
+        return _error(error.detail, error.status_code, error.headers)
 
     async def viewer(websocket: WebSocket) -> None:
         nonlocal viewers
@@ -120,11 +132,16 @@ def make_app(config: ServerConfig, runs: RunList) -> ASGIApp:
         Route("/runs/{identity}/images/{number:int}.jpg", image),
         Route("/api/runs", list_runs),
         Route("/api/runs/{identity}", control_run),
-        Route("/api/runs/{identity}/{control}", control_run, methods=["POST"]),
+        Route("/api/runs/{identity}/{control}", control_run, methods=["GET", "POST"]),
         WebSocketRoute("/ws", viewer),
         Mount("/", StaticFiles(directory=STATIC, check_dir=False)),
     ]
-    return Guard(Starlette(routes=routes, lifespan=lifespan), AccessRules.of(config.host, config.port, config.token))
+    app = Starlette(routes=routes, lifespan=lifespan, exception_handlers={HTTPException: refused})
+    return Guard(app, AccessRules.of(config.host, config.port, config.token))
+
+
+def _error(text: str, status: int, headers: Mapping[str, str] | None = None) -> Response:
+    return JSONResponse({"error": text}, status, headers)
 
 
 async def _asked(request: Request) -> dict[str, Any]:

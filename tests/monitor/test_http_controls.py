@@ -34,6 +34,8 @@ def listed(monitor: Monitor, **headers: str) -> Monitor:
         ("step", None, {"do": "step"}),
         ("resume", {}, {"do": "resume"}),
         ("stop", None, {"do": "stop"}),
+        ("clear_breakpoint", None, {"do": "clear_breakpoint"}),
+        ("clear_breakpoint", {}, {"do": "clear_breakpoint"}),
         ("set", {"key": "cup", "value": "red"}, {"do": "set", "key": "cup", "value": "red"}),
         (
             "breakpoint",
@@ -61,8 +63,28 @@ def test_what_cannot_be_done_is_told(executor: FakeExecutor, start_monitor: Star
         assert http.post("/api/runs/none/pause").status_code == 404
         no_value = http.post(f"/api/runs/{ID}/set", json={"key": "cup"})
         assert (no_value.status_code, no_value.json()) == (409, {"error": "set wants a value"})
-        assert http.post(f"/api/runs/{ID}/explode").status_code == 409
-        assert http.get(f"/api/runs/{ID}/pause").status_code == 404
+        misspelt = http.post(f"/api/runs/{ID}/set", json={"kay": "cup", "value": 1})
+        assert misspelt.json() == {"error": "set has no field 'kay'; did you mean 'key'?"}
+        assert "it takes no field" in http.post(f"/api/runs/{ID}/pause", json={"node": 1}).json()["error"]
+        unknown = http.post(f"/api/runs/{ID}/paus")
+        assert (unknown.status_code, unknown.json()) == (
+            404,
+            {"error": "unknown control 'paus'; did you mean 'pause'?"},
+        )
+        assert "known: status, pause" in http.post(f"/api/runs/{ID}/explode").json()["error"]
+
+
+def test_every_refusal_is_json(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
+    with listed(start_monitor()).http() as http:
+        for answer, status in (
+            (http.get("/api/nothing"), 404),
+            (http.get("/runs/none/images/1.jpg"), 404),
+            (http.get(f"/api/runs/{ID}/pause"), 405),
+            (http.post("/api/runs"), 405),
+            (http.get("/health", headers={"Host": "elsewhere.example"}), 403),
+            (http.post(f"/api/runs/{ID}/stop", headers={"Origin": "http://elsewhere.example"}), 403),
+        ):
+            assert (answer.status_code, list(answer.json())) == (status, ["error"])
 
 
 def test_no_foreign_page_and_nobody_without_the_token_controls_a_run(
