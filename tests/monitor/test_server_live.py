@@ -348,7 +348,15 @@ def test_pauses_breakpoints_and_the_end_are_told(executor: FakeExecutor, start_m
 
 
 def test_log_lines_come_with_the_first_ones_marked(executor: FakeExecutor, start_monitor: StartMonitor) -> None:
-    line = {"event": "log", "time": 1.0, "level": "error", "message": "no cup", "node": "main/look", "code": "not_seen"}
+    line = {
+        "event": "log",
+        "time": 1.0,
+        "level": "error",
+        "message": "no cup",
+        "node": "main/look",
+        "where": "",
+        "code": "not_found",
+    }
     executor.first.append(line)
     with start_monitor().page() as page:
         opened(page)
