@@ -51,14 +51,20 @@ def _around(skills: SkillContext, leaf: Leaf, position: float, felt: Obstacle | 
     """What the arm keeps clear of on its way home: a leaf that was felt, lest it is pushed.
 
     Where the arm would be within that, the leaf is not there: the grip was lost before, and the hand went on alone.
+    What else the arm touches, such as itself, says nothing of the leaf.
     """
+    positions = skills.arm_positions()
+
+    def clear_of_leaf(around: CollisionWorld) -> bool:
+        return not any(leaf.articulation in pair for pair in around.colliding_pairs(positions))
+
     for boards in (grown(felt, FELT), felt) if felt is not None else ():
         around = world_at_leaf(skills, leaf, position, "free", felt=boards)
-        if around.is_free(skills.arm_positions()):
+        if clear_of_leaf(around):
             return around
     for margin, ignore in ((UNSURE[leaf.leaf.kind], ()), (0.0, ()), (0.0, (leaf.articulation,))):
         around = world_at_leaf(skills, leaf, position, "free", ignore=ignore, margin=margin)
-        if around.is_free(skills.arm_positions()):
+        if clear_of_leaf(around):
             break
     return around
 

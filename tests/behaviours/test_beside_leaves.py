@@ -123,10 +123,12 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
     skills, leaf, _ = standing_at(name, part, 0.2)
     unsure, told = UNSURE[leaf.leaf.kind], []
     touches: set[tuple[float, tuple[str, ...]]] = set()
+    others: list[tuple[str, str]] = []
 
     def around(*arguments: Any, ignore: Any = (), margin: float = 0.0, felt: Any = None) -> SimpleNamespace:
         which = margin, tuple(ignore)
-        return SimpleNamespace(which=which, is_free=lambda _: which not in touches)
+        pairs = (*others, *([(leaf.articulation, "panda_hand")] if which in touches else []))
+        return SimpleNamespace(which=which, is_free=lambda _: not pairs, colliding_pairs=lambda _: pairs)
 
     monkeypatch.setattr("behaviours.withdraw.world_at_leaf", around)
     monkeypatch.setattr(
@@ -136,7 +138,10 @@ def test_on_its_way_home_the_arm_keeps_clear_of_a_leaf_as_unsure_as_it_is_if_it_
         "bestman_bt.manipulation.kinematics.cartesian_path", lambda *_: SimpleNamespace(path=np.zeros((1, 7)))
     )
     skill: Any = SimpleNamespace(skills=skills)
-    for which in ((unsure, ()), (0.0, ()), (0.0, (leaf.articulation,))):
-        list(withdraw(skill, leaf, "carry"))
-        assert told[-1] == which
-        touches.add(which)
+    for pairs in ([], [("panda_hand", "panda_link5")]):  # the arm touches itself: that says nothing of the leaf
+        others[:] = pairs
+        touches.clear()
+        for which in ((unsure, ()), (0.0, ()), (0.0, (leaf.articulation,))):
+            list(withdraw(skill, leaf, "carry"))
+            assert told[-1] == which
+            touches.add(which)
