@@ -8,7 +8,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, InstantSkill, SkillFailure
-from behaviours.surfaces import told_surface
+from behaviours.surfaces import UNKNOWN_SURFACE, told_surface
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.messages.bounds import NonNegative
@@ -26,6 +26,10 @@ class BelieveObject(InstantSkill):
         "pose": PortInformation(Pose, description="x;y;z;roll;pitch;yaw in the map frame, of the model's origin"),
         "surface": BoundedPort(SurfaceName, required=False, description="the surface that it stands on"),
         "position_std": BoundedPort(NonNegative, required=False, default_value=0.002, description="metres"),
+    }
+    FAILS: ClassVar = {
+        **UNKNOWN_SURFACE,
+        "unknown_object": "add a model of it",
     }
     DECLARATION = Declaration(effects=("located({object})",))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import threading
+from collections.abc import Iterator
 
 import pytest
 
@@ -12,6 +13,15 @@ from hal.api import NotConnectedError
 from hal.hardware.isolated_robot import _Wire
 
 
+@pytest.fixture
+def _interruptible() -> Iterator[None]:
+    """Tests that are started in the background begin with the signal ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_interruptible")
 def test_after_an_interrupt_between_question_and_answer_the_next_question_gets_its_own_answer() -> None:
     ours, theirs = multiprocessing.Pipe()
     main, was_interrupted = threading.main_thread().ident, threading.Event()
