@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +15,7 @@ from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import MONITOR_PORT, Json, Monitor, MonitorPort, Plugins, Robot, Scene, Settings
 from bestman_bt.cli.run_view import CONSOLE
 from bestman_bt.cli.started_monitor import show_in_monitor
-from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, load_run
+from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig, data_names, load_run
 from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.evaluation import Evaluation
@@ -99,6 +100,10 @@ def _suite(
     entries = []
     faults = ProblemCollector()
     for name in dict.fromkeys(tasks):
+        suite = get_close_matches(name, data_names("evaluation"), 1)
+        if suite and name not in data_names("task") and not Path(name).exists():
+            faults.problems.append(Problem(name, None, "", f"unknown; did you mean the suite {suite[0]!r}?"))
+            continue
         with faults.step():
             config = _config(name, seed or 0, scene, robot, settings, plugins)
             prepare_episode(config)

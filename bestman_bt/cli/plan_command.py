@@ -26,13 +26,14 @@ from bestman_bt.cli.options import (
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.configuration import Problem as WrongInput
 from bestman_bt.engine import render_svg
+from bestman_bt.errors import InputError
 from bestman_bt.registry import BUILDERS
 from bestman_bt.runtime.planning import PlanQuestion, Transcript, assumed, planning_state, refusals
 from bestman_bt.task_planning.language.quoting import quoted
 from bestman_bt.task_planning.limits import PlanLimits
 from bestman_bt.task_planning.planners import planner_class
 from bestman_bt.task_planning.simulation import folded
-from bestman_bt.task_planning.symbolic import GoalError, PlanningError, Problem, TaskPlan, goal_as_facts
+from bestman_bt.task_planning.symbolic import PlanningError, Problem, TaskPlan, goal_as_facts
 
 
 def command(
@@ -110,7 +111,7 @@ def command(
         try:
             problem, plan = asked.answer(text, goal, planner, Transcript(record, replay))
             made = asked.tree(problem, plan)
-        except GoalError:
+        except InputError:  # a goal that makes no sense, a planner that is not installed: nothing could be tried
             raise
         except PlanningError as error:
             tell({"plan": None, "why": str(error)})

@@ -295,8 +295,10 @@ def _driver_problems(config: RunConfig) -> Iterable[Problem]:
         DRIVERS.resolve(config.driver)
     except UnknownNameError as error:
         yield Problem("driver", None, "", str(error))
-    if (config.driver == "replay") != bool(config.recording):
-        yield Problem("driver", None, "", "replay needs a recording, and no other driver has a use for one")
+    if config.driver == "replay" and not config.recording:
+        yield Problem("driver", None, "", "replay needs a recording: give the folder of a run by --recording RUN")
+    if config.recording and config.driver != "replay":
+        yield Problem("driver", None, "", f"{config.driver} has no use for a recording; --driver replay has")
 
 
 def _address_problems(config: RunConfig, model: RobotModel) -> Iterable[Problem]:

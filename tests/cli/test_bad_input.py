@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -313,3 +314,19 @@ def test_the_program_itself_refuses_alike(folder: Path) -> None:
         "(did you mean 'NavigateTo'?)"
     )
     assert sorted(path.name for path in folder.iterdir()) == ["t.xml"]
+
+
+def test_a_suite_that_is_misspelt_is_told_as_a_task_is(refused: Callable[..., str]) -> None:
+    assert "manipulatoin: unknown; did you mean the suite 'manipulation'?" in refused("eval", "manipulatoin")
+    assert "unknown task 'fetch_cpu'; did you mean 'fetch_cup'?" in refused("eval", "fetch_cpu")
+
+
+def test_a_planner_that_is_not_installed_is_told_with_what_installs_it(
+    refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "up_fast_downward", None)
+    assert "up_fast_downward is missing: " in refused("plan", "--goal", "on(cup, table)", "--planner", "fast_downward")
+
+
+def test_a_replay_without_a_recording_and_a_recording_without_a_replay(refused: Callable[..., str]) -> None:
+    assert "give the folder of a run by --recording RUN" in refused("run", "--task", "fetch_cup", "--driver", "replay")

@@ -6,6 +6,7 @@ import importlib
 from dataclasses import dataclass
 from typing import Any
 
+from bestman_bt.errors import MissingExtraError
 from bestman_bt.extras import install_command
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.symbolic.binding import instantiate
@@ -13,7 +14,7 @@ from bestman_bt.task_planning.symbolic.pddl_writing import PddlText
 from bestman_bt.task_planning.symbolic.problem import GoalError, PlanningError, Problem, TaskPlan, Unsolvable
 
 
-class PlannerMissingError(PlanningError):
+class PlannerMissingError(PlanningError, MissingExtraError):
     """The extra that a planner needs is not installed."""
 
 
