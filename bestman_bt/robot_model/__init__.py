@@ -17,6 +17,7 @@ from bestman_bt.robot_model.payload import Payload, payload
 from bestman_bt.robot_model.sensor_parts import (
     BatteryPart,
     CameraPart,
+    ForceTorquePart,
     ImuPart,
     LidarPart,
     MountedBumper,
@@ -30,6 +31,7 @@ __all__ = [
     "BatteryPart",
     "CameraPart",
     "EncodersConfig",
+    "ForceTorquePart",
     "GripperModel",
     "ImuPart",
     "JointGroupModel",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from bestman_bt.messages import CameraIntrinsics, LaserScan, RGBDImage, Wrench
-from bestman_bt.robot_model import BatteryPart, CameraPart, ImuPart, LidarPart, MountedForceTorque
+from bestman_bt.robot_model import BatteryPart, CameraPart, ForceTorquePart, ImuPart, LidarPart
 from hal.api import Battery, BatteryReading, Camera, Failure, ForceTorque, Imu, ImuReading, Lidar
 from hal.parts import ControlledPart, PartConnection, StopLatch
 
@@ -82,14 +82,14 @@ class HardwareLidar(HardwareSensor, Lidar):
 class HardwareForceTorque(HardwareSensor, ForceTorque):
     """``read``: the latest wrench; NoDataError where there is none."""
 
-    def __init__(self, name: str, model: MountedForceTorque, latch: StopLatch, read: Callable[[], Wrench]) -> None:
+    def __init__(self, name: str, model: ForceTorquePart, latch: StopLatch, read: Callable[[], Wrench]) -> None:
         super().__init__(name, latch)
         self._model, self._read = model, read
 
     @property
     def frame(self) -> str:
         """The frame of the wrenches."""
-        return self._model.part.frame
+        return self._model.frame
 
     def wrench(self) -> Wrench:
         """The latest wrench."""

@@ -74,7 +74,8 @@ class RosbridgeConnection(Connection):
             "camera": (self.model.cameras, self._make_camera),
             "joint_group": (self.model.joint_groups, self._make_joints),
         }
-        sensors = (self.model.lidars, self.model.force_torques, self.model.imus, self.model.batteries)
+        wrists = {name: mounted.part for name, mounted in self.model.force_torques.items()}
+        sensors = (self.model.lidars, wrists, self.model.imus, self.model.batteries)
         for kind, there in zip(SENSORS, sensors, strict=True):
             makers[kind] = (there, partial(self._make_sensor, kind, there))
         kinds = {name: kind for kind, (there, _) in makers.items() for name in self.settings.parts if name in there}

@@ -49,7 +49,7 @@ class URConnection(Connection):
         self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link)
         parts: dict[str, Part] = {arms[0]: self._arm}
         for name in sensors:
-            parts[name] = URForceTorque(name, self.model.force_torques[name], self._link, self.latch)
+            parts[name] = URForceTorque(name, self.model.force_torques[name].part, self._link, self.latch)
         return parts
 
     def open(self) -> None:

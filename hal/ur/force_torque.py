@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from bestman_bt.messages import Wrench
-from bestman_bt.robot_model import MountedForceTorque
+from bestman_bt.robot_model import ForceTorquePart
 from hal.api import NoDataError
 from hal.hardware import HardwareForceTorque
 from hal.parts import StopLatch
@@ -18,7 +18,7 @@ class URForceTorque(HardwareForceTorque):
     The part is to be mounted on the arm's ``tool0`` without an offset.
     """
 
-    def __init__(self, name: str, model: MountedForceTorque, link: URLink, latch: StopLatch) -> None:
+    def __init__(self, name: str, model: ForceTorquePart, link: URLink, latch: StopLatch) -> None:
         super().__init__(name, model, latch, self._newest)
         self._link = link
 

@@ -144,10 +144,10 @@ def test_how_an_object_is_turned_counts_where_a_tolerance_is_given(table, order,
 def test_a_hand_that_does_not_let_go_says_so_and_keeps_the_object(table, monkeypatch) -> None:
     session, _ = table
     skills = session.skills
-    held = HeldObject("mug", skills.world.objects["cup"].model, Pose(), skills.gripper.width())
+    held = HeldObject("can", skills.world.objects["cup"].model, Pose(), skills.gripper.width())
     monkeypatch.setattr(skills.world, "held", held)
     monkeypatch.setattr(skills.gripper, "release", lambda: skills.gripper.open(skills.gripper.width()))
-    assert run(session, '<Release object="mug"/>')[0] == FAILURE
+    assert run(session, '<Release object="can"/>')[0] == FAILURE
     assert failures_of(session)[0][0] == "not_released"
     assert skills.world.held is held
     assert skills.gripper.width() < 0.01  # there is nothing between the fingers, which grip again

@@ -62,6 +62,8 @@ def table_with(
 def succeeds(session: Session, body: str, ticks: int = 2000) -> bool:
     """Whether a tree succeeds, whatever it names: skills tell, too, what is not there."""
     tree = load_for(session.setup, tree_of(body), context=session.skills, clock=session.robot.clock)
+    for key, value in session.entries.items():
+        tree.blackboard.set(key, value)
     return tick(tree, ticks) == SUCCESS
 
 
