@@ -19,7 +19,7 @@ from bestman_bt.navigation.map_file import MapFileError
 from bestman_bt.registry import UnknownNameError
 from bestman_bt.scene.draw import SceneError
 from bestman_bt.task_planning.symbolic import GoalError
-from hal.parts.fault import ConnectionFailedError
+from hal.parts import ConnectionFailedError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SOURCES = [file for folder in ("bestman_bt", "behaviours", "hal") for file in (CHECKOUT / folder).rglob("*.py")]

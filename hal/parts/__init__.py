@@ -12,12 +12,11 @@ from hal.parts.channels import (
 from hal.parts.command_checks import JointCommandChecks
 from hal.parts.controlled_part import ControlledPart, StoppablePart
 from hal.parts.driven_base import DrivenBase, DrivingParameters, MotionProfile, MotionProfileParameters
-from hal.parts.fault import ConnectionFailedError
 from hal.parts.gripper import CommandedGripper, GripperParameters
 from hal.parts.gripper_command_checks import GripperCommandChecks
 from hal.parts.interface import Interface, interface_of
 from hal.parts.motion import MotionOwner, PartMotion
-from hal.parts.part_connection import PartConnection
+from hal.parts.part_connection import ConnectionFailedError, PartConnection
 from hal.parts.setpoints import Brake, BrakeThenMove, Drift, Follow, Hold, Reach, Setpoints, Stream, Trapezoid
 from hal.parts.simulated_clock import SimulatedClock
 from hal.parts.stop_latch import StopLatch

@@ -66,7 +66,7 @@ class JointChannel(ABC):
 
     def exert(self, efforts: Array) -> None:
         """Exert ``efforts`` (n,), N m or N, until a set-point is sent; only where it ``takes_efforts``."""
-        raise NotImplementedError
+        raise NotImplementedError  # a channel that takes efforts overrides it; the law asks no other
 
     @abstractmethod
     def send(self, positions: Array, velocities: Array) -> None:

@@ -1,12 +1,17 @@
-"""What hardware parts that move share: the connection, the stop latch, and one motion at a time."""
+"""What parts that are controlled share: the connection, the stop latch, and one motion at a time."""
 
 from __future__ import annotations
 
 import threading
 
-from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError
+from bestman_bt.errors import InputError
+from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError, RobotError
 from hal.parts.motion import PartMotion
 from hal.parts.stop_latch import StopLatch
+
+
+class ConnectionFailedError(RobotError, InputError):
+    """A controller could not be reached, refused the connection, or its SDK is not installed."""
 
 
 class PartConnection:

@@ -38,7 +38,7 @@ def _is_ours(module: str) -> bool:
 
 def _functions(member: object) -> Iterator[FunctionType]:
     """The function that a member is, or wraps; those of a class of ours that is no leaf of its own."""
-    member = inspect.unwrap(getattr(member, "__func__", getattr(member, "fget", None) or member))  # type: ignore[arg-type]
+    member = inspect.unwrap(getattr(member, "__func__", getattr(member, "fget", None) or member))  # type: ignore[arg-type]  # a member may be anything
     if isinstance(member, FunctionType):
         yield member
     elif isinstance(member, type) and _is_ours(member.__module__) and not hasattr(member, "FAILS"):

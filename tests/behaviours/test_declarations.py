@@ -64,6 +64,6 @@ def test_the_more_special_advice_counts() -> None:
 
 @pytest.mark.parametrize("name", sorted({"Grasp", "PlaceOn", "PlaceIn", "Push", "Open", "Close"}))
 def test_skills_that_act_on_things_say_what_they_need_and_bring_about(name: str) -> None:
-    declared = LEAVES[name].DECLARATION  # type: ignore[attr-defined]
+    declared = LEAVES[name].DECLARATION  # type: ignore[attr-defined]  # these are skills, LEAVES holds nodes
     assert declared.pre
     assert declared.effects
