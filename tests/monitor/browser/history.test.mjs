@@ -63,7 +63,8 @@ test("a finished run plays through its past", async () => {
 test("the page reconnects after the server restarts, and catches up", async () => {
   const run = errand();
   run.tick();
-  const { page, server, record } = await open([run], { allowed: /WebSocket connection/ });
+  // While the server is away, the socket and whatever else the page asks for find nobody.
+  const { page, server, record } = await open([run], { allowed: /WebSocket connection|net::ERR_(CONNECTION|EMPTY)/ });
   await outline(page);
   await eventually(() => shownStates(page), trueStates(run));
   await server.stop();
