@@ -10,6 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Annotated
 
@@ -32,7 +33,7 @@ from bestman_bt.cli.options import (
     Seed,
     Settings,
 )
-from bestman_bt.cli.run_view import RunView, summary
+from bestman_bt.cli.run_view import RunView
 from bestman_bt.cli.started_monitor import show_in_monitor
 from bestman_bt.configuration import (
     ConfigurationError,
@@ -128,7 +129,8 @@ def execute(
     if live:
         require_extra("--live", "rerun")
     with ExitStack() as stack:
-        watchers = [stack.enter_context(RunView(setup.config.name)).watch]
+        view = stack.enter_context(RunView(setup.config.name))
+        watchers = [view.watch]
         if groot2_port is not None:
             watchers.append(stack.enter_context(Groot2View(groot2_port)).watch)
         if real_time:
@@ -145,7 +147,7 @@ def execute(
         except ConnectionFailedError:
             shutil.rmtree(folder)  # nothing was started: there is nothing to keep
             raise
-    summary(result, setup, folder)
+    view.summary(result, setup, folder)
     return result, folder
 
 
@@ -224,8 +226,13 @@ def _configuration(
     if tree is not None and task is None:
         task = task_of_tree(tree)
         if task is None:
-            if tree in data_names("task"):
+            tasks, trees = data_names("task"), data_names("tree")
+            close = get_close_matches(tree, [*trees, *tasks], n=1)
+            if tree in tasks:
                 message = f"is a task, not a tree: bestman-bt run --task {tree}"
+                raise ConfigurationError([Problem(tree, None, "", message)])
+            if close and close[0] not in trees and not Path(tree).suffix:
+                message = f"unknown tree; did you mean the task {close[0]!r}? bestman-bt run --task {close[0]}"
                 raise ConfigurationError([Problem(tree, None, "", message)])
             scene, robot = scene or "kitchen", robot or "diff_panda"
     return load_run(

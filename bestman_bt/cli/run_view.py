@@ -17,6 +17,7 @@ from bestman_bt.runtime import Session, Setup
 from bestman_bt.visualization import describe_changes, describe_tree
 from bestman_bt.visualization.terminal import LiveTree, NodeEvent
 from bestman_bt.visualization.tree_description import NodeTransition
+from hal.parts import SimulatedClock
 
 CONSOLE = Console(stderr=True)
 
@@ -27,6 +28,7 @@ class RunView:
     def __init__(self, title: str) -> None:
         self._title = title
         self._live: Live | None = None
+        self._simulated = True
 
     def __enter__(self) -> RunView:
         return self
@@ -39,8 +41,9 @@ class RunView:
 
     def watch(self, session: Session, tree: Tree) -> Callable[[], None]:
         """Attach to a tree; returns what to call after each tick."""
-        shown = LiveTree(describe_tree(tree), self._title)
         clock, start, wall_start = session.robot.clock, session.robot.clock.now(), time.perf_counter()
+        self._simulated = isinstance(clock, SimulatedClock)
+        shown = LiveTree(describe_tree(tree), self._title, simulated=self._simulated)
         on_terminal = CONSOLE.is_terminal
         if on_terminal:
             self._live = Live(shown, console=CONSOLE, auto_refresh=False, vertical_overflow="crop")
@@ -73,41 +76,41 @@ class RunView:
         follow(tree, shown.apply)
         return after_tick
 
-
-def summary(result: RunResult, setup: Setup, folder: Path) -> None:
-    """Print how a run ended."""
-    goals = setup.goals
-    table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
-    look = {
-        Outcome.SUCCESS: "[bold green]success",
-        Outcome.FAILURE: "[bold red]failure",
-        Outcome.CANCELLED: "[bold yellow]cancelled",
-        Outcome.ERROR: "[bold red]error",
-    }[result.outcome]
-    table.add_row(f"{result.task}, seed {result.seed}", look)
-    for goal in goals if result.success and result.judged else ():
-        table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
-    if result.failure is not None:
-        named = result.failure.named
-        where = f"{named}: " if named else ""
-        table.add_row("why", f"{where}{result.failure.why} ({result.failure.error_code})")
-    if result.not_judged:
-        table.add_row("judge", result.not_judged)
-    if "place_error_mm" in result.metrics and result.success:
-        turn = f", tilt {result.metrics['tilt_deg']:.1f}°" if "tilt_deg" in result.metrics else ""
-        table.add_row("place error", f"{result.metrics['place_error_mm']:.1f} mm{turn}")
-    table.add_row(
-        "time",
-        f"{result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s, {result.real_time_factor:.1f} × real time",
-    )
-    if result.audit:
-        counts = ", ".join(
-            f"{name.replace('_', ' ')} {result.audit[name]}"
-            for name in ("teleports", "grasp_constraints", "ground_truth_reads", "collisions")
-        )
-        table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
-    table.add_row("files", str(folder))
-    for path in sorted(folder.iterdir()):
-        table.add_row("", path.name)
-    CONSOLE.print()
-    CONSOLE.print(table, highlight=False)
+    def summary(self, result: RunResult, setup: Setup, folder: Path) -> None:
+        """Print how a run ended."""
+        goals = setup.goals
+        table = Table(show_header=False, box=None, padding=(0, 2, 0, 0))
+        look = {
+            Outcome.SUCCESS: "[bold green]success",
+            Outcome.FAILURE: "[bold red]failure",
+            Outcome.CANCELLED: "[bold yellow]cancelled",
+            Outcome.ERROR: "[bold red]error",
+        }[result.outcome]
+        table.add_row(f"{result.task}, seed {result.seed}", look)
+        for goal in goals if result.success and result.judged else ():
+            table.add_row("fetched", f"the {goal.object} from the {goal.source} to the {goal.surface}")
+        if result.failure is not None:
+            named = result.failure.named
+            where = f"{named}: " if named else ""
+            table.add_row("why", f"{where}{result.failure.why} ({result.failure.error_code})")
+        if result.not_judged:
+            table.add_row("judge", result.not_judged)
+        if "place_error_mm" in result.metrics and result.success:
+            turn = f", tilt {result.metrics['tilt_deg']:.1f}°" if "tilt_deg" in result.metrics else ""
+            table.add_row("place error", f"{result.metrics['place_error_mm']:.1f} mm{turn}")
+        time_taken = f"{result.sim_time_s:.1f} s of real time"
+        if self._simulated:
+            speed = f"{result.real_time_factor:.1f} × real time"
+            time_taken = f"{result.sim_time_s:.1f} s simulated in {result.wall_time_s:.1f} s, {speed}"
+        table.add_row("time", time_taken)
+        if result.audit:
+            counts = ", ".join(
+                f"{name.replace('_', ' ')} {result.audit[name]}"
+                for name in ("teleports", "grasp_constraints", "ground_truth_reads", "collisions")
+            )
+            table.add_row("audit", f"{counts}, deepest contact {result.audit['max_penetration_mm']:.2f} mm")
+        table.add_row("files", str(folder))
+        for path in sorted(folder.iterdir()):
+            table.add_row("", path.name)
+        CONSOLE.print()
+        CONSOLE.print(table, highlight=False)

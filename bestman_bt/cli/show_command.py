@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 from bestman_bt.cli.options import Plugins
 from bestman_bt.configuration import ConfigurationError, Problem, find_data, shipped_trees
-from bestman_bt.engine import load_tree, render_dot, render_ports, render_svg, render_text
+from bestman_bt.engine import TreeLoadError, load_tree, render_dot, render_ports, render_svg, render_text
 from bestman_bt.runtime.plugins import node_registry
 
 
@@ -26,7 +27,12 @@ def command(
     path = Path(find_data("tree", tree))
     if tree_id is not None and path.suffix == ".py":
         raise ConfigurationError([Problem("--tree", None, "", f"{path} is a Python file, which defines one tree")])
-    loaded = load_tree(path, registry, main_tree=tree_id, search_path=shipped_trees())
+    try:
+        loaded = load_tree(path, registry, main_tree=tree_id, search_path=shipped_trees())
+    except TreeLoadError as error:
+        one_of_several = tree_id is None and error.problems[0].message.startswith("it is missing, and")
+        choose = [replace(error.problems[0], suggestion="choose one by --tree ID")]
+        raise TreeLoadError([*choose, *error.problems[1:]] if one_of_several else error.problems) from None
     if svg is not None:
         svg.write_text(render_svg(loaded), encoding="utf-8")
         print(svg)

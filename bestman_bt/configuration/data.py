@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable
+from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -96,23 +97,33 @@ def find_data(kind: str, name: str | Path, asked_by: Problem | None = None) -> P
     """
     suffixes = _FOLDERS[kind][1]
     text = str(name)
+    place = asked_by or Problem(text, None, "", "")
     if isinstance(name, Path) or _is_path(kind, text):
         path = Path(name)
         if path.is_file():
             return path
-        message = f"no such {kind} file: {text}"
+        message = f"no such {kind} file{'' if place.source == text else f': {text}'}{_alike(kind, path)}"
     else:
         for path in (folder / f"{text}{suffix}" for folder in _folders(kind) for suffix in suffixes):
             if text and path.is_file():
                 return path
-        message = f"unknown {kind} {text!r}; {suggestion(text, data_names(kind))}"
+        own = next((own for suffix in suffixes if text and (own := Path(text + suffix)).is_file()), None)
+        hint = suggestion(text, data_names(kind)) if own is None else f"did you mean your file '{own}'?"
+        message = f"unknown {kind} {text!r}; {hint}"
         if kind == "robot" and "+" in text:
             message = (
                 f"{text!r} is a combination of parts, which has no cameras, lidar and postures yet: write a robot file "
                 "(docs/add_your_robot.md), 'bestman-bt robot postures FILE' proposes postures for it"
             )
-    place = asked_by or Problem(text, None, "", "")
     raise ConfigurationError([Problem(place.source, place.line, place.field, message)])
+
+
+def _alike(kind: str, path: Path) -> str:
+    """Words that suggest the file in the folder of a missing one, or the shipped name, that is most like it."""
+    files = [found.name for found in path.parent.glob("*") if found.suffix in _FOLDERS[kind][1]]
+    close = [str(path.with_name(name)) for name in get_close_matches(path.name, files, n=1)]
+    close += get_close_matches(path.stem, data_names(kind), n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def beside(file: Path, kind: str, name: str) -> str:

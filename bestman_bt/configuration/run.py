@@ -73,7 +73,8 @@ def load_run(
     """
     choices = {"tree": "" if tree is None and task is None else tree, "scene": scene, "robot": robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}
-    command_line = Document(dict(source), {(key,): (f"--{key} {value}", None) for key, value in source.items()})
+    origins = {(key,): (value if key == "tree" else f"--{key} {value}", None) for key, value in source.items()}
+    command_line = Document(dict(source), origins)
     faults = ProblemCollector()
     document, known, given = _nothing(), task is None, list(plugins)
     values: dict[str, Any] = {}
@@ -95,7 +96,10 @@ def load_run(
     for kind in choices:
         with faults.step():
             if isinstance(document.data.get(kind), str) and document.data[kind]:
-                find_data(kind, document.data[kind], document.problem((kind,), ""))
+                asked_by = document.problem((kind,), "")
+                find_data(
+                    kind, document.data[kind], dataclasses.replace(asked_by, field="") if kind in source else asked_by
+                )
     if merged is None or faults.problems:  # otherwise plug-ins are told of where they are loaded
         faults.problems += [Problem(f"--plugin {p}", None, "", "no such file") for p in given if not Path(p).is_file()]
         raise ConfigurationError(dict.fromkeys(faults.problems))

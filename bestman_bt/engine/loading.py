@@ -134,10 +134,11 @@ def main_tree_of(documents: Documents, wanted: str | None) -> str | None:
         return next(iter(trees))
     if not trees and documents.problems:
         return None
-    message = "the file holds no <BehaviorTree>"
+    message, suggestion = "the file holds no <BehaviorTree>", ""
     if trees:
         message = f"it is missing, and the file holds {len(trees)} trees: {', '.join(trees)}"
-    documents.problems.append(Problem(documents.file, 1, "root", field if trees else "", message))
+        suggestion = f'write main_tree_to_execute="{next(iter(trees))}"'
+    documents.problems.append(Problem(documents.file, 1, "root", field if trees else "", message, suggestion))
     return None
 
 

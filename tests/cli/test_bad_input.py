@@ -90,6 +90,14 @@ def test_a_tree_that_does_not_load_is_refused(refused, folder: Path, text: str, 
     assert told.count("\n") == 1
 
 
+def test_of_several_trees_one_is_to_be_chosen(refused, folder: Path) -> None:
+    trees = "".join(f'<BehaviorTree ID="{name}"><AlwaysSuccess/></BehaviorTree>' for name in ("A", "B"))
+    (folder / "two.xml").write_text(f'<root BTCPP_format="4">{trees}</root>')
+    told = "two.xml:1: <root> 'main_tree_to_execute': it is missing, and the file holds 2 trees: A, B"
+    assert f"{told} (choose one by --tree ID)" in refused("show", "two.xml")
+    assert f'{told} (write main_tree_to_execute="A")' in refused("run", "two.xml")
+
+
 def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
     (folder / "t.xml").write_text(tree("<Sequence>\n<NavigateTo/>\n<Grap/>\n</Sequence>"))
     told = refused("run", "t.xml").splitlines()
@@ -101,7 +109,9 @@ def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "missing.xml"], "no such tree file: missing.xml"),
+        (["run", "missing.xml"], "nothing was started: missing.xml: no such tree file"),
+        (["run", "fetch_cop.xml"], "fetch_cop.xml: no such tree file; did you mean 'fetch_cup'?"),
+        (["run", "plan_set_tabel"], "unknown tree; did you mean the task 'plan_set_table'?"),
         (["run", "fetch_cop"], "unknown tree 'fetch_cop'; did you mean 'fetch_cup'?"),
         (["run", "--task", "fetch_cop"], "unknown task 'fetch_cop'; did you mean 'fetch_cup'?"),
         (["eval", "fetch_cop"], "unknown task 'fetch_cop'; did you mean 'fetch_cup'?"),
@@ -112,7 +122,7 @@ def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
         (["show", "fetch_cup_python", "--tree", "Pick"], "is a Python file, which defines one tree"),
         (["run", "look", "--real-time", "--driver", "replay"], "--real-time: is for simulated runs"),
         (["nodes", "NavigateToo"], "unknown node 'NavigateToo'; did you mean 'NavigateTo'?"),
-        (["validate", "missing.xml"], "no such tree file: missing.xml"),
+        (["validate", "missing.xml"], "missing.xml: no such tree file"),
         (["run"], "give a tree, or --task, or both"),
         (["rnu", "fetch_cup"], "unknown command 'rnu'; did you mean 'run'?"),
         (["run", "fetch_cup", "--sed", "3"], "No such option: --sed"),

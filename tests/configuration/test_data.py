@@ -40,7 +40,7 @@ def test_a_path_means_that_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         ("task", "fetch_cop", "unknown task 'fetch_cop'; did you mean 'fetch_cup'?"),
         ("scene", "kichen", "unknown scene 'kichen'; did you mean 'kitchen'?"),
         ("part", "panda_arn", "unknown part 'panda_arn'; did you mean 'panda_arm'?"),
-        ("tree", "nowhere/tree.xml", "no such tree file: nowhere/tree.xml"),
+        ("tree", "nowhere/tree.xml", "nowhere/tree.xml: no such tree file"),
         ("scene", "", "unknown scene ''"),
         ("scene", "../robots/column", "no such scene file"),
         ("robot", "omni_base+iiwa_arm+wsg50", "has no cameras, lidar and postures yet: write a robot file"),

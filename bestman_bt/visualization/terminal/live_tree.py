@@ -24,15 +24,19 @@ class LiveTree:
 
     Feed it with ``apply`` and ``set_time``. On a terminal show it with ``rich.live.Live``; elsewhere write the
     events that ``apply`` returns, one line each. Trees higher than the terminal are folded where nothing runs.
+    ``simulated``: whether the robot's clock is a simulation's, which runs apart from real time.
     """
 
-    def __init__(self, nodes: Sequence[DescribedNode], title: str = "", event_lines: int = 6) -> None:
+    def __init__(
+        self, nodes: Sequence[DescribedNode], title: str = "", event_lines: int = 6, simulated: bool = True
+    ) -> None:
         self._tree = TreeDescription(nodes)
         self._title = title or node_label(self._tree.root)
+        self._simulated = simulated
         self._states = NodeStates(self._tree)
         self._events = NodeEvents(self._tree)
         self._recent: deque[NodeEvent] = deque(maxlen=event_lines)
-        self._sim_time = 0.0
+        self._robot_time = 0.0
         self._wall_time = 0.0
 
     def apply(self, transitions: Sequence[NodeTransition]) -> list[NodeEvent]:
@@ -57,9 +61,9 @@ class LiveTree:
         """Replace the message of a node, as when a running leaf reports progress."""
         self._states.tell(uid, message)
 
-    def set_time(self, sim_time: float, wall_time: float) -> None:
-        """Set the simulated and the elapsed time, seconds."""
-        self._sim_time = sim_time
+    def set_time(self, robot_time: float, wall_time: float) -> None:
+        """Set what has passed on the robot's clock and on the wall's, seconds."""
+        self._robot_time = robot_time
         self._wall_time = wall_time
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -80,11 +84,14 @@ class LiveTree:
 
     def _header(self) -> Text:
         look = self._states.look(self._tree.root.uid)
-        factor = self._sim_time / self._wall_time if self._wall_time > 0 else 0.0
         header = Text(no_wrap=True, overflow="ellipsis")
         header.append(f"{look.icon} {self._title}", style=f"bold {_style(look)}")
-        header.append(f"   simulated {self._sim_time:.1f} s", style="bold")
-        header.append(f"   wall {self._wall_time:.1f} s   {factor:.1f} × real time", style="dim")
+        if self._simulated:
+            factor = self._robot_time / self._wall_time if self._wall_time > 0 else 0.0
+            header.append(f"   simulated {self._robot_time:.1f} s", style="bold")
+            header.append(f"   wall {self._wall_time:.1f} s   {factor:.1f} × real time", style="dim")
+        else:
+            header.append(f"   real time {self._robot_time:.1f} s", style="bold")
         return header
 
     def _tree_lines(self, lines: int) -> list[Text]:

@@ -44,6 +44,12 @@ def test_the_whole_tree_is_drawn_with_the_state_of_every_node(live_tree):
     ]
 
 
+def test_a_robot_that_is_not_simulated_has_no_simulated_time(fetch_nodes):
+    live = LiveTree(fetch_nodes, title="fetch_cup", simulated=False)
+    live.set_time(5.0, 5.1)
+    assert rendered(live)[0].rstrip() == "· fetch_cup   real time 5.0 s"
+
+
 def test_a_failure_keeps_its_reason_after_the_reset(live_tree):
     live_tree.apply([NodeTransition(5, FAILURE, 6.0, "SLIPPED: the cup fell"), NodeTransition(5, IDLE, 6.0)])
     assert "│  │  └─ ✗ Grasp  SLIPPED: the cup fell" in [line.rstrip() for line in rendered(live_tree)]
