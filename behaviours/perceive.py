@@ -11,7 +11,7 @@ from behaviours.beliefs import believe_objects, believe_surface, only_nearest, s
 from behaviours.context import SkillContext
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
-from behaviours.surfaces import UNKNOWN_SURFACE, surface_region
+from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import ObjectBelief
@@ -36,6 +36,7 @@ class DetectObjects(Skill):
     OUTPUT_PORTS: ClassVar = {"objects": PortInformation(list, required=False, description="names of what was seen")}
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
+        **SURFACE_NOT_SEEN,
         **NO_CAMERA,
     }
     DECLARATION = Declaration(effects=("scanned({surface})",))
@@ -65,6 +66,7 @@ class DetectObject(Skill):
     }
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
+        **SURFACE_NOT_SEEN,
         **NO_CAMERA,
         "unknown_object": "add a model of it, or ScanScene for things without one",
         "not_found": "look elsewhere: ScanScene, or another surface",
@@ -117,6 +119,7 @@ class EstimatePose(Skill):
     }
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
+        **SURFACE_NOT_SEEN,
         **NO_CAMERA,
         "not_found": "DetectObject first",
         "object_lost": "it has moved or is hidden: DetectObject",

@@ -15,7 +15,7 @@ from behaviours.contacts import grasp, support, surface_below
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import NO_CAMERA, camera_called
 from behaviours.skill import Declaration, Skill, SkillFailure, Steps
-from behaviours.surfaces import UNKNOWN_SURFACE, surface_region
+from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
@@ -68,6 +68,7 @@ class FindPlacePose(Skill):
     OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="of the placed object, in the map frame")}
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
+        **SURFACE_NOT_SEEN,
         **NO_CAMERA,
         "unknown_object": "add a model of it",
         "surface_full": "another surface",

@@ -13,7 +13,7 @@ from py_trees.ports import PortInformation
 from behaviours.beliefs import believe_objects, believe_surface
 from behaviours.names import SurfaceName
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
-from behaviours.surfaces import UNKNOWN_SURFACE, find_surface, surface_region
+from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
@@ -56,7 +56,7 @@ class ScanScene(Skill):
         "objects": PortInformation(list, required=False, description="names of what was seen"),
         "changes": PortInformation(list, required=False, description="what was noticed: cup moved, can_2 added"),
     }
-    FAILS: ClassVar = UNKNOWN_SURFACE
+    FAILS: ClassVar = {**UNKNOWN_SURFACE, **SURFACE_NOT_SEEN}
     DECLARATION = Declaration(effects=("scanned({surface})",))
 
     def execute(self) -> Steps:

@@ -16,6 +16,7 @@ from behaviours.beliefs import only_nearest, remember_view
 from behaviours.names import ObjectName
 from behaviours.perceive import NO_CAMERA, region_around
 from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.surfaces import SURFACE_NOT_SEEN
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.world_model import ObjectBelief
@@ -51,6 +52,7 @@ class SecondLook(Skill):
     }
     FAILS: ClassVar = {
         **NO_CAMERA,
+        **SURFACE_NOT_SEEN,
         **ARM_PLANNING_FAILS,
         "not_found": "DetectObject first",
         "no_view": "do without, or stand elsewhere: FindStandPose, NavigateTo",

@@ -32,6 +32,7 @@ SLAB_GROWTH = 0.02
 """Metres by which a measured surface is taken to be larger on each side than what was seen of it."""
 
 UNKNOWN_SURFACE = {"unknown_surface": "name a surface of the map"}
+SURFACE_NOT_SEEN = {"surface_not_seen": "stand at it and look at it first: FindStandPose, NavigateTo, LookAt"}
 
 
 def find_surface(skills: SkillContext, name: str) -> tuple[MapFurniture, MapSurface]:

@@ -13,7 +13,7 @@ from behaviours.beliefs import believe_surface
 from behaviours.context import SkillContext
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.skill import Declaration, Explained, Skill, SkillCondition, SkillFailure, Steps
-from behaviours.surfaces import UNKNOWN_SURFACE, find_surface, surface_region
+from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, find_surface, surface_region
 from bestman_bt.engine import SyncAction
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
@@ -123,6 +123,7 @@ class FindFreePlace(Skill):
     }
     FAILS: ClassVar = {
         **UNKNOWN_SURFACE,
+        **SURFACE_NOT_SEEN,
         "unknown_object": "DetectObject first, or add a model",
         "surface_full": "another surface or region",
     }

@@ -12,6 +12,8 @@ class PerceptionError(AlgorithmError):
 class NoSurfaceError(PerceptionError):
     """No support surface was seen where one was expected; the message says how much was seen instead."""
 
+    code = "surface_not_seen"
+
 
 class DetectorModelError(PerceptionError):
     """A learned model that cannot be used: no such file, no such format, other inputs or outputs than expected."""

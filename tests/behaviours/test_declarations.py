@@ -16,6 +16,7 @@ from bestman_bt.manipulation.motion_planning import PlanningErrorCode
 from bestman_bt.manipulation.policy import errors as policy_errors
 from bestman_bt.messages import MotionErrorCode
 from bestman_bt.navigation.global_planning import PlanningFailureReason
+from bestman_bt.perception import NoSurfaceError
 from bestman_bt.registry import BEHAVIOURS
 from bestman_bt.sensing.rgbd import CameraErrorCode
 from tests.behaviours.raised_codes import raised_codes
@@ -28,6 +29,7 @@ OF_ENUMERATIONS = {
     *DRIVING_FAILS,
     *FOLLOWING_FAILS,
     *(kind.code for kind in vars(policy_errors).values() if isinstance(kind, type) and hasattr(kind, "code")),
+    NoSurfaceError.code,
     *("not_open", "timeout"),  # of a following that got to its end, or not
 }
 """Codes that stand in no skill as literals."""

@@ -163,5 +163,6 @@ def _no_surface(region: Region, found: int, needed: int) -> str:
     x, y, z = region.frame_from_surface.position
     return (
         f"no surface in view near x {x:.2f} y {y:.2f} z {z:.2f} m (±{region.tolerance:.2f} m): "
-        f"{found} measured points, at least {needed} are needed"
+        f"{found} measured points, at least {needed} are needed; "
+        "stand at the surface and look at it first (NavigateTo, LookAt)"
     )
