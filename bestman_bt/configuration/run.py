@@ -15,7 +15,7 @@ import yaml
 
 from bestman_bt.configuration.checked import check, override
 from bestman_bt.configuration.data import find_data
-from bestman_bt.configuration.document import Document, FieldPath, parse_value, read_document
+from bestman_bt.configuration.document import Document, FieldPath, Origins, parse_value, read_document
 from bestman_bt.configuration.errors import ConfigurationError, Problem, ProblemCollector
 from bestman_bt.configuration.quantity import WholeNumber
 from bestman_bt.configuration.secret import shown_setting
@@ -73,7 +73,7 @@ def load_run(
     """
     choices = {"tree": "" if tree is None and task is None else tree, "scene": scene, "robot": robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}
-    origins = {(key,): (value if key == "tree" else f"--{key} {value}", None) for key, value in source.items()}
+    origins: Origins = {(key,): (value if key == "tree" else f"--{key} {value}", None) for key, value in source.items()}
     command_line = Document(dict(source), origins)
     faults = ProblemCollector()
     document, known, given = _nothing(), task is None, list(plugins)

@@ -115,18 +115,34 @@ test("two thousand nodes open folded, and unfold", async () => {
   assert.ok((await page.locator(".outline-row").count()) < 80, "only the rows in view exist");
 });
 
-test("at 1400 px map and legend lie beside the drawing of a tall tree, so that they cover no node", async () => {
+test("tools, map and legend lie beside the drawing of a tall tree, so that they cover no node, and beside each other", async () => {
   const run = new FakeRun("tall", big(300), { task: "tall", tree: "tall" });
   run.tick();
   const { page } = await open([run], { width: 1400, height: 900 });
   await page.locator(".minimap:visible").waitFor();
-  const drawing = await page.locator(".graph-host").boundingBox();
-  for (const cover of [".minimap", ".legend"]) {
-    const box = await page.locator(cover).boundingBox();
-    assert.ok(box.y >= drawing.y + drawing.height, `${cover} begins below the drawing`);
-    assert.ok(box.y + box.height <= 900);
+  for (const width of [1400, 1100, 900, 400]) {
+    await page.setViewportSize({ width, height: 900 });
+    await eventually(() => overlaps(page, [".graph-host", ".graph-tools", ".minimap", ".legend"]), [], `${width} px`);
   }
 });
+
+/** The pairs of shown boxes that cover each other, and boxes that leave the window. */
+async function overlaps(page, selectors) {
+  const window = page.viewportSize();
+  const boxes = [];
+  for (const selector of selectors) {
+    const box = await page.locator(`${selector}:visible`).boundingBox({ timeout: 200 }).catch(() => null);
+    if (box !== null) boxes.push({ selector, left: box.x, top: box.y, right: box.x + box.width, bottom: box.y + box.height });
+  }
+  const out = boxes.filter((box) => box.left < 0 || box.top < 0 || box.right > window.width || box.bottom > window.height);
+  const covering = boxes.flatMap((a, at) =>
+    boxes
+      .slice(at + 1)
+      .filter((b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom)
+      .map((b) => `${a.selector} and ${b.selector}`),
+  );
+  return [...covering, ...out.map((box) => `${box.selector} leaves the window`)];
+}
 
 test("of two runs the one that is opened late shows what came before", async () => {
   const [first, second] = [errand("first"), errand("second")];
