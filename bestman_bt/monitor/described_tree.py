@@ -37,7 +37,8 @@ def _described(node: Node) -> DescribedNode:
     parent = node.parent.uid if isinstance(node.parent, Node) else None
     ports = {key: _text(value) for key, value in node.attributes.items() if key not in ("name", "ID")}
     scope = "" if node.place is None else node.place.path
-    return DescribedNode(node.uid, parent, node.name, _type(node), category_of(node), node.path, ports, scope)
+    kind, category = _type(node), category_of(node)
+    return DescribedNode(node.uid, parent, node.name, kind, category, node.path, ports, scope, node.where)
 
 
 def _type(node: Node) -> str:

@@ -57,7 +57,10 @@ class RunEvent:
 
 @dataclass(frozen=True)
 class DescribedNode:
-    """A node. ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree."""
+    """A node. ``path``: unique in its tree; ``ports``: port or attribute → text; ``scope``: path of its SubTree.
+
+    ``where``: what people call it, its name with file and line; empty where no file defines it.
+    """
 
     uid: int
     parent: int | None
@@ -67,6 +70,7 @@ class DescribedNode:
     path: str
     ports: dict[str, str]
     scope: str
+    where: str = ""
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,7 @@ class SlowNode:
     """A leaf over all runs of a task: ``median`` and ``p95`` seconds of a run, ``share`` of the runs' time."""
 
     task: str
+    where: str
     path: str
     type: str
     runs: int
@@ -126,16 +127,16 @@ def slow_nodes(stories: Sequence[RunStory]) -> list[SlowNode]:
     found = []
     for task, mine in groups_by_name(stories).items():
         total = sum(story.duration for story in mine if story.activities)
-        seconds: dict[tuple[str, str], list[float]] = defaultdict(list)
-        counts: Counter[tuple[str, str]] = Counter()
-        failures: Counter[tuple[str, str]] = Counter()
+        seconds: dict[tuple[str, str, str], list[float]] = defaultdict(list)
+        counts: Counter[tuple[str, str, str]] = Counter()
+        failures: Counter[tuple[str, str, str]] = Counter()
         for story in mine:
             above = {node.parent for node in story.nodes}  # a leaf that ticks a tree stands above that tree's nodes
             leaves = {node.key: node for node in story.nodes if node.is_leaf and node.key not in above}
-            in_run: dict[tuple[str, str], float] = defaultdict(float)
+            in_run: dict[tuple[str, str, str], float] = defaultdict(float)
             for key, work in work_of_nodes(story.activities).items():
                 if key in leaves:
-                    which = (leaves[key].path, leaves[key].type)
+                    which = (leaves[key].where, leaves[key].path, leaves[key].type)
                     in_run[which] += work.seconds
                     counts[which] += work.count
                     failures[which] += work.failures

@@ -7,7 +7,7 @@ import math
 import socket
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -236,7 +236,12 @@ def _take_event(event: Event, parts: _Parts) -> None:
     match event:
         case RunEvent():
             parts.started = event.started
-        case TreeEvent() if event.tree:
+        case TreeEvent(tree=0):  # the nodes are in the log of states, which does not tell their files
+            for node in event.nodes:
+                known = parts.nodes.get((0, node.uid))
+                if known is not None and known.path == node.path:
+                    parts.nodes[known.key] = replace(known, where=node.where)
+        case TreeEvent():
             under = None if event.under is None else (0, event.under)
             for node in event.nodes:
                 parent = under if node.parent is None else (event.tree, node.parent)
@@ -255,7 +260,8 @@ def _add_node(parts: _Parts, key: NodeKey, parent: NodeKey | None, node: Any) ->
     if key not in parts.nodes:
         above = parts.nodes.get(parent) if parent is not None else None
         depth = 0 if above is None else above.depth + (above.category == "subtree" or above.is_leaf)
-        parts.nodes[key] = StoryNode(key, parent, node.name, node.type, node.category, node.path, depth)
+        where = getattr(node, "where", "")
+        parts.nodes[key] = StoryNode(key, parent, node.name, node.type, node.category, node.path, depth, where)
 
 
 def _in_reading_order(nodes: dict[NodeKey, StoryNode]) -> Iterator[StoryNode]:

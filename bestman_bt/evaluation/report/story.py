@@ -20,7 +20,10 @@ LONGEST_SETTING = 200
 
 @dataclass(frozen=True)
 class StoryNode:
-    """A node of the main tree, or of one that a leaf of it ticked; ``depth``: how many subtrees and trees it is in."""
+    """A node of the main tree, or of one that a leaf of it ticked; ``depth``: how many subtrees and trees it is in.
+
+    ``where``: its name with file and line, where a file defines it.
+    """
 
     key: NodeKey
     parent: NodeKey | None
@@ -29,6 +32,12 @@ class StoryNode:
     category: str
     path: str
     depth: int
+    where: str = ""
+
+    @property
+    def named(self) -> str:
+        """What people call it, as in ``StoryFailure``."""
+        return self.where or self.path
 
     @property
     def is_leaf(self) -> bool:

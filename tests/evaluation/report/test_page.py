@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from bestman_bt.engine import load_tree
 from bestman_bt.engine.status import FAILURE, SUCCESS
 from bestman_bt.evaluation.report.activities import Activity
 from bestman_bt.evaluation.report.gantt import MAX_BARS, MAX_ROWS, WIDTH, gantt
@@ -15,7 +16,8 @@ from bestman_bt.evaluation.report.page import report_page
 from bestman_bt.evaluation.report.run_reader import read_story
 from bestman_bt.evaluation.report.story import NodeKey, StoryNode
 from bestman_bt.evaluation.result import Outcome
-from tests.evaluation.report.run_folders import failure_with_picture, picture, write_run
+from bestman_bt.monitor.described_tree import describe_tree
+from tests.evaluation.report.run_folders import TREE, failure_with_picture, picture, write_run
 
 NOW = datetime(2026, 3, 4, 5, 6)
 
@@ -46,6 +48,20 @@ class _Page(HTMLParser):
 
 def _page(*folders: Path) -> _Page:
     return _Page(report_page([read_story(folder) for folder in folders], NOW))
+
+
+def test_nodes_are_named_by_file_and_line_in_tooltips_and_tables(tmp_path: Path) -> None:
+    file = tmp_path / "mine.xml"
+    file.write_text(TREE)
+    folders = [write_run(tmp_path / name, events=(describe_tree(load_tree(file)),)) for name in ("one", "two")]
+
+    html = report_page([read_story(folders[0])], NOW)
+    assert "<title>second try (mine.xml:7), Sleep</title>" in html
+    assert "<title>second try (mine.xml:7), " in html.replace("<title>second try (mine.xml:7), Sleep</title>", "")
+    assert "<strong>second try (mine.xml:7)</strong>" in html
+    assert "::" not in "".join(re.findall("<title>.*?</title>", html))
+    many = report_page([read_story(folder) for folder in folders], NOW)
+    assert "<strong>second try (mine.xml:7)</strong>" in many
 
 
 def test_a_page_needs_no_script_and_nothing_beside_it(tmp_path: Path) -> None:
