@@ -14,10 +14,10 @@ from bestman_bt.messages import Box, ObjectModel, PlacedShape, PointCloud, Pose
 from bestman_bt.world_model import ObjectBelief
 
 if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDView
     from bestman_bt.perception.detection import DetectedScene, Detection
     from bestman_bt.perception.pose_estimation import Observation
     from bestman_bt.perception.segmentation import Cluster
-    from bestman_bt.sensing.rgbd import RGBDView
 
 REMEMBERED_VIEWS = 4
 """Views of one object that are kept, to be joined with the next one."""

@@ -20,9 +20,13 @@ from bestman_bt.world_model import WorldModel
 
 if TYPE_CHECKING:
     from bestman_bt.control.arm import ArmController
+    from bestman_bt.control.force_torque import WristWrench
     from bestman_bt.control.gripper import GripperController
     from bestman_bt.control.head import HeadController
+    from bestman_bt.control.joint_state import JointStateSensor
+    from bestman_bt.control.rgbd import RGBDSensor
     from bestman_bt.control.robot_stop import RobotStop
+    from bestman_bt.control.tactile import TactileSensor
     from bestman_bt.control.wheeled import BaseController
     from bestman_bt.manipulation.collision import CollisionModel, CollisionWorld, PlanningScene
     from bestman_bt.manipulation.kinematics import ArmBodies, InverseKinematics
@@ -41,10 +45,6 @@ if TYPE_CHECKING:
     from bestman_bt.perception.tracking import Tracker
     from bestman_bt.perception.view_planning import ViewPlanner
     from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
-    from bestman_bt.sensing.force_torque import WristWrench
-    from bestman_bt.sensing.joint_state import JointStateSensor
-    from bestman_bt.sensing.rgbd import RGBDSensor
-    from bestman_bt.sensing.tactile import TactileSensor
 
 SWAY = 0.01
 """Metres that an arm and what it holds may be beside where its encoders say while the base drives."""

@@ -68,7 +68,7 @@ class Relocalise(Skill):
                 skills.algorithms.global_localization.locate,
                 skills.world.map,
                 scans,
-                skills.base.base_from_lidar,
+                skills.base.lidar.base_from_lidar,
             )
             self.feedback_message = _told(places)
             if places and places[0].probability >= certainty:
@@ -78,14 +78,14 @@ class Relocalise(Skill):
         best = places[0]
         skills.base.believe(best.pose, best.position_std, best.heading_std)
         yield skills.base.park()
-        if skills.base.lost:
+        if skills.base.localisation.lost:
             raise SkillFailure("not_on_map", f"{_told(places)}, but the scans after that do not fit")
         self.set_output("pose", skills.world.base.pose)
 
     def _check_room(self, seen: OdometryScan) -> None:
         corners = np.array(self.skills.base.description.footprint)
         radius = float(np.linalg.norm(corners, axis=1).max())
-        away = np.linalg.norm(self.skills.base.base_from_lidar.apply(seen.scan.points()), axis=1)
+        away = np.linalg.norm(self.skills.base.lidar.base_from_lidar.apply(seen.scan.points()), axis=1)
         if away.size and away.min() < radius + ROOM_TO_TURN:
             raise SkillFailure("no_room", f"the base cannot turn to look around: something is {away.min():.2f} m away")
 
@@ -109,7 +109,7 @@ class InitialPoseReceived(SkillCondition):
         believed, limit = self.skills.world.base, self.get_input("max_position_std")
         if believed.position_std > limit:
             return "no_pose", f"the base may be ±{believed.position_std:.1f} m from where it believes to be"
-        if self.skills.base.lost:
+        if self.skills.base.localisation.lost:
             return "lost", "the base has lost its way"
         return None
 

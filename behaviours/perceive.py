@@ -17,9 +17,9 @@ from bestman_bt.messages import Pose
 from bestman_bt.world_model import ObjectBelief
 
 if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDSensor, RGBDView
     from bestman_bt.perception.detection import DetectedScene
     from bestman_bt.perception.segmentation import Region
-    from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 
 NO_CAMERA = {"no_camera": "a robot that has the camera"}
 

@@ -18,11 +18,11 @@ from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 
 if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDView
     from bestman_bt.perception.detection import DetectedScene
     from bestman_bt.perception.occupancy import VoxelRegion
     from bestman_bt.perception.pose_estimation import PoseHypothesis
     from bestman_bt.perception.segmentation import Region, SupportPlane
-    from bestman_bt.sensing.rgbd import RGBDView
 
 SPREAD = 0.6
 """Share of a surface's longer side over which the views are spread."""

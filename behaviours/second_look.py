@@ -22,10 +22,10 @@ from bestman_bt.messages import PlacedShape, Pose
 from bestman_bt.world_model import ObjectBelief
 
 if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDSensor, RGBDView
     from bestman_bt.perception.detection import DetectedScene
     from bestman_bt.perception.pose_estimation import Observation, PoseHypothesis
     from bestman_bt.perception.view_planning import RankedView
-    from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 
 TRIED_VIEWS = 24
 """Views, the most telling first, for which a posture of the arm is sought."""

@@ -14,8 +14,8 @@ from bestman_bt.perception.errors import NoSurfaceError
 from bestman_bt.world_model import MapFurniture, MapSurface, Obstacle, leaf_shapes
 
 if TYPE_CHECKING:
+    from bestman_bt.control.rgbd import RGBDView
     from bestman_bt.perception.segmentation import Region, SupportPlane
-    from bestman_bt.sensing.rgbd import RGBDView
 
 MARGIN = 0.08
 """Metres beyond the mapped rectangle in which a surface is sought: the map is off by up to 3 cm and 2°."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from behaviours.skill import Skill, Steps
 
 if TYPE_CHECKING:
-    from bestman_bt.sensing.force_torque import WristWrench
+    from bestman_bt.control.force_torque import WristWrench
 
 
 class _Taring:

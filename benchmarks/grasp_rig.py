@@ -14,6 +14,8 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.control.rgbd import RGBDSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Mesh, ObjectModel, Pose
 from bestman_bt.perception import View
@@ -21,8 +23,6 @@ from bestman_bt.perception.grasp_pose import GraspCandidate
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
 from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
 from bestman_bt.scene import World
-from bestman_bt.sensing.joint_state import JointStateSensor
-from bestman_bt.sensing.rgbd import RGBDSensor
 from bestman_bt.world_model import SemanticMap, WorldModel
 from hal.api import Arm, Camera, CommandRefusedError, Gripper, Motion, MotionStatus
 from hal.pybullet import GroundTruth, PyBulletRobot, ScenePhotographer, Viewpoint

@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.navigation_measures.processor_times import timed_ticks
 from benchmarks.navigation_measures.report import median, percentile, print_report, scaled
 from bestman_bt.control import ControlStatus
+from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor, CollisionMonitorParameters
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, Path2D, PlacedShape, Pose, Pose2D, wrap_angle
@@ -31,7 +32,6 @@ from bestman_bt.navigation.localization import ScanToMap
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.runtime.drive_goals import base_footprint
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
-from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, Obstacle, WorldModel
 from hal.api import Lidar, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot

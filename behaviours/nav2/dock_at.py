@@ -112,7 +112,7 @@ class DockAt(Skill):
         hits: list[NDArray[np.float64]] = []
         for _ in range(LOOKS):
             yield skills.computation.submit(lambda: None, LOOK_PERIOD)
-            map_from_lidar = skills.world.base.pose @ skills.base.base_from_lidar
+            map_from_lidar = skills.world.base.pose @ skills.base.lidar.base_from_lidar
             hits.append(map_from_lidar.apply(skills.base.scan().scan.points()))
         edge = front_edge(piece, np.vstack(hits))
         if edge is None:

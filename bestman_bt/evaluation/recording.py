@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.engine import StateChanges, Tree
 from bestman_bt.evaluation.motion import robot_snapshot
 from bestman_bt.evaluation.recorded_beliefs import RecordedBeliefs
 from bestman_bt.messages import Cylinder, PlacedShape, Pose, Pose2D
 from bestman_bt.runtime import Session
 from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
-from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.visualization import RecordedBody, describe_changes, describe_tree
 from bestman_bt.visualization.rerun import RecordedCamera, RerunRecorder
 from hal.pybullet import SceneRecorder

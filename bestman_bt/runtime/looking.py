@@ -15,12 +15,12 @@ from behaviours.failure import NodeFailure
 from behaviours.grasp_candidates import grasp_candidates, handle_grasp_candidates
 from behaviours.surfaces import SLAB_GROWTH
 from bestman_bt.configuration import RunConfig, load_run
+from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.messages import Box, Pose, Pose2D
 from bestman_bt.runtime.robot_session import open_session
 from bestman_bt.runtime.setup import Setup
 from bestman_bt.scene import SceneError, Wall, draw_world, load_scene, semantic_map
 from bestman_bt.scene.plane_geometry import distance_to_polygon, rectangle, wall_rectangle
-from bestman_bt.sensing.rgbd import RGBDView
 from bestman_bt.visualization.marks import GraspMark, HandleMark, ObjectMark, SceneMarks, SurfaceMark
 from bestman_bt.world_model import MapFurniture
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from behaviours.context import SkillContext
+from bestman_bt.control.rgbd import RGBDView
 from bestman_bt.monitor.events import ImageEvent, Topic
 from bestman_bt.runtime.event_stream import Tell
-from bestman_bt.sensing.rgbd import RGBDView
 
 FOLDER = "pictures"
 MOST_PICTURES = 50

@@ -9,17 +9,17 @@ from typing import TypeVar
 from behaviours.context import Algorithms
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
 from bestman_bt.control.arm import ArmController
+from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
+from bestman_bt.control.inertial import FusedOdometry, GyroHeading
+from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.control.lidar import LidarSensor
+from bestman_bt.control.rgbd import RGBDSensor
+from bestman_bt.control.tactile import TactileSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.robot_model import RobotModel
-from bestman_bt.sensing.force_torque import WristWrench
-from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
-from bestman_bt.sensing.joint_state import JointStateSensor
-from bestman_bt.sensing.lidar import LidarSensor
-from bestman_bt.sensing.rgbd import RGBDSensor
-from bestman_bt.sensing.tactile import TactileSensor
 from bestman_bt.world_model import WorldModel
 from hal.api import (
     Arm,

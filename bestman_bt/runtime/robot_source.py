@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from behaviours.context import SkillContext
+from bestman_bt.control.joint_state import JointStateError, JointStateSensor
 from bestman_bt.control.wheeled.localisation_cycle import PlacedScan
 from bestman_bt.messages import Path2D, Pose2D
 from bestman_bt.monitor.events import MapEvent, MapPiece, PathEvent, RobotEvent, ScanEvent, Topic
 from bestman_bt.robot_model import RobotModel
 from bestman_bt.runtime.event_stream import Tell
-from bestman_bt.sensing.joint_state import JointStateError, JointStateSensor
 from bestman_bt.world_model import BasePose, SemanticMap
 from hal.api import Robot
 
@@ -61,7 +61,7 @@ class RobotSource:
             tell(partial(_path_events, time, self._path))
         if base.last_scan is not None and time >= self._next_scan - EARLY:
             self._next_scan = time + SCAN_EVERY
-            tell(partial(_scan_events, time, base.last_scan, base.base_from_lidar))
+            tell(partial(_scan_events, time, base.last_scan, base.lidar.base_from_lidar))
 
     def failed(self, time: float, node: str) -> None:
         """Tells nothing more than is told anyhow."""

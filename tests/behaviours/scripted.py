@@ -88,7 +88,8 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
         "open", "close", "release", name=gripper, description=SimpleNamespace(max_force=70.0, max_width=0.08)
     )
     skills.gripper.width, skills.gripper.pressing = lambda: 0.08, lambda: True
-    skills.base = ScriptedController("follow", "drive", "turn", "rotate_to", "park", stuck=False, lost=False)
+    skills.base = ScriptedController("follow", "drive", "turn", "rotate_to", "park", stuck=False)
+    skills.base.localisation = SimpleNamespace(lost=False)
     skills.head = ScriptedController("move_to", "look_at")
     posture = setup.robot_model.posture("carry", setup.robot_model.arms[arm].joint_names)
     joints = dict(zip(setup.robot_model.arms[arm].joint_names, posture.tolist(), strict=True))

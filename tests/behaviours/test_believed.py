@@ -129,7 +129,7 @@ def test_the_base_knows_where_it_is_unless_it_is_unsure_or_lost(
     skills: Any, std: float, lost: bool, code: str | None
 ) -> None:
     skills.world.base = BasePose(ASKEW, std, 0.01, 50.0)
-    skills.base.lost = lost
+    skills.base.localisation = SimpleNamespace(lost=lost)
     assert run(skills, load(skills, "<InitialPoseReceived/>")) == (FAILURE if code else SUCCESS)
     assert codes(skills) == ([code] if code else [])
 
@@ -164,7 +164,7 @@ def test_it_looks_and_turns_until_one_place_is_certain_enough(
     answers, scans, believed = iter(found), [], []
     corners = ((0.3, 0.2), (0.3, -0.2), (-0.3, -0.2), (-0.3, 0.2))
     skills.base.description = SimpleNamespace(footprint=corners)
-    skills.base.base_from_lidar = Pose2D()
+    skills.base.lidar = SimpleNamespace(base_from_lidar=Pose2D())
     skills.base.scan = lambda: SimpleNamespace(scan=SimpleNamespace(points=lambda: np.array([[2.0, 0.0]])))
     skills.base.believe = lambda *told: believed.append(told)
 
@@ -185,7 +185,7 @@ def test_it_looks_and_turns_until_one_place_is_certain_enough(
 def test_it_turns_only_where_its_corners_have_room(skills: Any, away: float, status: int) -> None:
     """The corners are 36 cm from the middle, and 3 cm must be free beyond; the lidar stands 20 cm ahead of it."""
     skills.base.description = SimpleNamespace(footprint=((0.3, 0.2), (-0.3, -0.2)))
-    skills.base.base_from_lidar = Pose2D(0.2, 0.0, math.pi / 2)
+    skills.base.lidar = SimpleNamespace(base_from_lidar=Pose2D(0.2, 0.0, math.pi / 2))
     behind = np.array([[0.0, away + 0.2]])  # to the left of a lidar that is turned to the left
     skills.base.scan = lambda: SimpleNamespace(scan=SimpleNamespace(points=lambda: behind))
     skills.base.believe = lambda *_: None

@@ -12,13 +12,13 @@ from behaviours.following import FOLLOWING_FAILS, error_code
 from behaviours.navigate import DRIVING_FAILS
 from behaviours.skill import Explained, Skill
 from bestman_bt.control.arm import FollowEnd
+from bestman_bt.control.rgbd import CameraErrorCode
 from bestman_bt.manipulation.motion_planning import PlanningErrorCode
 from bestman_bt.manipulation.policy import errors as policy_errors
 from bestman_bt.messages import MotionErrorCode
 from bestman_bt.navigation.global_planning import PlanningFailureReason
 from bestman_bt.perception import NoSurfaceError
 from bestman_bt.registry import BEHAVIOURS
-from bestman_bt.sensing.rgbd import CameraErrorCode
 from tests.behaviours.raised_codes import raised_codes
 
 LEAVES = {name: found for name in BEHAVIOURS if issubclass(found := BEHAVIOURS.resolve(name), Explained)}

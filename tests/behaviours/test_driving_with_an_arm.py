@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from behaviours.context import DRIVEN
+from bestman_bt.control.joint_state import JointStateError
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.sensing.joint_state import JointStateError
 from bestman_bt.world_model import HeldObject
 from tests.behaviours.driving import at, to
 from tests.behaviours.truth import audited, succeeds, why_not

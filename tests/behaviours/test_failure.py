@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from behaviours.skill import Skill, Steps
-from bestman_bt.control.motion_handle import start_motion
+from bestman_bt.control.handle import start_motion
 from bestman_bt.engine import FAILURE
 from bestman_bt.evaluation.result import Outcome, RunResult
 from bestman_bt.messages import Failure, MotionErrorCode

@@ -8,6 +8,8 @@ import pytest
 from bestman_bt.control.arm import ArmController
 from bestman_bt.control.gripper import GripperController
 from bestman_bt.control.head import HeadController
+from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled import BaseController
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
@@ -15,8 +17,6 @@ from bestman_bt.navigation.local_planning import PurePursuit
 from bestman_bt.navigation.localization import ScanToMap
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
-from bestman_bt.sensing.joint_state import JointStateSensor
-from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
 from hal.api import Arm, Gripper, JointGroup, Lidar, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot

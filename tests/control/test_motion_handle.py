@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.control import ControlStatus
-from bestman_bt.control.motion_handle import MotionHandle, start_motion
-from bestman_bt.sensing.joint_state import JointStateError
+from bestman_bt.control.handle import MotionHandle, start_motion
+from bestman_bt.control.joint_state import JointStateError
 from hal.api import CommandRefusedError, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
 from tests.control.scripted_parts import ScriptedMotion
 

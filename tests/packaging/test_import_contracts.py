@@ -31,7 +31,6 @@ FORBIDDEN_IMPORTS = [
     ("bestman_bt/visualization", "import bestman_bt.robot_model", "viewers"),
     ("bestman_bt/control", "import bestman_bt.engine", "control"),
     ("bestman_bt/control", "import hal.pybullet", "control"),
-    ("bestman_bt/sensing", "import bestman_bt.control", "sensing"),
     ("hal/pybullet", "import bestman_bt.world_model", "drivers"),
     ("behaviours", "import hal.api", "skills"),
     ("behaviours", "import bestman_bt.evaluation", "floors"),

@@ -1,10 +1,13 @@
 """Arm control."""
 
 from bestman_bt.control.arm.arm_controller import ArmController
-from bestman_bt.control.arm.constraint_following import ConstraintFollowingParameters
+from bestman_bt.control.arm.constraint_following import (
+    ConstraintFollowingParameters,
+    FollowedMotion,
+    FollowEnd,
+    FollowGuide,
+)
 from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
-from bestman_bt.control.arm.follow_guide import FollowGuide
-from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
 from bestman_bt.control.arm.guarded_move import GuardedMoveParameters, GuardedOutcome
 from bestman_bt.control.arm.impedance import ImpedanceController, ImpedanceParameters
 from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters

@@ -12,20 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 from bestman_bt.control.arm.constraint_following import (
     ConstraintFollowing,
     ConstraintFollowingParameters,
+    FollowedMotion,
     FollowGoal,
+    FollowGuide,
 )
 from bestman_bt.control.arm.contact_monitor import ContactMonitor, ContactMonitorParameters
-from bestman_bt.control.arm.follow_guide import FollowGuide
-from bestman_bt.control.arm.followed_motion import FollowedMotion
 from bestman_bt.control.arm.guarded_move import GuardedMove, GuardedMoveParameters, GuardedOutcome
 from bestman_bt.control.arm.joint_axis import JointAxis
 from bestman_bt.control.arm.tool_stream import ToolStream, ToolStreamParameters
-from bestman_bt.control.handle import ControlHandle
-from bestman_bt.control.motion_handle import start_motion
-from bestman_bt.control.reading import READING_ERRORS
+from bestman_bt.control.force_torque import WristWrench
+from bestman_bt.control.handle import ControlHandle, start_motion
+from bestman_bt.control.joint_state import READING_ERRORS
 from bestman_bt.manipulation.kinematics import InverseKinematics
 from bestman_bt.messages import JointKind, JointTrajectory, MotionErrorCode
-from bestman_bt.sensing.force_torque import WristWrench
 from hal.api import Arm, Clock, CommandRefusedError, JointLimits, Timer
 
 Guard = Callable[[], str | None]

@@ -10,19 +10,80 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.control.arm.follow_guide import FollowGuide
-from bestman_bt.control.arm.followed_motion import FollowedMotion, FollowEnd
 from bestman_bt.control.arm.joint_axis import JointAxis, JointAxisEstimator, JointAxisParameters
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
+from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.handle import ControlHandle
 from bestman_bt.messages import JointKind, MotionErrorCode, Pose
-from bestman_bt.sensing.force_torque import WristWrench
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FollowGuide:
+    """By the length of the way, ``ways`` (N,) metres, increasing.
+
+    ``turns``: (N,) radians by which the hand has turned about the joint's axis since it took hold, positive as the way
+    goes. ``postures``: (N, n) joint positions; where the way really leads elsewhere, the arm is as near to them as its
+    redundancy allows. ``held_at``: (3,) metres in the tool frame, where the hand holds the handle, or touches what it
+    pushes: what goes along the way, and what the hand turns about.
+    """
+
+    ways: Array
+    turns: Array
+    postures: Array
+    held_at: Array = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        count = len(self.ways)
+        if count < 2 or self.turns.shape != (count,) or len(self.postures) != count or np.any(np.diff(self.ways) <= 0):
+            shapes = f"{self.ways.shape}, {self.turns.shape}, {self.postures.shape}"
+            raise ValueError(f"a guide needs two or more increasing ways, each with a turn and a posture; got {shapes}")
+
+    def turn(self, way: float) -> float:
+        """The hand's turn after ``way`` metres, radians."""
+        return float(np.interp(way, self.ways, self.turns))
+
+    def posture(self, way: float) -> Array:
+        """The arm's posture (n,) after ``way`` metres."""
+        return np.array([np.interp(way, self.ways, column) for column in self.postures.T])
+
+
+class FollowEnd(Enum):
+    """Why a following ended."""
+
+    REACHED = "reached"
+    LOCKED = "locked"  # the force limit was met before it moved
+    JAMMED = "jammed"  # it moved, and then the force limit was met: jammed, or at its end
+    GRIP_LOST = "grip lost"
+    OBSTACLE = "obstacle"  # something pushes the hand aside
+    ARM_LIMIT = "arm limit"  # a joint limit or a singularity is ahead
+    TIMEOUT = "timeout"
+
+
+@dataclass(frozen=True, eq=False)
+class FollowedMotion:
+    """How far the hand went, and about or along what.
+
+    ``axis``: in the base frame. ``distance``: metres along the line or arc. ``angle``: radians about the hinge, 0 for a
+    line. ``peak_pull``, ``peak_side``: largest forces along and across the motion, N. ``tool``: base_from_tool at the
+    end. ``turned``: radians by which the hand turned about the axis.
+    """
+
+    end: FollowEnd
+    axis: JointAxis
+    distance: float
+    angle: float
+    peak_pull: float
+    peak_side: float
+    tool: Pose
+    turned: float
+
 
 _CODES = {
     FollowEnd.LOCKED: MotionErrorCode.BLOCKED,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.sensing.force_torque import WristWrench
 from hal.api import Arm, Clock
 
 

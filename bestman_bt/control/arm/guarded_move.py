@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.arm.tool_stream import StreamStep, ToolStream
+from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.handle import ControlHandle
 from bestman_bt.messages import MotionErrorCode, Pose
-from bestman_bt.sensing.force_torque import WristWrench
 
 Array = NDArray[np.float64]
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import threading
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.control.handle import ControlHandle
-from bestman_bt.control.wheeled.action_loop import ActionLoop, ActionLoopParameters
-from bestman_bt.control.wheeled.base_action import DrivenPath
-from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor
+from bestman_bt.control.inertial import FusedOdometry
+from bestman_bt.control.joint_state import READING_ERRORS
+from bestman_bt.control.lidar import LidarSensor
+from bestman_bt.control.wheeled.collision_monitor import CollisionMonitor, MonitorAction
 from bestman_bt.control.wheeled.localisation_cycle import (
     LocalisationCycle,
     LocalisationCycleParameters,
@@ -19,27 +23,68 @@ from bestman_bt.control.wheeled.localisation_cycle import (
 )
 from bestman_bt.control.wheeled.motion_limits import footprint_of, motion_limits
 from bestman_bt.control.wheeled.velocity_gate import VelocityGate
-from bestman_bt.messages import Path2D, Pose2D, Twist2D, wrap_angle
+from bestman_bt.messages import MotionErrorCode, Path2D, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap
 from bestman_bt.navigation.local_planning import (
+    MovingObstacle,
     ObstacleLayer,
     PathFollower,
     RotateToHeading,
     SweptPath,
 )
-from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, OdometryScan, WheelOdometry
-from bestman_bt.sensing.inertial import FusedOdometry
-from bestman_bt.sensing.lidar import LidarSensor
+from bestman_bt.navigation.localization import Localizer, OdometryScan, WheelOdometry
 from bestman_bt.world_model import BasePose, WorldModel
-from hal.api import BaseDescription, Clock, MobileBase, Timer
+from hal.api import BaseDescription, Clock, CommandRefusedError, MobileBase, Timer
 
 
 @dataclass(frozen=True)
 class BaseControllerParameters:
-    """Those of its two halves."""
+    """``position_tolerance`` (metres), ``heading_tolerance`` (radians): what counts as arrived.
 
+    ``corrections``: turns to improve the heading. ``stall_*``: no progress of that many metres or radians in so many
+    seconds is blocked; after ``stuck_time`` seconds the base counts as stuck. ``patience``: seconds that it stands at a
+    stretch for somebody who walks before that is blocked, too.
+    """
+
+    position_tolerance: float = 0.02
+    heading_tolerance: float = math.radians(0.7)
+    corrections: int = 2
+    stall_distance: float = 0.03
+    stall_angle: float = math.radians(3.0)
+    stall_time: float = 3.0
+    stuck_time: float = 1.5
+    patience: float = 15.0
     localisation: LocalisationCycleParameters = field(default_factory=LocalisationCycleParameters)
-    actions: ActionLoopParameters = field(default_factory=ActionLoopParameters)
+
+
+@dataclass(frozen=True, eq=False)
+class _DrivenPath:
+    """``swept`` holds how far along ``path`` the base is. ``mapped``: it was planned on a map that is known."""
+
+    path: Path2D
+    swept: SweptPath
+    mapped: bool
+
+
+@dataclass
+class _Action:
+    """Driving by ``follower`` (None: coming to rest), towards ``goal`` (None: wherever).
+
+    ``by_odometry``: in its frame, without the map. ``speed``: m/s, no faster than that. ``corrections``: of the
+    heading, made so far. ``gave_way``: seconds when it last began to stand for somebody who walks, None while it does
+    not.
+    """
+
+    handle: ControlHandle[BasePose]
+    follower: PathFollower | None
+    goal: Pose2D | None
+    position_tolerance: float
+    watch: ProgressWatch
+    by_odometry: bool = False
+    speed: float | None = None
+    driven: _DrivenPath | None = None
+    corrections: int = 0
+    gave_way: float | None = None
 
 
 class BaseController:
@@ -47,7 +92,9 @@ class BaseController:
 
     A new action supersedes the one under way. Every handle's result is the believed pose at the end. ``odometry``: of
     wheels and gyroscope together; by default that of the wheels. ``monitor``: has the last word on each velocity; by
-    default one without a bumper. ``layer``: what the lidar sees and the map lacks.
+    default one without a bumper. ``layer``: what the lidar sees and the map lacks. ``localisation``: where the base is.
+    ``speed_limit``: m/s, for all actions until it is set to something else; None: as fast as the base may. At 0 it
+    stands. ``last_scan``: what the localisation saw last, for whoever shows it.
     """
 
     def __init__(
@@ -64,27 +111,22 @@ class BaseController:
         monitor: CollisionMonitor | None = None,
         layer: ObstacleLayer | None = None,
     ) -> None:
-        p = parameters or BaseControllerParameters()
+        self._parameters = p = parameters or BaseControllerParameters()
         self._base, self._clock, self._follower, self._world = base, clock, follower, world
         self._rotation = rotation or RotateToHeading()
         self._gate = VelocityGate(base, monitor or CollisionMonitor(base.description))
-        self.layer = layer or ObstacleLayer()
+        self.lidar, self.layer = lidar, layer or ObstacleLayer()
         odometer = odometry or FusedOdometry(base, clock, WheelOdometry())
-        self._where = LocalisationCycle(clock, lidar, localizer, odometer, world, p.localisation, self._observe)
+        self.localisation = LocalisationCycle(clock, lidar, localizer, odometer, world, p.localisation, self._observe)
         self._period = 1.0 / p.localisation.rate
-        self._loop = ActionLoop(
-            base, clock, self._where, self._gate, self._rotation, self.layer, world, p.actions, self._period
-        )
+        self.speed_limit: float | None = None
         self.last_scan: PlacedScan | None = None
-        """What the localisation saw last, for whoever shows it."""
         self._timer: Timer | None = None
         self._own_follower = follower
+        self._action: _Action | None = None
+        self._gave_up = False
+        self._lock = threading.RLock()  # held by each tick, and by whoever changes what a tick uses
         follower.configure(motion_limits(base.description))
-
-    @property
-    def name(self) -> str:
-        """The base's name in its robot."""
-        return self._base.name
 
     @property
     def description(self) -> BaseDescription:
@@ -92,56 +134,33 @@ class BaseController:
         return self._base.description
 
     @property
-    def estimate(self) -> LocalizationEstimate:
-        """The localizer's estimate; RuntimeError before ``start``."""
-        return self._where.estimate
-
-    @property
-    def lost(self) -> bool:
-        """Whether the base does not know where it is: it drives by the map only after a scan has fitted again."""
-        return self._where.lost
-
-    @property
-    def base_from_lidar(self) -> Pose2D:
-        """The lidar's pose in the base frame."""
-        return self._where.base_from_lidar
-
-    @property
     def path(self) -> Path2D | None:
         """The path that is driven, None where none is."""
-        driven = self._loop.driven
-        return None if driven is None else driven.path
+        return None if self._driven is None else self._driven.path
 
     @property
     def remaining(self) -> float:
         """Metres that are left of ``path``; 0 without one."""
-        driven = self._loop.driven
-        return 0.0 if driven is None else driven.swept.remaining
-
-    def velocity(self) -> Twist2D:
-        """Measured, in the base frame; raises as readings do."""
-        return self._base.velocity()
+        return 0.0 if self._driven is None else self._driven.swept.remaining
 
     @property
     def stuck(self) -> bool:
         """Whether the base does not get on, for a while already or until it gave up, and nothing has begun since."""
-        return self._loop.stuck
+        action = self._action
+        if action is None or action.handle.done:
+            return self._gave_up
+        return action.follower is not None and action.watch.without > self._parameters.stuck_time
 
-    @property
-    def speed_limit(self) -> float | None:
-        """m/s, for all actions until it is set to something else; None: as fast as the base may. At 0 it stands."""
-        return self._gate.speed_limit
-
-    @speed_limit.setter
-    def speed_limit(self, limit: float | None) -> None:
-        self._gate.speed_limit = limit
+    def velocity(self) -> Twist2D:
+        """Measured, in the base frame; raises as readings do."""
+        return self._base.velocity()
 
     def blocked_at(self) -> tuple[float, NDArray[np.float64]] | None:
         """Where something that the map lacks is on the path that is driven: metres until then, and the point (2,).
 
         None where the path is free, as far as can be seen, or nothing is driven.
         """
-        driven, pose = self._loop.driven, self._world.base.pose
+        driven, pose = self._driven, self._world.base.pose
         if driven is None or not len(self.layer.points):
             return None
         here = np.array([pose.x, pose.y, pose.theta])
@@ -149,35 +168,35 @@ class BaseController:
 
     def scan(self) -> OdometryScan:
         """What the lidar sees now; raises as its readings do."""
-        with self._loop.lock:
-            return self._where.scan()
+        with self._lock:
+            return self.localisation.scan()
 
     def start(self) -> None:
         """Begin to localise, from the believed ``world.base``; idempotent."""
         if self._timer is None:
-            self._where.begin()
+            self.localisation.begin()
             self.layer.use_costmap(Costmap.from_map(self._world.map, footprint_of(self.description)))
-            self._timer = self._clock.every(self._period, self._loop.tick)
+            self._timer = self._clock.every(self._period, self._tick)
 
     def close(self) -> None:
         """Stop driving and localising; idempotent."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-            self._loop.stop()
-            self._where.end()
+            self._replace(None)
+            self.localisation.end()
 
     def believe(self, pose: Pose2D, position_std: float, heading_std: float) -> None:
         """Stop, and go on from another pose in the map frame; it is lost until a scan has fitted there."""
-        with self._loop.lock:
+        with self._lock:
             self.stop()
-            self._where.believe(BasePose(pose, position_std, heading_std, self._clock.now()))
+            self.localisation.believe(BasePose(pose, position_std, heading_std, self._clock.now()))
             self.layer.clear()
 
     def localise_by(self, localizer: Localizer) -> Localizer:
         """Go on with another localizer from the pose that is believed now; returns the one before."""
-        with self._loop.lock:
-            before, self._where.localizer = self._where.localizer, localizer
+        with self._lock:
+            before, self.localisation.localizer = self.localisation.localizer, localizer
             believed = self._world.base
             self.believe(believed.pose, believed.position_std, believed.heading_std)
             return before
@@ -190,20 +209,20 @@ class BaseController:
         With one, the base gives way to people who walk, and followers that go around obstacles may leave the path.
         ``follower``: for this path, in place of the controller's own.
         """
-        with self._loop.lock:
+        with self._lock:
             self._follow_by(follower or self._own_follower)
             if costmap is not None:
                 self.layer.use_costmap(costmap)
             self._gate.use_footprint(footprint_of(self.description) if costmap is None else costmap.footprint)
             self._follower.reset(path, costmap)
-            driven = DrivenPath(path, SweptPath(path), costmap is not None)
-            return self._started.begin(self._follower, path.goal, driven=driven)
+            driven = _DrivenPath(path, SweptPath(path), costmap is not None)
+            return self._begin(self._follower, path.goal, driven=driven)
 
     def rotate_to(self, heading: float) -> ControlHandle[BasePose]:
         """Turn on the spot to ``heading``, radians in the map frame."""
         pose = self._world.base.pose
         self._rotation.turn_to(heading)
-        return self._started.begin(self._rotation, Pose2D(pose.x, pose.y, heading), math.inf)
+        return self._begin(self._rotation, Pose2D(pose.x, pose.y, heading), math.inf)
 
     def drive(self, distance: float, speed: float | None = None) -> ControlHandle[BasePose]:
         """Drive straight, ``distance`` metres ahead, or back where it is negative; nothing is checked but progress.
@@ -213,42 +232,205 @@ class BaseController:
         pose = self._world.base.pose
         goal = pose @ Pose2D(distance, 0.0, 0.0)
         points = np.array([pose.xy, goal.xy])
-        with self._loop.lock:
+        with self._lock:
             self._follow_by(self._own_follower)
             self._follower.reset(Path2D(points, goal, np.array([distance < 0.0])))
-            return self._started.begin(self._follower, goal, speed=speed)
+            return self._begin(self._follower, goal, speed=speed)
 
     def turn(self, angle: float) -> ControlHandle[BasePose]:
         """Turn on the spot by ``angle``, within ±pi, as the odometry counts it: also where the base is lost."""
-        self._rotation.turn_to(wrap_angle(self._where.odometry.theta + angle))
-        return self._started.begin(self._rotation, None, by_odometry=True)
+        self._rotation.turn_to(wrap_angle(self.localisation.odometry.theta + angle))
+        return self._begin(self._rotation, None, by_odometry=True)
 
     def park(self) -> ControlHandle[BasePose]:
         """Come to rest, hold the wheels and let the localisation settle."""
-        with self._loop.lock:
+        with self._lock:
             self._base.stop()
-            return self._started.begin(None, None)
+            return self._begin(None, None)
 
     def stop(self) -> None:
         """Bring the base to rest at once; what was under way is cancelled."""
-        with self._loop.lock:
+        with self._lock:
             self._base.stop()
-            self._loop.stop()
+            self._replace(None)
+
+    @property
+    def _driven(self) -> _DrivenPath | None:
+        """The path that is driven, None where none is."""
+        action = self._action
+        return None if action is None or action.handle.done else action.driven
 
     def _follow_by(self, follower: PathFollower) -> None:
         if follower is not self._follower:
             follower.configure(motion_limits(self.description))
             self._follower = follower
 
-    @property
-    def _started(self) -> ActionLoop:
-        if self._timer is None:
-            raise RuntimeError("BaseController was asked to drive before start()")
-        return self._loop
-
     def _observe(self, seen: PlacedScan) -> None:
         self.last_scan = seen
-        self._gate.observe(seen.scan, self.base_from_lidar, seen.odometry)
+        self._gate.observe(seen.scan, self.lidar.base_from_lidar, seen.odometry)
         self._follower.observe(seen.scan, seen.map_from_lidar)
         if seen.fits:
             self.layer.update(seen.scan, seen.map_from_lidar)
+
+    def _begin(
+        self,
+        follower: PathFollower | None,
+        goal: Pose2D | None,
+        position_tolerance: float | None = None,
+        by_odometry: bool = False,
+        driven: _DrivenPath | None = None,
+        speed: float | None = None,
+    ) -> ControlHandle[BasePose]:
+        """A new action, see ``_Action``; the one under way is superseded."""
+        if self._timer is None:
+            raise RuntimeError("BaseController was asked to drive before start()")
+        with self._lock:
+            p = self._parameters
+            tolerance = p.position_tolerance if position_tolerance is None else position_tolerance
+            handle: ControlHandle[BasePose] = ControlHandle(self._base.stop)
+            watch = ProgressWatch(p.stall_distance, p.stall_angle, p.stall_time)
+            self._replace(_Action(handle, follower, goal, tolerance, watch, by_odometry, speed, driven))
+            # One that is lost gets another chance; else one that is sent on again and again would never find out.
+            self.localisation.look_again(forgive=self.localisation.lost)
+            self._gave_up = False
+            return handle
+
+    def _replace(self, action: _Action | None) -> None:
+        """Cancel the action under way, if any."""
+        if self._action is not None:
+            superseded = action is not None
+            code = MotionErrorCode.SUPERSEDED if superseded else MotionErrorCode.STOPPED
+            self._action.handle.abort(code, "a newer command took over" if superseded else "the base was stopped")
+        self._action = action
+
+    def _tick(self) -> None:
+        """One control tick."""
+        with self._lock:
+            try:
+                self.localisation.step()
+                if self._action is not None and self._action.handle.done:
+                    self._action = None
+                if self._action is not None:
+                    self._advance(self._action)
+            except CommandRefusedError as error:
+                self._end(MotionErrorCode.STOPPED, str(error), aborted=True)
+            except READING_ERRORS as error:
+                if self._action is not None:
+                    with contextlib.suppress(*READING_ERRORS):  # the base itself may be what is gone
+                        self._base.stop()
+                self._end(MotionErrorCode.DISCONNECTED, str(error))
+
+    def _advance(self, action: _Action) -> None:
+        if action.follower is None:
+            self._settle(action)
+            return
+        where = self.localisation
+        pose = where.odometry if action.by_odometry else where.localizer.estimate.pose
+        if not action.by_odometry and not where.knows_where:
+            estimate = where.localizer.estimate
+            why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
+            text = f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
+            where.lost = True
+            self._halt(MotionErrorCode.LOST, text)
+            return
+        if where.lost and not action.by_odometry:
+            where.look_again()  # stand and go on scanning: what begins while lost must not drive blindly
+            return
+        if action.watch.is_stuck(pose, self._clock.now()):
+            text = f"the base does not get on at ({pose.x:.2f}, {pose.y:.2f}) m: {self._gate.held_by}"
+            self._halt(MotionErrorCode.BLOCKED, text)
+            return
+        self._drive(action, action.follower, pose)
+
+    def _drive(self, action: _Action, follower: PathFollower, pose: Pose2D) -> None:
+        period, velocity, now = self._period, self._base.velocity(), self._clock.now()
+        command = follower.compute(pose, velocity, period)
+        people: Sequence[MovingObstacle] = ()
+        if action.driven is not None:
+            action.driven.swept.advance(pose.xy)
+            people = self.layer.moving if action.driven.mapped else ()
+        allowed = [limit for limit in (self.speed_limit, action.speed) if limit is not None]
+        monitored = self._gate.command(
+            command.twist,
+            min(allowed, default=None),
+            velocity,
+            pose,
+            self.localisation.odometry,
+            people,
+            self.layer.walkers,
+            period,
+        )
+        if monitored.action is MonitorAction.BUMPED:
+            self._halt(MotionErrorCode.BLOCKED, monitored.text)
+            return
+        if self._gate.waits:
+            action.watch.restart()
+            action.gave_way = now if action.gave_way is None else action.gave_way
+            if now - action.gave_way > self._parameters.patience:
+                self._halt(MotionErrorCode.BLOCKED, "people walk in the way of the base all the time")
+        else:
+            action.gave_way = None
+        if command.done:
+            action.follower = None
+            self.localisation.look_again()
+
+    def _settle(self, action: _Action) -> None:
+        """Wait until the base rests and the scans taken there have told where, then judge."""
+        p, goal = self._parameters, action.goal
+        if not self.localisation.settled:
+            return
+        pose = self._world.base.pose
+        if goal is not None:
+            distance, turn = pose.distance_to(goal), abs(wrap_angle(pose.theta - goal.theta))
+            if turn > p.heading_tolerance and action.corrections < p.corrections:
+                action.corrections += 1
+                self._rotation.turn_to(goal.theta)
+                action.follower = self._rotation
+                return
+            accepted, accepted_turn = action.position_tolerance, 2.0 * p.heading_tolerance
+            if distance > accepted or turn > accepted_turn:
+                text = (
+                    f"the base came to rest {1e3 * distance:.0f} mm and {math.degrees(turn):.1f}° from its goal; "
+                    f"up to {1e3 * accepted:.0f} mm and {math.degrees(accepted_turn):.1f}° are accepted"
+                )
+                self._end(MotionErrorCode.TOLERANCE, text)
+                return
+        action.handle.succeed(self._world.base)
+        self._action = None
+
+    def _halt(self, code: MotionErrorCode, text: str) -> None:
+        self._base.stop()
+        self._end(code, text)
+
+    def _end(self, code: MotionErrorCode, text: str, aborted: bool = False) -> None:
+        if self._action is not None:
+            self._gave_up = code is MotionErrorCode.BLOCKED
+            handle = self._action.handle
+            if aborted:
+                handle.abort(code, text)
+            else:
+                handle.fail(code, text)
+            self._action = None
+
+
+class ProgressWatch:
+    """As nav2's progress checker: within ``time`` seconds a base should move ``distance`` metres or turn ``angle``."""
+
+    def __init__(self, distance: float, angle: float, time: float) -> None:
+        self._distance, self._angle, self._time = distance, angle, time
+        self._pose: Pose2D | None = None
+        self._since = 0.0
+        self.without = 0.0
+        """Seconds without progress, as of the last pose."""
+
+    def restart(self) -> None:
+        """The time that has passed does not count: the base was not to move."""
+        self._pose = None
+
+    def is_stuck(self, pose: Pose2D, now: float) -> bool:
+        """Take in where the base is at ``now`` seconds."""
+        moved = self._pose is None or pose.distance_to(self._pose) > self._distance
+        if self._pose is None or moved or abs(wrap_angle(pose.theta - self._pose.theta)) > self._angle:
+            self._pose, self._since = pose, now
+        self.without = now - self._since
+        return self.without > self._time

@@ -6,10 +6,10 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from bestman_bt.control.inertial import FusedOdometry
+from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.messages import LaserScan, Pose2D
-from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, OdometryScan
-from bestman_bt.sensing.inertial import FusedOdometry
-from bestman_bt.sensing.lidar import LidarSensor
+from bestman_bt.navigation.localization import Localizer, OdometryScan
 from bestman_bt.world_model import BasePose, WorldModel
 from hal.api import Clock
 
@@ -71,16 +71,6 @@ class LocalisationCycle:
         self.odometry = Pose2D()
 
     @property
-    def estimate(self) -> LocalizationEstimate:
-        """The localizer's."""
-        return self.localizer.estimate
-
-    @property
-    def base_from_lidar(self) -> Pose2D:
-        """The lidar's pose in the base frame."""
-        return self._lidar.base_from_lidar
-
-    @property
     def settled(self) -> bool:
         """Whether the base rests, and enough scans taken there have told where."""
         return self._scans_at_rest >= self._parameters.settle_scans
@@ -89,7 +79,7 @@ class LocalisationCycle:
     def knows_where(self) -> bool:
         """Whether the estimate is certain enough to drive by the map."""
         p = self._parameters
-        return self.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
+        return self.localizer.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
 
     def begin(self) -> None:
         """From the believed ``world.base`` on."""

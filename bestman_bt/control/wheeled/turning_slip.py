@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from bestman_bt.control.inertial import GyroHeading
 from bestman_bt.messages import wrap_angle
-from bestman_bt.sensing.inertial import GyroHeading
 from hal.api import Clock, MobileBase
 
 

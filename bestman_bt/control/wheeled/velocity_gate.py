@@ -23,7 +23,7 @@ RISE = 1.0
 
 
 class VelocityGate:
-    """Commands one base. ``speed_limit``: m/s, None for the base's own; ``waits``: it stands for a limit or for people.
+    """Commands one base. ``waits``: it stands for a limit or for people.
 
     ``held_by``: in words, why the base does not get on, as of the last command.
     """
@@ -32,7 +32,6 @@ class VelocityGate:
         self._base, self._monitor = base, monitor
         self.use_footprint(footprint_of(base.description))
         self._share = 1.0
-        self.speed_limit: float | None = None
         self.waits = False
         self.held_by = ""
 
@@ -59,11 +58,11 @@ class VelocityGate:
     ) -> MonitoredCommand:
         """Have the base drive what of ``twist`` may be driven, for ``period`` seconds.
 
-        ``most``: m/s, for this action. ``velocity``: measured, in the base frame. ``pose``: in the frame of
+        ``most``: m/s, None for the base's own. ``velocity``: measured, in the base frame. ``pose``: in the frame of
         ``people``, who walk and are given way, and of all who are ``tall``: they are kept from the arm, too.
         """
         limits = self._base.description
-        speed = min(limit for limit in (limits.max_vx, self.speed_limit, most) if limit is not None)
+        speed = limits.max_vx if most is None else min(limits.max_vx, most)
         # All are scaled alike, so that the curvature stays.
         share = (
             min(1.0, _part(speed, twist.vx), _part(speed, twist.vy), _part(limits.max_wz, twist.wz))

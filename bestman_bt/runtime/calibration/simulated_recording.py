@@ -19,6 +19,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.collision import (
     AttachedObject,
     CoalCollisionModel,
@@ -36,7 +37,6 @@ from bestman_bt.runtime.calibration.dataset import FILE, Progress
 from bestman_bt.runtime.calibration.drawn_board import board_shapes, plate_box
 from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
 from bestman_bt.scene import World
-from bestman_bt.sensing.joint_state import JointStateSensor
 from hal.api import Arm, Camera, JointGroup, Motion, MotionStatus
 from hal.pybullet import PyBulletRobot
 from hal.pybullet.body_urdf import body_urdf

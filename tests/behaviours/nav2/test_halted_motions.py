@@ -185,7 +185,7 @@ def test_each_approach_is_corrected_by_the_front_from_the_goal_that_was_asked(
 ) -> None:
     piece = skills.world.map.furniture["counter"]
     monkeypatch.setattr("bestman_bt.navigation.localization.front_edge", lambda *_: FrontEdge(0.01, 0.004, 0.001))
-    skills.base.base_from_lidar = Pose2D()
+    skills.base.lidar = SimpleNamespace(base_from_lidar=Pose2D())
     scan = LaserScan(np.full(4, np.inf), 0.0, 0.1, 0.1, 8.0, 0.0)
     skills.base.scan = lambda: SimpleNamespace(scan=scan)
     skills.world.base = BasePose(GOAL @ Pose2D(-0.5, 0.0, 0.0), 0.01, 0.01, 0.0)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from bestman_bt.control.arm import ArmController
+from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.gripper import GripperController
+from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics
 from bestman_bt.messages import Handle, Pose, Pose2D
 from bestman_bt.scene import PlacedFurniture, World, read_furniture
-from bestman_bt.sensing.force_torque import WristWrench
-from bestman_bt.sensing.joint_state import JointStateSensor
 from hal.api import Arm, ForceTorque, Gripper
 from hal.pybullet import GroundTruth, PyBulletRobot
 

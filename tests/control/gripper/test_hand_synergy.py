@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.configuration import Document
 from bestman_bt.control import ControlStatus
-from bestman_bt.control.gripper import HandOutcome, HandSynergy
+from bestman_bt.control.hand_synergy import HandOutcome, HandSynergy
 from bestman_bt.messages import Cylinder, MotionErrorCode, PlacedShape, Pose, Pose2D
 from bestman_bt.robot_model import RobotModel, compose_robot
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from bestman_bt.control import ControlStatus
-from bestman_bt.control.gripper import HandSynergy, SynergyParameters
+from bestman_bt.control.hand_synergy import HandSynergy, SynergyParameters
 from bestman_bt.messages import MotionErrorCode
 from hal.api import CommandRefusedError, JointGroup, JointLimits, Motion
 from tests.control.scripted_parts import stepped_clock

@@ -190,9 +190,9 @@ def test_a_base_that_is_sent_on_again_and_again_finds_out_that_it_is_lost(simula
 
 def test_a_lost_base_does_not_drive_until_a_scan_fits_again(simulate):
     simulated = simulate(1)
-    localizer, base = simulated.base._where.localizer, simulated.robot.part("base", MobileBase)
+    localizer, base = simulated.base.localisation.localizer, simulated.robot.part("base", MobileBase)
     # As if it had been carried off: what it believes is another place.
-    known = simulated.base.estimate.pose
+    known = localizer.estimate.pose
     localizer.reset(Pose2D(known.x + 0.8, known.y - 0.5, known.theta + 1.2), base.odometry(), 0.002, 0.002)
     first = simulated.wait(simulated.base.drive(1.5), limit=15.0)
     assert first.error.code is MotionErrorCode.LOST

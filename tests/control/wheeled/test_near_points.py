@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.control.wheeled.near_points import EDGE, MEMORY, NearPoints
+from bestman_bt.control.wheeled.collision_monitor import EDGE, MEMORY, NearPoints
 from bestman_bt.messages import LaserScan, Pose2D
 
 BLIND, BEAMS = 0.5, 360

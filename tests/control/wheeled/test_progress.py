@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import math
 
-from bestman_bt.control.wheeled.progress import ProgressWatch
+from bestman_bt.control.wheeled.base_controller import ProgressWatch
 from bestman_bt.messages import Pose2D
 
 

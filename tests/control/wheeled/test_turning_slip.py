@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.control.inertial import GyroHeading
 from bestman_bt.control.wheeled import TurningSlip, TurningSlipParameters, measure_turning_slip
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
 from bestman_bt.robot_model import RobotModel, compose_robot
 from bestman_bt.scene import World
-from bestman_bt.sensing.inertial import GyroHeading
 from hal.api import Imu, ImuReading, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot
 from tests.control.scripted_parts import ScriptedBase

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.control.tactile import TactileSensor
 from bestman_bt.robot_model import RobotModel, compose_robot
-from bestman_bt.sensing.tactile import TactileSensor
 from hal.api import Battery, Gripper, Imu, Lidar, MobileBase, NoDataError, Tactile
 from hal.pybullet import PyBulletRobot, SensorFault
 from hal.pybullet.battery import SimulatedBattery

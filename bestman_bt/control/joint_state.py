@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from bestman_bt.perception.errors import PerceptionError
-from hal.api import Gripper, JointGroup, Part, RobotError
+from hal.api import Gripper, JointGroup, NoDataError, NotConnectedError, Part, RobotError
 
 if TYPE_CHECKING:
     from bestman_bt.robot_model import RobotModel
@@ -17,6 +17,10 @@ class JointStateError(PerceptionError):
     """The encoders of a part deliver nothing: its controller is not connected, or no longer."""
 
     code = "disconnected"
+
+
+READING_ERRORS = (NotConnectedError, NoDataError, JointStateError)
+"""What reading a robot may raise: a controller is gone, or a sensor is silent; ``code`` tells which."""
 
 
 class JointStateSensor:

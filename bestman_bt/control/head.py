@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
-from bestman_bt.control.handle import ControlHandle
-from bestman_bt.control.motion_handle import start_motion
+from bestman_bt.control.handle import ControlHandle, start_motion
+from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import MotionErrorCode
-from bestman_bt.sensing.joint_state import JointStateSensor
 from hal.api import JointGroup
 
 

@@ -5,11 +5,11 @@ from typing import ClassVar
 import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
+from bestman_bt.control.inertial import FusedOdometry, GyroHeading
 from bestman_bt.messages import Pose2D, wrap_angle
 from bestman_bt.navigation.localization import OdometryEkf, OdometryFilter, WheelOdometry
 from bestman_bt.robot_model import compose_robot
 from bestman_bt.scene import draw_world, load_scene
-from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
 from hal.api import Imu, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot
 

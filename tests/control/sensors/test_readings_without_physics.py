@@ -8,15 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bestman_bt.control.force_torque import WristWrench
+from bestman_bt.control.inertial import FusedOdometry, GyroHeading
+from bestman_bt.control.joint_state import JointStateError, JointStateSensor
+from bestman_bt.control.lidar import LidarSensor
+from bestman_bt.control.tactile import TactileParameters, TactileSensor
 from bestman_bt.messages import LaserScan, Pose, Pose2D, Wrench
 from bestman_bt.navigation.localization import OdometryFilter, WheelOdometry
 from bestman_bt.robot_model import payload
-from bestman_bt.sensing.force_torque import WristWrench
-from bestman_bt.sensing.inertial import FusedOdometry, GyroHeading
-from bestman_bt.sensing.joint_state import JointStateError, JointStateSensor
-from bestman_bt.sensing.lidar import LidarSensor
-from bestman_bt.sensing.tactile import TactileSensor
-from bestman_bt.sensing.tactile.tactile_sensor import TactileParameters
 from hal.api import ImuReading, NoDataError, NotConnectedError, TactileReading
 from tests.control.scripted_parts import ScriptedArm, stepped_clock
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from bestman_bt.control.handle import ControlHandle
-from bestman_bt.control.motion_handle import start_motion
+from bestman_bt.control.handle import ControlHandle, start_motion
 from hal.api import Gripper, GripperDescription
 
 

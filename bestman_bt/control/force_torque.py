@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose, Wrench
 from bestman_bt.robot_model import payload
-from bestman_bt.sensing.joint_state import JointStateSensor
 from hal.api import Clock, ForceTorque, RobotError, Timer
 
 GRAVITY = 9.81

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.navigation.localization import cast_rays
 from bestman_bt.scene import semantic_map
-from bestman_bt.sensing.lidar import LidarSensor
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bestman_bt.control.rgbd import CameraError, CameraErrorCode, RGBDSensor
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.perception import PerceptionError
 from bestman_bt.scene import semantic_map
-from bestman_bt.sensing.rgbd import CameraError, CameraErrorCode, RGBDSensor
 from bestman_bt.world_model import WorldModel
 from hal.api import Camera
 from hal.pybullet.camera import CameraFault, SimulatedCamera

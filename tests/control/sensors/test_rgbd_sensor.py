@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bestman_bt.control.rgbd import RGBDSensor, RGBDView
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D, RGBDImage
 from bestman_bt.scene import semantic_map
-from bestman_bt.sensing.rgbd import RGBDSensor, RGBDView
 from bestman_bt.world_model import BasePose, HeldObject, WorldModel
 
 

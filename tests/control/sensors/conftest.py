@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import RobotModel, load_robot_model
 from bestman_bt.scene import World, draw_world, load_scene
-from bestman_bt.sensing.joint_state import JointStateSensor
 from hal.pybullet import GroundTruth, PyBulletRobot
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.control import ControlStatus
+from bestman_bt.control.lidar import LidarSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.messages import LaserScan, MotionErrorCode, Path2D, Pose, Pose2D, Twist2D, wrap_angle
 from bestman_bt.navigation.global_planning import Costmap, Footprint
@@ -22,7 +23,6 @@ from bestman_bt.navigation.local_planning import (
     RotateToHeading,
 )
 from bestman_bt.navigation.localization import LocalizationEstimate, Localizer, ScanMatch
-from bestman_bt.sensing.lidar import LidarSensor
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
 from hal.api import Bumper, BumperReading, BumperZone, NoDataError, NotConnectedError
 from tests.control.scripted_parts import CORNERS, RoomLidar, ScriptedBase
@@ -323,7 +323,7 @@ def test_a_base_that_gets_too_uncertain_says_so_and_is_stopped():
     assert handle.error.code is MotionErrorCode.LOST
     assert "0.10 m" in handle.error.text
     assert it.base.stops == 1
-    assert it.controller.lost
+    assert it.controller.localisation.lost
 
 
 def test_a_base_is_lost_after_so_many_refused_scans_in_a_row_and_found_with_one_that_fits():
@@ -346,14 +346,14 @@ def test_a_base_is_lost_after_so_many_refused_scans_in_a_row_and_found_with_one_
     assert len(it.base.told) == told, "lost, it stands and looks"
     it.localizer.fits = True
     assert it.wait(again).status is ControlStatus.SUCCEEDED
-    assert not it.controller.lost
+    assert not it.controller.localisation.lost
 
 
 def test_a_lost_base_that_waits_in_vain_is_told_again_that_it_is_lost_and_turns_by_odometry_all_the_same():
     it = driven()
     it.localizer.fits = False
     it.controller.believe(START, 0.02, 0.02)
-    assert it.controller.lost
+    assert it.controller.localisation.lost
     assert it.wait(it.controller.turn(1.0)).status is ControlStatus.SUCCEEDED
     assert it.base.true_pose.theta == pytest.approx(3.0, abs=0.01)
     told = len(it.base.told)
@@ -375,9 +375,9 @@ def test_believing_in_another_place_stops_the_base_forgets_what_was_seen_and_ask
     assert it.localizer.resets[-1] == elsewhere
     assert it.world.base == BasePose(elsewhere, 0.2, 0.1, it.base.clock.now())
     assert not len(it.controller.layer.points)
-    assert it.controller.lost
+    assert it.controller.localisation.lost
     it.sleep(0.2)
-    assert not it.controller.lost
+    assert not it.controller.localisation.lost
 
 
 def test_another_localizer_goes_on_from_where_the_base_is_believed_to_be_and_the_old_one_comes_back():
@@ -387,7 +387,7 @@ def test_another_localizer_goes_on_from_where_the_base_is_believed_to_be_and_the
     assert it.controller.localise_by(other) is it.localizer
     assert other.resets == [pose]
     it.sleep(0.2)
-    assert it.controller.estimate is not None
+    assert it.controller.localisation.localizer.estimate is not None
     assert it.wait(it.controller.drive(-0.5)).status is ControlStatus.SUCCEEDED
     assert it.world.base.pose.distance_to(START) < 0.01
     assert it.controller.localise_by(it.localizer) is other
@@ -399,11 +399,11 @@ def test_a_base_that_begins_unsure_of_its_place_is_lost_from_the_start():
     it.localizer.fits = False
     it.world.base = BasePose(START, 0.11, 0.01, 0.0)
     it.controller.start()
-    assert it.controller.lost
+    assert it.controller.localisation.lost
     it.controller.close()
     it.world.base = BasePose(START, 0.09, 0.01, 0.0)
     it.controller.start()
-    assert not it.controller.lost
+    assert not it.controller.localisation.lost
 
 
 def test_a_controller_that_is_closed_cancels_what_is_under_way_and_drives_no_more():

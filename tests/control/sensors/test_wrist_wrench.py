@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bestman_bt.control.force_torque import WristWrench
+from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import load_robot_model
 from bestman_bt.scene import World
-from bestman_bt.sensing.force_torque import WristWrench
-from bestman_bt.sensing.joint_state import JointStateSensor
 from hal.api import Arm, ForceTorque
 from hal.pybullet import PyBulletRobot
 

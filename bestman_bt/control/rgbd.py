@@ -1,0 +1,252 @@
+"""RGB-D cameras: images that algorithms can work with, or a typed error that says why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bestman_bt.control.joint_state import JointStateSensor
+from bestman_bt.manipulation.kinematics import ForwardKinematics, link_hulls
+from bestman_bt.messages import CameraIntrinsics, PointCloud, Pose, RGBDImage
+from bestman_bt.perception import PerceptionError, View
+from bestman_bt.perception.camera_model import DepthCorrection, rectification
+from bestman_bt.robot_model import RobotModel
+from bestman_bt.world_model import HeldObject, WorldModel
+from hal.api import Camera, Clock, RobotError
+
+
+class CameraErrorCode(StrEnum):
+    """Why there is no usable image; skills put it into ``error_code``."""
+
+    NO_IMAGE = "camera_no_image"
+    BLACK = "camera_black"
+    NO_DEPTH = "camera_no_depth"
+    STALE = "camera_stale"
+
+
+class CameraError(PerceptionError):
+    """A camera delivered nothing, or nothing to work with; a skill that meets it fails with its code and words."""
+
+    def __init__(self, code: CameraErrorCode, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+@dataclass(frozen=True, eq=False)
+class RGBDView:
+    """A rectified image, the camera's pose in the base frame, and the base's believed pose in the map at that time.
+
+    ``own_body``: (H, W), True where a pixel shows the robot or what it holds; views leave these pixels out.
+    """
+
+    image: RGBDImage
+    base_from_camera: Pose
+    map_from_base: Pose
+    own_body: NDArray[np.bool_]
+
+    @property
+    def stamp(self) -> float:
+        """When the image was taken, seconds on the robot's clock."""
+        return self.image.stamp
+
+    @cached_property
+    def _of_the_world(self) -> RGBDImage:
+        depth = np.where(self.own_body, np.float32(0.0), self.image.depth)
+        return RGBDImage(self.image.rgb, depth, self.image.intrinsics, self.image.stamp)
+
+    @property
+    def in_base(self) -> View:
+        """The view in the base frame."""
+        return View(self._of_the_world, self.base_from_camera)
+
+    @property
+    def in_map(self) -> View:
+        """The view in the map frame, as good as the localisation."""
+        return View(self._of_the_world, self.map_from_base @ self.base_from_camera)
+
+    @cached_property
+    def cloud(self) -> PointCloud:
+        """The measured points in the base frame."""
+        return self.in_base.cloud()
+
+
+@dataclass(frozen=True)
+class RGBDSensorParameters:
+    """When an image counts as none.
+
+    ``max_age``: seconds between its stamp and now; of images that are older, ``attempts`` are asked for, because a
+    computer that is busy for a moment may have held one up. ``black_level``: of 255; an image without a pixel above it
+    is black. ``min_depth_share``: share of the pixels that must have a depth.
+    """
+
+    max_age: float = 0.5
+    attempts: int = 5
+    black_level: int = 8
+    min_depth_share: float = 0.001
+
+
+class RGBDSensor:
+    """Captures views through one camera: rectified, and with the systematic error of the depth taken away.
+
+    ``clock``: tells how old an image is; without one, ages are not checked.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        kinematics: ForwardKinematics,
+        joints: JointStateSensor,
+        world: WorldModel,
+        clock: Clock | None = None,
+        parameters: RGBDSensorParameters = RGBDSensorParameters(),
+    ) -> None:
+        self._camera = camera
+        self._kinematics = kinematics
+        self._joints = joints
+        self._world = world
+        self._clock = clock
+        self._parameters = parameters
+        self._self_filter = SelfFilter(kinematics.robot, kinematics)
+        self._subscribers: list[Callable[[RGBDView], None]] = []
+
+    @property
+    def name(self) -> str:
+        """The camera's name in its robot."""
+        return self._camera.name
+
+    @property
+    def intrinsics(self) -> CameraIntrinsics:
+        """The pinhole model of the views."""
+        return replace(self._camera.intrinsics, distortion=())
+
+    @property
+    def optical_frame(self) -> str:
+        """The frame of the images in the robot model."""
+        return self._camera.optical_frame
+
+    def base_from_camera(self) -> Pose:
+        """Where the camera is now."""
+        return self._kinematics.pose(self._camera.optical_frame, self._joints.positions())
+
+    def subscribe(self, subscriber: Callable[[RGBDView], None]) -> None:
+        """Call ``subscriber`` with every view that is captured."""
+        self._subscribers.append(subscriber)
+
+    def capture(self) -> RGBDView:
+        """Take one image now; CameraError if the camera delivers nothing to work with."""
+        image = self._ideal(self._taken())
+        positions = self._joints.positions()
+        base_from_camera = self._kinematics.pose(self._camera.optical_frame, positions)
+        own_body = self._self_filter.mask(image, base_from_camera, positions, self._world.held)
+        view = RGBDView(image, base_from_camera, self._world.base.pose.to_pose(), own_body)
+        for subscriber in self._subscribers:
+            subscriber(view)
+        return view
+
+    def _taken(self) -> RGBDImage:
+        parameters, age = self._parameters, 0.0
+        for _ in range(parameters.attempts):
+            try:
+                image = self._camera.capture()
+            except (RobotError, OSError, ValueError) as error:  # ValueError: sizes that do not fit the intrinsics
+                raise CameraError(CameraErrorCode.NO_IMAGE, f"{self.name} gave no image: {error}") from error
+            age = 0.0 if self._clock is None else self._clock.now() - image.stamp
+            if abs(age) <= parameters.max_age:
+                if not (image.rgb > parameters.black_level).any():
+                    raise CameraError(CameraErrorCode.BLACK, f"{self.name} gave a black image")
+                return image
+        which = "old" if age > 0.0 else "in the future"
+        text = f"{self.name} gave an image that is {abs(age):.2f} s {which}, {parameters.max_age:g} s are allowed"
+        raise CameraError(CameraErrorCode.STALE, text)
+
+    def _ideal(self, image: RGBDImage) -> RGBDImage:
+        known = np.isfinite(image.depth) & (image.depth > 0.0)
+        share = float(known.mean())
+        if share < self._parameters.min_depth_share:
+            raise CameraError(
+                CameraErrorCode.NO_DEPTH,
+                f"{self.name} gave an image without depth ({share:.2%} of its pixels have one)",
+            )
+        model = self._kinematics.robot.cameras.get(self.name)
+        correction = DepthCorrection() if model is None else DepthCorrection(model.depth_scale, model.depth_offset)
+        depth = correction.apply(image.depth if known.all() else np.where(known, image.depth, np.float32(0.0)))
+        image = replace(image, depth=depth)
+        rectify = rectification(image.intrinsics)
+        if rectify is None:
+            return replace(image, intrinsics=replace(image.intrinsics, distortion=()))
+        return rectify.apply(image)
+
+
+NEAREST = 0.02
+"""Metres before the camera: a body nearer than this is part of the camera's own mount and not drawn."""
+
+
+class SelfFilter:
+    """Compares the image with the silhouettes of all links, by encoders and forward kinematics.
+
+    ``margin``: metres by which a silhouette is widened, for calibration errors and covers that the model lacks. What
+    lies further behind a link than ``slack`` metres is not the robot.
+    """
+
+    def __init__(
+        self, robot: RobotModel, kinematics: ForwardKinematics, margin: float = 0.015, slack: float = 0.05
+    ) -> None:
+        self._robot = robot
+        self._kinematics = kinematics
+        self._margin = margin
+        self._slack = slack
+
+    @cached_property
+    def _hulls(self) -> Mapping[str, tuple[NDArray[np.float64], ...]]:
+        return link_hulls(self._robot)
+
+    def mask(
+        self,
+        image: RGBDImage,
+        base_from_camera: Pose,
+        positions: Mapping[str, float],
+        held: HeldObject | None = None,
+    ) -> NDArray[np.bool_]:
+        """(H, W), True where a pixel shows the robot or the held object. ``positions``: of all joints, by name."""
+        bodies = self._bodies(base_from_camera.inverse(), positions, held)
+        reach = np.zeros(image.depth.shape, dtype=np.float32)
+        # The farthest last, so that it prevails where silhouettes overlap.
+        for body in sorted(bodies, key=lambda points: float(points[:, 2].max())):
+            self._draw(reach, image.intrinsics, body)
+        return image.depth < reach
+
+    def _bodies(
+        self, camera_from_base: Pose, positions: Mapping[str, float], held: HeldObject | None
+    ) -> list[NDArray[np.float64]]:
+        """Corners of all convex bodies in the optical frame."""
+        bodies = []
+        for link, hulls in self._hulls.items():
+            camera_from_link = camera_from_base @ self._kinematics.pose(link, positions)
+            bodies += [camera_from_link.apply(hull) for hull in hulls]
+        if held is not None:
+            tool_frame = next(iter(self._robot.arms.values())).tool_frame
+            camera_from_tool = camera_from_base @ self._kinematics.pose(tool_frame, positions)
+            lower, upper = held.model.bounds()
+            box = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (upper - lower) + lower
+            bodies.append((camera_from_tool @ held.tool_from_object).apply(box))
+        return bodies
+
+    def _draw(self, reach: NDArray[np.float32], camera: CameraIntrinsics, points: NDArray[np.float64]) -> None:
+        depth = points[:, 2]
+        if depth.min() < NEAREST:
+            return
+        pixels = np.column_stack(
+            [camera.cx + camera.fx * points[:, 0] / depth, camera.cy + camera.fy * points[:, 1] / depth]
+        )
+        outline = cv2.convexHull(pixels.astype(np.float32)).astype(np.int32)
+        farthest = float(depth.max()) + self._slack
+        cv2.fillConvexPoly(reach, outline, farthest)
+        widened = 2 * round(self._margin * camera.fx / float(depth.min()))
+        if widened > 0:
+            cv2.polylines(reach, [outline], True, farthest, widened)

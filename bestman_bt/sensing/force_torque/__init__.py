@@ -1,5 +1,0 @@
-"""Force-torque sensing."""
-
-from bestman_bt.sensing.force_torque.wrist_wrench import WristWrench, WristWrenchParameters
-
-__all__ = ["WristWrench", "WristWrenchParameters"]
