@@ -19,7 +19,7 @@ from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollect
 from bestman_bt.evaluation.comparison import within
 from bestman_bt.evaluation.episode import prepare_episode
 from bestman_bt.evaluation.evaluation import Evaluation
-from bestman_bt.evaluation.markdown import markdown
+from bestman_bt.evaluation.markdown import markdown, verdict
 from bestman_bt.evaluation.suite import Entry, Suite, is_suite, load_suite
 from bestman_bt.evaluation.summary import spread_words
 
@@ -149,10 +149,9 @@ def _refuse_other_suite(summary: Path, suite: Suite) -> None:
 
 
 def _tell(document: dict[str, Any]) -> None:
-    verdict = "interrupted" if document["interrupted"] else "all met" if document["met"] else "NOT all met"
     print(
-        f"{document['evaluation']}: {verdict}; {document['episodes']} episodes, {document['false_successes']} false "
-        f"successes, audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
+        f"{document['evaluation']}: {verdict(document)}; {document['episodes']} episodes, "
+        f"{document['false_successes']} false successes, audit {'clean' if document['audit_clean'] else 'NOT CLEAN'}"
     )
     for entry in document["entries"]:
         low, high = entry["interval"]

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from bestman_bt.evaluation.evaluation import Evaluation
-from bestman_bt.evaluation.markdown import accuracy_words
+from bestman_bt.evaluation.markdown import accuracy_words, own_targets
 from bestman_bt.evaluation.result import RunResult
 from bestman_bt.evaluation.suite import Entry
 
@@ -106,4 +106,6 @@ def _standing(document: dict[str, Any]) -> Text:
         missed.append("audit")
     if missed:
         return Text(("missed: " if done else "behind: ") + ", ".join(missed), style="red" if done else "yellow")
-    return Text("met" if done else "on course", style="green" if done else "dim") if document["targets"] else Text("–")
+    return (
+        Text("met" if done else "on course", style="green" if done else "dim") if own_targets(document) else Text("–")
+    )

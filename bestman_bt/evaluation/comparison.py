@@ -79,13 +79,22 @@ def matched(
         names = ", ".join(entry.name for entry in firsts), ", ".join(entry.name for entry in seconds)
         message = f"no entry has the same name as one of {given[1]} ({names[0]}; {names[1]}): name one as FOLDER:ENTRY"
         raise ConfigurationError([Problem(given[0], None, "", message)])
-    return [ComparedEntries(one, other, _told_apart(one.name, other.name, given)) for one, other in pairs]
+    if len(pairs) == 1:
+        ((one, other),) = pairs
+        return [ComparedEntries(one, other, _told_apart(one.name, other.name, given))]
+    folders = [_told_apart(one.name, other.name, given) for one, other in pairs]
+    return [
+        ComparedEntries(one, other, (f"{first}:{one.name}", f"{second}:{other.name}"))
+        for (one, other), (first, second) in zip(pairs, folders, strict=True)
+    ]
 
 
 def _told_apart(first: str, second: str, given: tuple[str, str]) -> tuple[str, str]:
-    """Names of entries, or of the folders where those are the same."""
+    """Names of entries, or of the folders where those are the same; ConfigurationError where these are, too."""
     if first != second:
         return first, second
     folders = [Path(side.rpartition(":")[0] if side.endswith(f":{first}") else side) for side in given]
     names = [folder.resolve().name for folder in folders]
+    if folders[0].resolve() == folders[1].resolve():
+        raise ConfigurationError([Problem(given[0], None, "", "is compared with itself: name another one")])
     return (names[0], names[1]) if names[0] != names[1] else (str(folders[0]), str(folders[1]))

@@ -28,7 +28,7 @@ def draw_comparison(path: Path, comparison: Comparison, first: str, second: str,
     figure = Figure(figsize=(2.9 * columns, 3.1 * rows + 0.4), layout="constrained")
     FigureCanvasAgg(figure)
     axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
-    names = [name if len(name) <= MAX_NAME else f"{name[: MAX_NAME - 1]}…" for name in (first, second)]
+    names = short_names(first, second)
     _draw_success(axes[0], comparison.success, names)
     for axis, metric in zip(axes[1:], comparison.metrics, strict=False):
         _draw_metric(axis, metric, names)
@@ -37,6 +37,17 @@ def draw_comparison(path: Path, comparison: Comparison, first: str, second: str,
     if title:
         figure.suptitle(title, fontsize=11)
     figure.savefig(path, dpi=130)
+
+
+def short_names(first: str, second: str) -> list[str]:
+    """At most ``MAX_NAME`` characters each, without the beginning that both share where they would then be the same."""
+    shortened = [name if len(name) <= MAX_NAME else f"{name[: MAX_NAME - 1]}…" for name in (first, second)]
+    if shortened[0] != shortened[1]:
+        return shortened
+    differ = (place for place, (a, b) in enumerate(zip(first, second, strict=False)) if a != b)
+    shared = next(differ, min(len(first), len(second)))
+    ends = [name[min(shared, len(name) - MAX_NAME + 1) :] for name in (first, second)]
+    return [f"…{end}" if len(end) < MAX_NAME else f"…{end[: MAX_NAME - 2]}…" for end in ends]
 
 
 def _draw_success(axis: Any, success: SuccessComparison, names: list[str]) -> None:

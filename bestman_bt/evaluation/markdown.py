@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from bestman_bt.evaluation.summary import spread_words
+from bestman_bt.evaluation.targets import ALWAYS_ASKED
 
 
 def markdown(document: dict[str, Any]) -> str:
@@ -21,8 +22,9 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
         yield ""
     clean = "clean" if document["audit_clean"] else "NOT CLEAN"
     yield (
-        f"{_verdict(document)} {document['episodes']} episodes, {document['false_successes']} false successes, "
-        f"audit {clean}. Code {document['code']}" + (f", commit {document['commit']}." if document["commit"] else ".")
+        f"**{verdict(document).capitalize()}.** {document['episodes']} episodes, "
+        f"{document['false_successes']} false successes, audit {clean}. Code {document['code']}"
+        + (f", commit {document['commit']}." if document["commit"] else ".")
     )
     for note in document["notes"]:
         yield f"\n**Note:** {note}."
@@ -43,10 +45,20 @@ def _lines(document: dict[str, Any]) -> Iterator[str]:
     yield from _details(document["entries"])
 
 
-def _verdict(document: dict[str, Any]) -> str:
+def verdict(document: dict[str, Any]) -> str:
+    """Whether all targets were met; of tasks without a suite, whether all episodes succeeded."""
     if document["interrupted"]:
-        return "**Interrupted.**"
-    return "**All targets met.**" if document["met"] else "**Not all targets met.**"
+        return "interrupted"
+    if not any(entry["targets"] for entry in document["entries"]):
+        return "all episodes succeeded" if document["met"] else "not all episodes succeeded"
+    if document["met"] and not any(own_targets(entry) for entry in document["entries"]):
+        return "no targets"
+    return "all targets met" if document["met"] else "not all targets met"
+
+
+def own_targets(entry: dict[str, Any]) -> list[dict[str, Any]]:
+    """The targets that were written for an entry, without those that every entry has."""
+    return [target for target in entry["targets"] if target["what"] not in ALWAYS_ASKED]
 
 
 def _table(entries: list[dict[str, Any]]) -> Iterator[str]:
@@ -80,7 +92,7 @@ def target_words(entry: dict[str, Any]) -> str:
         return f"{entry['episodes']} of {entry['asked_episodes']} run"
     missed = [t for t in entry["targets"] if not t["met"]]
     if not missed:
-        return "met" if entry["targets"] else "none asked"
+        return "met" if own_targets(entry) else "none asked"
     return "missed: " + "; ".join(f"{t['what']} {t['found']}, asked {t['asked']}" for t in missed)
 
 

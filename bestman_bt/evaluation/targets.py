@@ -8,6 +8,9 @@ from typing import Any
 
 from bestman_bt.evaluation.suite import EntryConfig
 
+ALWAYS_ASKED = ("errors", "false successes", "audit")
+"""Targets that every entry of a suite has; one with no others asks nothing of its own."""
+
 
 @dataclass(frozen=True)
 class Target:

@@ -62,6 +62,8 @@ def test_a_suite_compares_its_entries_and_keeps_the_picture(bestman_bt: Command,
     answer = bestman_bt("eval", "mine.yaml", "--compare")
 
     assert answer.code == 0, answer.err  # no successes are asked
+    assert "mine: no targets; 4 episodes" in answer.out
+    assert "met" not in answer.out
     assert "kept in runs/evaluations/mine" in answer.err
     assert "again: fetch_cup with tree=nothing.xml, scene.finger_friction=0.5" in answer.err
     assert "success: no difference shown: nothing 0 of 2, again 0 of 2" in answer.out

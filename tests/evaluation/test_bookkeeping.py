@@ -127,6 +127,27 @@ def test_an_entry_is_met_where_all_its_episodes_are_run_and_come_out_as_asked(
     assert document["met"] is met
 
 
+@pytest.mark.parametrize(
+    ("asked", "of", "words", "cell"),
+    [
+        (EntryConfig(), fail, "No targets.", "none asked"),
+        (EntryConfig(), pretend, "Not all targets met.", "missed: false successes 3, asked 0"),
+        (EntryConfig(ALL), succeed, "All targets met.", "met"),
+        (EntryConfig(ALL), fail, "Not all targets met.", "missed: successes 0 of 3, asked ≥ 3 of 3"),
+        (None, succeed, "All episodes succeeded.", "none asked"),
+        (None, fail, "Not all episodes succeeded.", "none asked"),
+    ],
+)
+def test_targets_are_told_as_met_only_where_some_were_set(
+    episodes: Callable[..., Episodes], asked: EntryConfig | None, of: Episode, words: str, cell: str
+) -> None:
+    episodes(of)
+    entry = replace(suite(None).entries[0], asked=asked)
+    page = markdown(evaluated(Suite("mine", (entry,))))
+    assert f"**{words}**" in page
+    assert f"| {cell} |" in page
+
+
 def test_one_entry_that_is_not_clean_makes_the_whole_evaluation_unclean(episodes: Callable[..., Episodes]) -> None:
     episodes(lambda config: result(config.seed, teleports=int(config.seed == 6)))
     document = evaluated(suite(ALL, ALL))

@@ -9,6 +9,7 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.evaluation.comparison import matched, within
+from bestman_bt.evaluation.comparison_picture import short_names
 from bestman_bt.evaluation.finished_evaluation import FinishedEntry, read_entries
 from tests.evaluation.evaluated import finished_evaluation
 from tests.evaluation.test_paired_comparison import run
@@ -29,10 +30,22 @@ def test_entries_are_compared_with_the_first_of_their_task() -> None:
 def test_evaluations_are_compared_entry_by_entry_and_named_by_what_differs(tmp_path: Path) -> None:
     both = [entry("a"), entry("b")]
     sides = (str(tmp_path / "first"), str(tmp_path / "second"))
-    assert [one.names for one in matched(both, both, sides)] == 2 * [("first", "second")]
+    assert [one.names for one in matched(both, both, sides)] == [("first:a", "second:a"), ("first:b", "second:b")]
+    assert [one.names for one in matched(both[:1], both[:1], sides)] == [("first", "second")]
     assert [one.names for one in matched([entry("a")], [entry("b")], sides)] == [("a", "b")]
     with pytest.raises(ConfigurationError, match="name one as FOLDER:ENTRY"):
         matched(both, [entry("c"), entry("d")], sides)
+    with pytest.raises(ConfigurationError, match="is compared with itself"):
+        matched(both, both, (sides[0], sides[0]))
+
+
+def test_long_names_in_a_picture_are_shortened_where_they_are_alike() -> None:
+    assert short_names("grid_astar", "rrt_star") == ["grid_astar", "rrt_star"]
+    assert short_names("x" * 30, "y") == [f"{'x' * 21}…", "y"]
+    shortened = short_names("algorithms.motion_planning.rrt_connect", "algorithms.motion_planning.bit_star")
+    assert shortened == ["…_planning.rrt_connect", "…ion_planning.bit_star"]
+    first, second = (f"/data/shared/evaluations/{side}/with/a/very/long/name" for side in ("one", "two"))
+    assert short_names(first, second) == ["…one/with/a/very/long…", "…two/with/a/very/long…"]
 
 
 def test_an_evaluation_is_read_from_its_folder_entry_by_entry(tmp_path: Path) -> None:
