@@ -327,11 +327,8 @@ class BaseController:
         where = self.localisation
         pose = where.odometry if action.by_odometry else where.localizer.estimate.pose
         if not action.by_odometry and not where.knows_where:
-            estimate = where.localizer.estimate
-            why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
-            text = f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
             where.lost = True
-            self._halt(MotionErrorCode.LOST, text)
+            self._halt(MotionErrorCode.LOST, where.doubt)
             return
         if where.lost and not action.by_odometry:
             where.look_again()  # stand and go on scanning: what begins while lost must not drive blindly

@@ -67,7 +67,7 @@ class LocalisationCycle:
         self.localizer = localizer  # who puts another one here tells it where to begin, see ``believe``
         self._world, self._parameters, self._seen = world, parameters, seen
         self._ticks = self._scans_at_rest = self._refused_scans = 0
-        self.lost = False
+        self.lost = self._confirmed = False
         self.odometry = Pose2D()
 
     @property
@@ -80,6 +80,19 @@ class LocalisationCycle:
         """Whether the estimate is certain enough to drive by the map."""
         p = self._parameters
         return self.localizer.estimate.position_std <= p.lost_position_std and self._refused_scans < p.lost_scans
+
+    @property
+    def doubt(self) -> str:
+        """Why it does not know where it is, in words."""
+        estimate = self.localizer.estimate
+        why = estimate.match.reason if estimate.match is not None and estimate.match.reason else "odometry alone"
+        if self._confirmed or estimate.position_std > self._parameters.lost_position_std:
+            return f"the base no longer knows where it is (±{estimate.position_std:.2f} m: {why})"
+        return (
+            f"no scan fits where the base was told to be ({why}). Has something moved it, such as a run before this "
+            "one? Bring it back (ReturnToStart ends a tree at its start), restart its twin, or look where it is "
+            "(Relocalise)"
+        )
 
     def begin(self) -> None:
         """From the believed ``world.base`` on."""
@@ -125,7 +138,7 @@ class LocalisationCycle:
             self._scans_at_rest += 1
             fits = estimate.match is not None and estimate.match.accepted
             if fits:
-                self._refused_scans, self.lost = 0, False
+                self._refused_scans, self.lost, self._confirmed = 0, False, True
             else:
                 self._refused_scans += 1
             self._seen(PlacedScan(scan, odometry, estimate.pose @ base_from_lidar, fits))
@@ -134,4 +147,5 @@ class LocalisationCycle:
     def _reset(self, believed: BasePose) -> None:
         self.odometry = self._odometer.pose()
         self.localizer.reset(believed.pose, self.odometry, believed.position_std, believed.heading_std)
+        self._confirmed = False
         self._scans_at_rest = self._refused_scans = 0

@@ -362,6 +362,19 @@ def test_a_lost_base_that_waits_in_vain_is_told_again_that_it_is_lost_and_turns_
     assert len(it.base.told) == told
 
 
+def test_a_base_that_is_not_where_it_was_told_to_be_says_what_may_have_moved_it_and_what_to_do():
+    it = driven()
+    it.localizer.fits, it.localizer.reason = False, "nothing fits"
+    it.controller.believe(START, 0.02, 0.02)
+    text = it.wait(it.controller.drive(0.5), 5.0).error.text
+    assert text.startswith("no scan fits where the base was told to be (nothing fits). Has something moved it")
+    assert "ReturnToStart" in text
+    it.localizer.fits = True
+    it.wait(it.controller.drive(0.1))
+    it.localizer.fits = False
+    assert "no longer knows" in it.wait(it.controller.drive(2.0, speed=0.2), 5.0).error.text
+
+
 def test_believing_in_another_place_stops_the_base_forgets_what_was_seen_and_asks_for_a_scan_that_fits():
     crate = np.array([(1.0, -1.0, 1.2, -1.0), (1.2, -1.0, 1.2, -0.8), (1.2, -0.8, 1.0, -0.8), (1.0, -0.8, 1.0, -1.0)])
     it = driven(np.vstack([ROOM, crate]))
