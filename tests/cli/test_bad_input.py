@@ -98,6 +98,17 @@ def test_of_several_trees_one_is_to_be_chosen(refused, folder: Path) -> None:
     assert f'{told} (write main_tree_to_execute="A")' in refused("run", "two.xml")
 
 
+def test_an_unknown_node_that_a_file_beside_the_tree_defines_is_brought_as_a_plug_in(refused, folder: Path) -> None:
+    nodes = "from bestman_bt.engine import SyncAction, action\nclass Wave(SyncAction):\n    pass\n"
+    (folder / "skills.py").write_text(f"{nodes}@action\ndef say_hello() -> bool:\n    return True\n")
+    (folder / "t.xml").write_text(tree("<Sequence>\n<Wave/>\n<SayHello/>\n<Nothing_like_it/>\n</Sequence>"))
+    told = refused("run", "t.xml").splitlines()[1:]
+    assert told[0] == "t.xml:4: <Wave>: unknown node 'Wave' (skills.py defines one: bring it with --plugin skills.py)"
+    assert told[1].endswith("unknown node 'SayHello' (skills.py defines one: bring it with --plugin skills.py)")
+    assert told[2].endswith("unknown node 'Nothing_like_it' (a node of your own comes with --plugin FILE.py)")
+    assert "unknown node 'Nothing_like_it'" in refused("run", "t.xml", "--plugin", "skills.py")
+
+
 def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
     (folder / "t.xml").write_text(tree("<Sequence>\n<NavigateTo/>\n<Grap/>\n</Sequence>"))
     told = refused("run", "t.xml").splitlines()

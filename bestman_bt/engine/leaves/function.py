@@ -111,8 +111,9 @@ def _leaf(function: Callable[..., Any], base: type[Leaf], name: str | None) -> t
         "on_tick": on_tick,
         "function": staticmethod(function),
     }
-    return type(name or _class_name(function.__name__), (base,), members)
+    return type(name or class_name(function.__name__), (base,), members)
 
 
-def _class_name(name: str) -> str:
+def class_name(name: str) -> str:
+    """The name of the node that a function of this name makes: ``open_door`` → ``OpenDoor``."""
     return "".join(part[:1].upper() + part[1:] for part in name.split("_"))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 from bestman_bt.engine.bounds import refusal
 from bestman_bt.engine.conversion import UNTYPED, cast, partly_read, type_name
 from bestman_bt.engine.errors import ConversionError, Problem, ScriptError
+from bestman_bt.engine.leaves.function import class_name
 from bestman_bt.engine.ports import key_of
 from bestman_bt.engine.registry import NodeInfo, NodeRegistry
 from bestman_bt.engine.scripting import ScriptCompiler, assigns_to_no_key
@@ -68,8 +71,7 @@ class Checker:
         children = element.children
         if info is None:
             if name:
-                hint = closest(name, self._infos)
-                self._report(element, "", f"unknown node '{name}'", f"did you mean '{hint}'?" if hint else "")
+                self._report(element, "", f"unknown node '{name}'", self._remedy(name))
         else:
             element.info = info
             if tag in EXPLICIT and info.kind != tag:
@@ -90,6 +92,15 @@ class Checker:
                     self._report(element, key, "it is required but not given", kind, severity)
         for child in children:
             self._check(child)
+
+    def _remedy(self, name: str) -> str:
+        """What may help against an unknown node: the file beside the tree that defines it, or the closest name."""
+        for path in sorted(Path(self.file).parent.glob("*.py")):
+            defined = re.findall(r"^(?:class|def) (\w+)", path.read_text("utf-8", "replace"), re.MULTILINE)
+            if name in defined or name in map(class_name, defined):
+                return f"{path} defines one: bring it with --plugin {path}"
+        hint = closest(name, self._infos)
+        return f"did you mean '{hint}'?" if hint else "a node of your own comes with --plugin FILE.py"
 
     def _check_attributes(self, element: Element, info: NodeInfo) -> None:
         ports = info.ports
