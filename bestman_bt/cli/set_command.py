@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from typing import Annotated
 
 import typer
@@ -24,5 +25,7 @@ def command(
         value = json.loads(text)
     except ValueError:
         value = text
-    ask(path, {"do": "set", "key": key.strip(), "value": value, "scope": scope})
+    answer = ask(path, {"do": "set", "key": key.strip(), "value": value, "scope": scope})
     print(f"set {key.strip()} = {json.dumps(value, ensure_ascii=False)} in {status['task']}")
+    if "note" in answer:
+        print(f"note: {answer['note']}", file=sys.stderr)

@@ -4,7 +4,8 @@ One JSON object a line in each direction. Requests, which are answered by ``{"ok
 ``{"ok": false, "error": …}``:
 
 - ``{"do": "status"}``, ``pause``, ``resume``, ``step``, ``halt``, ``stop``
-- ``{"do": "set", "key": …, "value": …, "scope": …}``: a blackboard entry; ``scope``: path of a SubTree, else the root
+- ``{"do": "set", "key": …, "value": …, "scope": …}``: a blackboard entry; ``scope``: path of a SubTree, else the root;
+  the answer has a ``note`` where the entry is new
 - ``{"do": "breakpoint", "node": …, "when": "before" or "after", "condition": script, "once": false}``: the execution
   waits there, within the tick; nodes are named by uid or path
 - ``{"do": "clear_breakpoint", "node": …, "when": …}``, ``{"do": "breakpoints"}``
@@ -29,6 +30,7 @@ from pathlib import Path
 from typing import Any
 
 from bestman_bt.engine import RUNNING, EngineError, status_name
+from bestman_bt.engine.spelling import closest
 from bestman_bt.errors import Error
 from bestman_bt.monitor.control_client import socket_folder
 from bestman_bt.monitor.events import TOPICS, BreakpointsEvent, Topic
@@ -96,7 +98,7 @@ class ControlChannel:
     def answer(self, message: Any) -> dict[str, Any]:
         """Carry out one request; what ``subscribe`` asks for begins with ``subscribe``."""
         try:
-            self._do(message)
+            more = self._do(message)
         except (
             RefusedError,
             BreakpointError,
@@ -106,7 +108,6 @@ class ControlChannel:
         ) as error:  # the last two: of converters
             return {"ok": False, "error": str(error)}
         executor = self._executor
-        more = self._standing() if message["do"] == "status" else {}
         return {
             "ok": True,
             "task": self._telemetry.run.task,
@@ -139,7 +140,8 @@ class ControlChannel:
         """Tell somebody nothing more."""
         self._telemetry.forget(outbox)
 
-    def _do(self, message: Any) -> None:
+    def _do(self, message: Any) -> dict[str, Any]:
+        """Carry out a request; returns what its answer tells beside what each tells."""
         what = message.get("do") if isinstance(message, dict) else None
         executor = self._executor
         match what:
@@ -159,7 +161,7 @@ class ControlChannel:
             case "set":
                 if "value" not in message:
                     raise RefusedError("set wants a key (text) and a value")
-                self._set(message.get("key"), message.get("value"), message.get("scope") or "")
+                return self._set(message.get("key"), message.get("value"), message.get("scope") or "")
             case "breakpoint":
                 asked = [message.get(name) for name in ("node", "when", "condition", "once")]
                 self._between_ticks(lambda: self._breakpoints.add(asked[0], asked[1], asked[2], bool(asked[3])))
@@ -169,24 +171,34 @@ class ControlChannel:
                 self._between_ticks(lambda: self._breakpoints.force(message.get("node"), message.get("result")))
             case "subscribe":
                 _topics(message)
-            case "status" | "breakpoints":
+            case "status":
+                return self._standing()
+            case "breakpoints":
                 pass
             case _:
                 known = "status, subscribe, pause, resume, step, set, breakpoint, clear_breakpoint, breakpoints, force"
                 raise RefusedError(f"unknown request {what!r}; known: {known}, halt, stop")
+        return {}
 
-    def _set(self, key: Any, value: Any, scope: Any) -> None:
+    def _set(self, key: Any, value: Any, scope: Any) -> dict[str, str]:
         if not isinstance(key, str) or not key:
             raise RefusedError("set wants a key (text) and a value")
         board = self._executor.tree.blackboards.get(scope) if isinstance(scope, str) else None
         if board is None:
             raise RefusedError(f"there is no SubTree {scope!r}")
 
+        notes: dict[str, str] = {}
+
         def write() -> None:
+            if key not in board:
+                meant = closest(key, [*board.keys(), *board.remapping, *board.root.keys()])
+                hint = f"; did you mean {meant!r}?" if meant else ""
+                notes["note"] = f"{key!r} is a new entry, which no node of the tree names{hint}"
             board.set(key, value)
             self._telemetry.entries_set()
 
         self._between_ticks(write)
+        return notes
 
     def _between_ticks(self, task: Callable[[], None]) -> None:
         """Have something done in the executor's thread, and wait for it; raises what it raises.

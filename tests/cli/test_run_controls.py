@@ -49,12 +49,19 @@ def test_one_run_is_paused_stepped_set_and_resumed_without_being_named(
     bestman_bt: Command, start: Callable[[str], Executor]
 ) -> None:
     executor = start("fetch")
+    executor.tree.blackboard.set("speed", 1.0)
 
     assert bestman_bt("pause").out.startswith("paused fetch at tick ")
     ticks = json.loads(bestman_bt("status", "--json").out)["runs"][0]["ticks"]
     assert f"stepped fetch to tick {ticks + 1}, " in bestman_bt("step").out
-    assert bestman_bt("set", "speed=0.5").out == "set speed = 0.5 in fetch\n"
+    written = bestman_bt("set", "speed=0.5")
+    assert (written.code, written.out, written.err) == (0, "set speed = 0.5 in fetch\n", "")
     assert executor.tree.blackboard.get("speed") == 0.5
+    misspelt = bestman_bt("set", "sped=0.2")
+    assert (misspelt.code, misspelt.out) == (0, "set sped = 0.2 in fetch\n")
+    assert misspelt.err == "note: 'sped' is a new entry, which no node of the tree names; did you mean 'speed'?\n"
+    assert executor.tree.blackboard.get("sped") == 0.2
+    assert bestman_bt("set", "sped=0.3").err == ""
     assert bestman_bt("set", "object=the cup").out == 'set object = "the cup" in fetch\n'
     assert bestman_bt("resume").out.startswith("resumed fetch")
     assert not executor.paused
