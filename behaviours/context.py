@@ -173,12 +173,16 @@ class SkillContext:
     @property
     def arm_model(self) -> ArmModel:
         """The arm that skills move."""
-        return self.robot.arms[self.arm.name]
+        from bestman_bt.robot_model import ArmModel
+
+        return self.robot.of(ArmModel)[self.arm.name]
 
     @property
     def gripper_model(self) -> GripperModel:
         """The gripper that skills use."""
-        return self.robot.grippers[self.gripper.name]
+        from bestman_bt.robot_model import GripperModel
+
+        return self.robot.of(GripperModel)[self.gripper.name]
 
     @property
     def map_from_base(self) -> Pose:

@@ -36,21 +36,33 @@ class MissingPartError(RobotError, LookupError):
 
 def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[PartKind, tuple[str, ...]]:
     """Kind → names of the robot's parts of it, of those that are ``there``; kinds that it lacks are left out."""
-    from bestman_bt.robot_model import joints_above
+    from bestman_bt.robot_model import (
+        ArmModel,
+        BaseModel,
+        CameraPart,
+        GripperModel,
+        JointGroupModel,
+        LidarPart,
+        MountedForceTorque,
+        TactilePart,
+        joints_above,
+    )
 
-    arm_joints = {joint for arm in robot.arms.values() for joint in arm.joint_names}
+    arm_joints = {joint for arm in robot.of(ArmModel).values() for joint in arm.joint_names}
     of_kind: dict[PartKind, Iterable[str]] = {
-        "base": robot.bases,
-        "lidar": robot.lidars,
-        "arm": robot.arms,
-        "gripper": robot.grippers,
-        "head": robot.joint_groups,
-        "camera": robot.cameras,
+        "base": robot.of(BaseModel),
+        "lidar": robot.of(LidarPart),
+        "arm": robot.of(ArmModel),
+        "gripper": robot.of(GripperModel),
+        "head": robot.of(JointGroupModel),
+        "camera": robot.of(CameraPart),
         "wrist_camera": [
-            name for name, camera in robot.cameras.items() if arm_joints & joints_above(robot, camera.optical_frame)
+            name
+            for name, camera in robot.of(CameraPart).items()
+            if arm_joints & joints_above(robot, camera.optical_frame)
         ],
-        "force_torque": robot.force_torques,
-        "tactile": robot.tactiles,
+        "force_torque": robot.of(MountedForceTorque),
+        "tactile": robot.of(TactilePart),
     }
     found = {kind: tuple(name for name in names if name in there) for kind, names in of_kind.items()}
     return {kind: names for kind, names in found.items() if names}

@@ -28,6 +28,7 @@ from bestman_bt.configuration.task import DriveConfig
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.evaluation.interval import wilson_interval
 from bestman_bt.messages import Pose2D, wrap_angle
+from bestman_bt.robot_model import BaseModel
 from bestman_bt.runtime import prepare
 from bestman_bt.runtime.drive_goals import drive_goal
 from bestman_bt.scene import World
@@ -77,7 +78,7 @@ def dock(seed: int, by_furniture: bool, measured: Docks) -> None:
     setup = prepare(load_run("navigate_kitchen", seed=seed))
     if by_furniture:
         piece = setup.world_model.map.furniture["counter"]
-        half = max(x for x, _ in next(iter(setup.robot_model.bases.values())).footprint)
+        half = max(x for x, _ in next(iter(setup.robot_model.of(BaseModel).values())).footprint)
         aside = float(np.random.default_rng([seed, 9]).uniform(-REACH, REACH))
         goal = piece.pose @ Pose2D(-piece.footprint[0] / 2 - BEFORE - half, aside, 0.0)
     else:

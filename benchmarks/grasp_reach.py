@@ -10,6 +10,7 @@ import numpy as np
 from benchmarks.grasp_rig import GraspRig, rig_model, wrist_positions
 from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene, SceneObstacle
 from bestman_bt.messages import PlacedShape, Pose
+from bestman_bt.robot_model import ArmModel
 
 APPROACH = (0.0, 0.05, 0.10)
 """Metres before the grasp at which the hand is checked, the last where the straight approach begins."""
@@ -33,7 +34,7 @@ class HandReach:
         allowed = {frozenset((finger, obstacle.name)) for finger in fingers for obstacle in obstacles[1:]}
         scene = PlanningScene(opened, tuple(obstacles), allowed_pairs=frozenset(allowed), padding=0.003)
         self._world = model.world(scene)
-        self._limits = rig.model.arms["arm"]
+        self._limits = rig.model.of(ArmModel)["arm"]
 
     def __call__(self, grasp: Pose) -> float:
         """``grasp``: map_from_tool."""

@@ -21,7 +21,7 @@ from bestman_bt.messages import Mesh, ObjectModel, Pose
 from bestman_bt.perception import View
 from bestman_bt.perception.grasp_pose import GraspCandidate
 from bestman_bt.perception.pose_estimation.model_surface import sample_shape
-from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, CameraPart, GripperModel, RobotModel, load_robot_model
 from bestman_bt.scene import World
 from bestman_bt.world_model import SemanticMap, WorldModel
 from hal.api import Arm, Camera, CommandRefusedError, Gripper, Motion, MotionStatus
@@ -89,14 +89,15 @@ class GraspRig:
     ) -> None:
         self.parameters = parameters or GraspRigParameters()
         self.model = rig_model(head)
-        self.gripper = self.model.grippers["gripper"]
+        self.gripper = self.model.of(GripperModel)["gripper"]
         self._world, self._table_height = world, table_height
         self._robot = PyBulletRobot(self.model, world, seed=world.seed)
         self._arm, self._hand = self._robot.part("arm", Arm), self._robot.part("gripper", Gripper)
         kinematics, joints = ForwardKinematics(self.model), JointStateSensor(self._robot.parts, self.model)
         nowhere = WorldModel(SemanticMap(np.zeros((0, 4)), {}))
         self._sensors = {
-            name: RGBDSensor(self._robot.part(name, Camera), kinematics, joints, nowhere) for name in self.model.cameras
+            name: RGBDSensor(self._robot.part(name, Camera), kinematics, joints, nowhere)
+            for name in self.model.of(CameraPart)
         }
 
     def __enter__(self) -> GraspRig:
@@ -149,7 +150,7 @@ class GraspRig:
 
     def masks(self, camera: str = "head_camera") -> dict[str, NDArray[np.bool_]]:
         """Which pixels (H, W) of ``camera`` truly show each object: for judging."""
-        model = self.model.cameras[camera]
+        model = self.model.of(CameraPart)[camera]
         pose, k = self._sensors[camera].base_from_camera(), model.intrinsics
         forward, up = pose.rotation[:, 2], -pose.rotation[:, 1]
         image = self._reader.getCameraImage(
@@ -240,7 +241,7 @@ class GraspRig:
 
     def _positions(self, map_from_tool: Pose) -> NDArray[np.float64]:
         """The joints' positions, (6,), for a pose of the tool; CommandRefusedError where it is out of reach."""
-        positions = wrist_positions(map_from_tool, self.model.arms["arm"], self._arm.positions())
+        positions = wrist_positions(map_from_tool, self.model.of(ArmModel)["arm"], self._arm.positions())
         if positions is None:
             raise CommandRefusedError(f"the gantry does not reach {map_from_tool}")
         return positions

@@ -32,7 +32,7 @@ from bestman_bt.manipulation.kinematics import (
     stands_around,
 )
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, RobotModel, load_robot_model
 from tests.manipulation.fixed_ur5 import fixed_ur5
 from tests.manipulation.kinematics.door_stations import door_stations
 from tests.manipulation.table_and_shelf import fixed_panda
@@ -44,7 +44,7 @@ STARTS = {
 
 
 def inverse_kinematics(robot: RobotModel, count: int, seed: int) -> dict[str, object]:
-    arm, kinematics, start = robot.arms["arm"], DampedLeastSquares(robot), STARTS[robot.name]
+    arm, kinematics, start = robot.of(ArmModel)["arm"], DampedLeastSquares(robot), STARTS[robot.name]
     rng = np.random.default_rng(seed)
     solved, seconds = 0, []
     for q in rng.uniform(arm.lower + 0.03, arm.upper - 0.03, (count, len(start))):
@@ -62,7 +62,7 @@ def inverse_kinematics(robot: RobotModel, count: int, seed: int) -> dict[str, ob
 
 
 def branches(robot: RobotModel, count: int, seed: int) -> dict[str, object]:
-    arm, kinematics, start = robot.arms["arm"], DampedLeastSquares(robot), STARTS[robot.name]
+    arm, kinematics, start = robot.of(ArmModel)["arm"], DampedLeastSquares(robot), STARTS[robot.name]
     rng = np.random.default_rng(seed)
     found, members, seconds = [], [], []
     for q in rng.uniform(arm.lower + 0.03, arm.upper - 0.03, (count, len(start))):
@@ -81,7 +81,7 @@ def branches(robot: RobotModel, count: int, seed: int) -> dict[str, object]:
 
 def doors(count: int, seed: int) -> dict[str, object]:
     robot = load_robot_model("diff_panda")
-    arm, kinematics = robot.arms["arm"], DampedLeastSquares(robot)
+    arm, kinematics = robot.of(ArmModel)["arm"], DampedLeastSquares(robot)
     home = robot.posture("home", arm.joint_names)
     began = time.process_time()
     reachability = build_reachability_map(kinematics, arm)

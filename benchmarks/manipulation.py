@@ -30,6 +30,7 @@ from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect
 from bestman_bt.manipulation.trajectory import Toppra
 from bestman_bt.manipulation.trajectory.collision_check import dense_samples
+from bestman_bt.robot_model import ArmModel
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import fixed_panda, problems, table_and_shelf
 
@@ -88,7 +89,7 @@ def timed(function: Callable[[], object]) -> tuple[object, float]:
 
 def inverse_kinematics(count: int, seed: int, referee: Referee) -> dict[str, object]:
     robot = fixed_panda()
-    arm, ours = robot.arms["arm"], DampedLeastSquares(robot)
+    arm, ours = robot.of(ArmModel)["arm"], DampedLeastSquares(robot)
     rng = np.random.default_rng(seed)
     solved, peer_solved, seconds, peer_seconds = 0, 0, [], []
     for q in rng.uniform(arm.lower + 0.03, arm.upper - 0.03, (count, 7)):
@@ -132,7 +133,7 @@ def pybullet_ik(referee: Referee, target, arm, rng, good) -> bool:
 
 
 def collision_checks(count: int, seed: int, worlds: dict[str, CollisionWorld]) -> dict[str, object]:
-    arm = fixed_panda().arms["arm"]
+    arm = fixed_panda().of(ArmModel)["arm"]
     configurations = np.random.default_rng(seed).uniform(arm.lower, arm.upper, (count, 7))
     figures: dict[str, object] = {"configurations": count}
     for name, world in worlds.items():
@@ -142,7 +143,7 @@ def collision_checks(count: int, seed: int, worlds: dict[str, CollisionWorld]) -
 
 
 def plans(seeds: list[int], worlds: dict[str, CollisionWorld]) -> dict[str, object]:
-    arm, planner, timing = fixed_panda().arms["arm"], RRTConnect(), Toppra()
+    arm, planner, timing = fixed_panda().of(ArmModel)["arm"], RRTConnect(), Toppra()
     figures: dict[str, object] = {"problems": 10, "seeds": seeds}
     for name, world in worlds.items():
         solved, strict, seconds, timing_seconds, lengths, checks = 0, 0, [], [], [], []
@@ -190,7 +191,7 @@ def main() -> None:
     peer = Referee()
     worlds: dict[str, CollisionWorld] = {
         "bestman_bt": CoalCollisionModel(robot).world(table_and_shelf()),
-        "pybullet_contacts": PyBulletWorld(peer, robot.arms["arm"].joint_names),
+        "pybullet_contacts": PyBulletWorld(peer, robot.of(ArmModel)["arm"].joint_names),
     }
     document = {
         "machine": {"platform": platform.platform(), "cpus": os.cpu_count(), "load": round(os.getloadavg()[0], 2)},

@@ -34,6 +34,7 @@ from bestman_bt.manipulation.motion_planning import PlanningError, PlanningError
 from bestman_bt.manipulation.motion_planning.edge import dense_points
 from bestman_bt.manipulation.motion_planning.sampling_planner import SamplingPlanner
 from bestman_bt.registry import ALGORITHMS
+from bestman_bt.robot_model import ArmModel
 from tests.manipulation.pybullet_referee import Referee
 from tests.manipulation.table_and_shelf import Body, boxes, fixed_panda, table_and_shelf
 
@@ -91,7 +92,7 @@ def scene_of(problems: Path) -> list[Body]:
 
 def solve(problems: list[dict], planner, model: CoalCollisionModel, bodies: list[Body], seed: int) -> list[dict]:
     """The answers, each with its padding, wall time and checks, and the error where there is no path."""
-    arm = model.robot.arms["arm"]
+    arm = model.robot.of(ArmModel)["arm"]
     worlds = [model.world(table_and_shelf(padding, bodies)) for padding in PADDINGS]
     shortening = Stopwatch(SamplingPlanner, "shorten")
     answers = []
@@ -142,7 +143,7 @@ def strict(path: np.ndarray, judge: Referee) -> bool:
 
 
 def peer_figures(problems: list[dict], answers: list[dict], model: CoalCollisionModel, bodies, seed: int) -> dict:
-    world, arm = model.world(table_and_shelf(PADDINGS[0], bodies)), model.robot.arms["arm"]
+    world, arm = model.world(table_and_shelf(PADDINGS[0], bodies)), model.robot.of(ArmModel)["arm"]
     ours, theirs, plan_ms = [], [], []
     for number, (problem, answer) in enumerate(zip(problems, answers, strict=True)):
         if fault(problem):
@@ -180,7 +181,11 @@ def main() -> None:
     planner = ALGORITHMS.resolve(f"motion_planning/{arguments.planner}")()
     ready = np.array([0.0, -0.5, 0.0, -2.2, 0.0, 1.8, 0.785])
     planner.plan(
-        ready, [ready + 0.01], model.world(table_and_shelf(0.0, [])), model.robot.arms["arm"], np.random.default_rng(0)
+        ready,
+        [ready + 0.01],
+        model.world(table_and_shelf(0.0, [])),
+        model.robot.of(ArmModel)["arm"],
+        np.random.default_rng(0),
     )
     answers = solve(problems, planner, model, bodies, arguments.seed)
     if arguments.out:

@@ -32,7 +32,7 @@ from bestman_bt.manipulation.policy import (
     roll_out,
 )
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, load_robot_model
 from bestman_bt.runtime import Session, session
 
 POSITION, ROTATION = 0.01, 0.1
@@ -64,7 +64,7 @@ class NullPolicy(Policy):
 
 def expert() -> ReachingExpert:
     robot = load_robot_model("diff_panda")
-    arm = robot.arms["arm"]
+    arm = robot.of(ArmModel)["arm"]
     return ReachingExpert(DampedLeastSquares(robot), arm, robot.posture("home", arm.joint_names))
 
 

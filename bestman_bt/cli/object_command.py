@@ -154,7 +154,7 @@ def _tell(facts: dict[str, Any]) -> None:
 
 def _gripper(robot: str) -> tuple[str, GripperModel]:
     model = load_robot_model(robot)
-    for name, gripper in model.grippers.items():
+    for name, gripper in model.of(GripperModel).items():
         return f"{robot}/{name}", gripper
     raise _wrong("--robot", f"{robot} has no gripper")
 

@@ -11,6 +11,7 @@ import typer
 from bestman_bt.cli.json_output import json_output
 from bestman_bt.cli.options import Json, Png
 from bestman_bt.configuration import ConfigurationError, Problem, own_parts, pybullet_data
+from bestman_bt.robot_model import ArmModel, JointGroupModel
 
 verbs = typer.Typer(
     add_completion=False,
@@ -84,13 +85,13 @@ def postures(
         model = find_robot(name)
         head = {
             joint: position
-            for group in model.joint_groups.values()
+            for group in model.of(JointGroupModel).values()
             for joint, position in zip(group.joint_names[-2:], (0.0, math.radians(47.0)), strict=False)
         }
         found: dict[str, Any] = {}
-        for arm in model.arms:
+        for arm in model.of(ArmModel):
             search, rng = PostureSearch(model, arm), np.random.default_rng(seed)
-            names = model.arms[arm].joint_names
+            names = model.of(ArmModel)[arm].joint_names
             home = model.posture("home", names) if "home" in model.postures else search.home(rng)
             carry, beside = search.carry(rng, home, head), search.carry_beside(rng, home, head)
             for posture, positions in (("home", home), ("carry", carry), ("carry_beside", beside)):

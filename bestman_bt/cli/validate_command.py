@@ -40,7 +40,7 @@ def command(
         problems = validate_file(path, registry, search_path=shipped_trees(), given=(*TASK_ENTRIES, *ALWAYS_FILLED))
         if model is not None and not any(problem.severity == "error" for problem in problems):
             tree = load_tree(path, registry, search_path=shipped_trees())
-            problems = [*problems, *lacking_parts(tree, model, model.part_names)]
+            problems = [*problems, *lacking_parts(tree, model, model.parts)]
         for problem in problems:
             print(problem, file=sys.stderr)
         faulty = sum(problem.severity != "warning" for problem in problems)

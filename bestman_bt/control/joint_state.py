@@ -30,8 +30,9 @@ class JointStateSensor:
     """
 
     def __init__(self, parts: Mapping[str, Part], model: RobotModel) -> None:
-        self._parts = parts
-        self._model = model
+        from bestman_bt.robot_model import GripperModel
+
+        self._parts, self._grippers = parts, model.of(GripperModel)
 
     def positions(self) -> Mapping[str, float]:
         """Joint name → measured position, radians or metres; JointStateError where a part tells none."""
@@ -40,8 +41,8 @@ class JointStateSensor:
             for name, part in self._parts.items():
                 if isinstance(part, JointGroup):
                     positions.update(zip(part.joint_names, part.positions().tolist(), strict=True))
-                elif isinstance(part, Gripper) and name in self._model.grippers:
-                    positions.update(self._model.grippers[name].joint_positions(part.width()))
+                elif isinstance(part, Gripper) and name in self._grippers:
+                    positions.update(self._grippers[name].joint_positions(part.width()))
         except RobotError as error:
             raise JointStateError(str(error)) from error
         return MappingProxyType(positions)

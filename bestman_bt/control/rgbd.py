@@ -16,7 +16,7 @@ from bestman_bt.manipulation.kinematics import ForwardKinematics, link_hulls
 from bestman_bt.messages import CameraIntrinsics, PointCloud, Pose, RGBDImage
 from bestman_bt.perception import PerceptionError, View
 from bestman_bt.perception.camera_model import DepthCorrection, rectification
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel
 from bestman_bt.world_model import HeldObject, WorldModel
 from hal.api import Camera, Clock, RobotError
 
@@ -173,7 +173,7 @@ class RGBDSensor:
                 CameraErrorCode.NO_DEPTH,
                 f"{self.name} gave an image without depth ({share:.2%} of its pixels have one)",
             )
-        model = self._kinematics.robot.cameras.get(self.name)
+        model = self._kinematics.robot.of(CameraPart).get(self.name)
         correction = DepthCorrection() if model is None else DepthCorrection(model.depth_scale, model.depth_offset)
         depth = correction.apply(image.depth if known.all() else np.where(known, image.depth, np.float32(0.0)))
         image = replace(image, depth=depth)
@@ -230,7 +230,7 @@ class SelfFilter:
             camera_from_link = camera_from_base @ self._kinematics.pose(link, positions)
             bodies += [camera_from_link.apply(hull) for hull in hulls]
         if held is not None:
-            tool_frame = next(iter(self._robot.arms.values())).tool_frame
+            tool_frame = next(iter(self._robot.of(ArmModel).values())).tool_frame
             camera_from_tool = camera_from_base @ self._kinematics.pose(tool_frame, positions)
             lower, upper = held.model.bounds()
             box = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (upper - lower) + lower

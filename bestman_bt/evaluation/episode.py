@@ -23,6 +23,7 @@ from bestman_bt.evaluation.recording import Recording
 from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
+from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Ending, Execution, Session, Setup, open_session, prepare
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
@@ -72,7 +73,7 @@ class _Observers:
     def watch_contacts(self, session: Session) -> Callable[[], None]:
         """Note what skills declare to touch, on the clock of what watches them; returns what to call after a tick."""
         now = self.truth.now if isinstance(self.truth, RemoteTruth) else session.robot.clock.now
-        skills, hands = session.skills, len(session.setup.robot_model.grippers)
+        skills, hands = session.skills, len(session.setup.robot_model.of(GripperModel))
         self.contacts, self.began = ContactLog(lambda: skills.contacts, now, hands), now()
         return self.contacts.after_tick
 

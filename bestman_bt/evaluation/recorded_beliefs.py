@@ -11,6 +11,7 @@ from bestman_bt.engine import Tree
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Path2D, Pose, Pose2D
 from bestman_bt.monitor.shown_value import show_value
+from bestman_bt.robot_model import LidarPart
 from bestman_bt.runtime import Session
 from bestman_bt.runtime.blackboard_changes import BlackboardChanges, WrittenEntry
 from bestman_bt.runtime.looking import object_marks
@@ -37,7 +38,7 @@ class RecordedBeliefs:
         self._grasps: tuple[str, str] | None = None
         self._objects: dict[str, ObjectBelief] = {}
         model = session.setup.robot_model
-        frames = [lidar.frame for lidar in model.lidars.values()]
+        frames = [lidar.frame for lidar in model.of(LidarPart).values()]
         self._lidar_height = float(ForwardKinematics(model).pose(frames[0], {}).position[2]) if frames else 0.0
 
     def begin(self) -> None:

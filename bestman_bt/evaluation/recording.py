@@ -15,6 +15,7 @@ from bestman_bt.engine import StateChanges, Tree
 from bestman_bt.evaluation.motion import robot_snapshot
 from bestman_bt.evaluation.recorded_beliefs import RecordedBeliefs
 from bestman_bt.messages import Cylinder, PlacedShape, Pose, Pose2D
+from bestman_bt.robot_model import ArmModel, CameraPart, GripperModel
 from bestman_bt.runtime import Session
 from bestman_bt.scene import Articulation, PlacedFurniture, Walker, World, wall_box
 from bestman_bt.visualization import RecordedBody, describe_changes, describe_tree
@@ -33,7 +34,7 @@ class Recording:
         model = setup.robot_model
         self._session, self._tree, self._scene, self._every = session, tree, scene, every
         self._ticks = 0
-        plotted = [joint for arm in model.arms.values() for joint in arm.joint_names]
+        plotted = [joint for arm in model.of(ArmModel).values() for joint in arm.joint_names]
         self._recorder = RerunRecorder(
             path,
             urdf=model.urdf,
@@ -41,10 +42,11 @@ class Recording:
             nodes=describe_tree(tree),
             bodies=recorded_bodies(setup.world),
             cameras={
-                name: RecordedCamera(camera.intrinsics, camera.optical_frame) for name, camera in model.cameras.items()
+                name: RecordedCamera(camera.intrinsics, camera.optical_frame)
+                for name, camera in model.of(CameraPart).items()
             },
             plotted_joints=plotted,
-            grippers={name: gripper.joint_names for name, gripper in model.grippers.items()},
+            grippers={name: gripper.joint_names for name, gripper in model.of(GripperModel).items()},
         )
         self._beliefs = RecordedBeliefs(self._recorder, session, tree)
 

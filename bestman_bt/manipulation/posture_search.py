@@ -20,7 +20,7 @@ from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, ForwardKinematics, link_hulls
 from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, RRTConnectParameters
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
-from bestman_bt.robot_model import CameraPart, RobotModel, joints_above
+from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, GripperModel, RobotModel, joints_above
 
 Array = NDArray[np.float64]
 
@@ -70,13 +70,13 @@ class PostureSearch:
     """
 
     def __init__(self, robot: RobotModel, arm: str = "arm", parameters: PostureSearchParameters | None = None) -> None:
-        self.robot, self.arm = robot, robot.arms[arm]
+        self.robot, self.arm = robot, robot.of(ArmModel)[arm]
         self.parameters = parameters or PostureSearchParameters()
         self._kinematics = DampedLeastSquares(robot, arm)
         self._forward = ForwardKinematics(robot)
         self._hands = {
             joint: position
-            for gripper in robot.grippers.values()
+            for gripper in robot.of(GripperModel).values()
             for joint, position in gripper.joint_positions(gripper.max_width).items()
         }
         moved = set(self.arm.joint_names)
@@ -121,7 +121,7 @@ class PostureSearch:
 
     def stands_out(self, positions: Array) -> float:
         """How far arm and hand stand out beyond the outline of the robot's first base, metres; 0 without a base."""
-        base = next(iter(self.robot.bases.values()), None)
+        base = next(iter(self.robot.of(BaseModel).values()), None)
         if base is None:
             return 0.0
         corners = np.array(base.footprint)
@@ -133,7 +133,7 @@ class PostureSearch:
 
     def hidden(self, positions: Array, head: dict[str, float]) -> float:
         """The share of the table that arm and hand hide from the first camera; ``head``: joints that carry it."""
-        camera = next(iter(self.robot.cameras.values()), None)
+        camera = next(iter(self.robot.of(CameraPart).values()), None)
         if camera is None or set(self.arm.joint_names) & joints_above(self.robot, camera.optical_frame):
             return 0.0
         base_from_camera = self._forward.pose(camera.optical_frame, {**self._named(positions), **head})

@@ -12,8 +12,10 @@ from bestman_bt.messages import Pose
 from bestman_bt.robot_model.bumper_ring import mounted_bumper
 from bestman_bt.robot_model.describe_legs import legged_base_model
 from bestman_bt.robot_model.footprint import footprint, origin_pose
-from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, JointGroupModel, Part, RobotModel
 from bestman_bt.robot_model.part_config import (
+    PART_KINDS,
+    AnyPart,
     ArmPart,
     BasePart,
     GripperPart,
@@ -26,15 +28,12 @@ from bestman_bt.robot_model.part_fields import JointLimitsConfig
 from bestman_bt.robot_model.placed_part import PlacedPart
 from bestman_bt.robot_model.self_pairs import allowed_self_pairs
 from bestman_bt.robot_model.sensor_parts import (
-    BatteryPart,
     BumperPart,
-    CameraPart,
     ForceTorquePart,
-    ImuPart,
-    LidarPart,
     MountedForceTorque,
-    TactilePart,
 )
+
+_KINDS = tuple(PART_KINDS)
 
 
 def describe(
@@ -54,73 +53,58 @@ def describe(
         if isinstance(part.config, BasePart)
         for joint in (*part.config.wheel_joints, *part.config.steering_joints)
     )
-    bases: dict[str, BaseModel] = {}
-    arms: dict[str, ArmModel] = {}
-    grippers: dict[str, GripperModel] = {}
-    groups: dict[str, JointGroupModel] = {}
-    cameras: dict[str, CameraPart] = {}
-    lidars: dict[str, LidarPart] = {}
-    force_torques: dict[str, MountedForceTorque] = {}
-    imus: dict[str, ImuPart] = {}
-    tactiles: dict[str, TactilePart] = {}
-    batteries: dict[str, BatteryPart] = {}
-    for part_name, part in placed.items():
-        match part.config:
-            case BasePart() as base:
-                bases[part_name] = _base(base, urdf, base_frame, part, placed)
-            case LeggedBasePart() as walker:
-                outline = _footprint(urdf, base_frame, part, placed)
-                bases[part_name] = legged_base_model(walker, part.root, outline, urdf)
-            case ArmPart() as arm:
-                hand = tools.get(part_name)
-                arms[part_name] = ArmModel(
-                    joint_names=arm.joints,
-                    base_frame=part.root,
-                    tool_frame=_tool(hand) or arm.tip,
-                    encoders=arm.encoders,
-                    **_limits(arm.limits),
-                )
-            case GripperPart() as gripper:
-                grippers[part_name] = _gripper(gripper, part)
-            case SuctionPart() as cup:
-                grippers[part_name] = _suction(cup, part.root)
-            case JointGroupPart() as group:
-                encoders = group.encoders
-                groups[part_name] = JointGroupModel(
-                    joint_names=group.joints, encoders=encoders, **_limits(group.limits)
-                )
-            case CameraPart() as camera:
-                cameras[part_name] = camera
-            case LidarPart() as lidar:
-                lidars[part_name] = lidar
-            case ForceTorquePart() as sensor:
-                force_torques[part_name] = MountedForceTorque(sensor, _joints_below(sensor.frame, urdf))
-            case ImuPart() as imu:
-                imus[part_name] = imu
-            case TactilePart() as pad:
-                tactiles[part_name] = pad
-            case BatteryPart() as battery:
-                batteries[part_name] = battery
-    rings = {part_name: part.config for part_name, part in placed.items() if isinstance(part.config, BumperPart)}
+    parts: dict[str, Part] = {}
+    for part_name, part in sorted(placed.items(), key=lambda item: _KINDS.index(item[1].config.kind)):
+        resolved = _resolve(part, urdf, base_frame, placed, tools.get(part_name), parts)
+        if resolved is not None:
+            parts[part_name] = resolved
     return RobotModel(
         name=name,
         urdf=ET.tostring(urdf, encoding="unicode"),
         base_frame=base_frame,
-        bases=bases,
-        arms=arms,
-        grippers=grippers,
-        joint_groups=groups,
-        cameras=cameras,
-        lidars=lidars,
-        force_torques=force_torques,
-        imus=imus,
-        tactiles=tactiles,
-        bumpers={part_name: mounted_bumper(ring, base) for part_name, ring in rings.items() for base in bases.values()},
-        batteries=batteries,
+        parts=parts,
         postures=postures,
         hand_of=hand_of,
         allowed_self_pairs=allowed_self_pairs(urdf, wheels, ignored_pairs),
     )
+
+
+def _resolve(
+    part: PlacedPart,
+    urdf: ET.Element,
+    base_frame: str,
+    placed: Mapping[str, PlacedPart],
+    hand: AnyPart | None,
+    before: Mapping[str, Part],
+) -> Part | None:
+    """The part with what the URDF adds to it; None for a structure. ``hand``: on an arm; ``before``: bases at least."""
+    match part.config:
+        case BasePart() as base:
+            return _base(base, urdf, base_frame, part, placed)
+        case LeggedBasePart() as walker:
+            return legged_base_model(walker, part.root, _footprint(urdf, base_frame, part, placed), urdf)
+        case ArmPart() as arm:
+            return ArmModel(
+                joint_names=arm.joints,
+                base_frame=part.root,
+                tool_frame=_tool(hand) or arm.tip,
+                encoders=arm.encoders,
+                **_limits(arm.limits),
+            )
+        case GripperPart() as gripper:
+            return _gripper(gripper, part)
+        case SuctionPart() as cup:
+            return _suction(cup, part.root)
+        case JointGroupPart() as group:
+            return JointGroupModel(joint_names=group.joints, encoders=group.encoders, **_limits(group.limits))
+        case ForceTorquePart() as sensor:
+            return MountedForceTorque(sensor, _joints_below(sensor.frame, urdf))
+        case BumperPart() as ring:
+            return next((mounted_bumper(ring, base) for base in before.values() if isinstance(base, BaseModel)), None)
+        case StructurePart():
+            return None
+        case sensor:
+            return sensor
 
 
 def _joint_parents(urdf: ET.Element) -> dict[str, tuple[str, ET.Element]]:

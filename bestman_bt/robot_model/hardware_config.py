@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from bestman_bt.configuration import ConfigurationError, Document, Problem, check
 from bestman_bt.registry import CONNECTIONS, UnknownNameError, suggestion
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
-from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, RobotModel
+from bestman_bt.robot_model.model import ArmModel, BaseModel, GripperModel, Part, RobotModel
 from bestman_bt.robot_model.part_config import AnyPart, ArmPart
 from bestman_bt.robot_model.robot_config import RobotConfig
 
@@ -27,9 +28,7 @@ def with_hardware(model: RobotModel, connections: Mapping[str, ConnectionConfig]
     """``model`` with its connections, and no faster or stronger than ``safety`` allows."""
     return dataclasses.replace(
         model,
-        bases={name: _slower_base(base, safety) for name, base in model.bases.items()},
-        arms={name: _slower_arm(arm, safety) for name, arm in model.arms.items()},
-        grippers={name: _weaker_gripper(gripper, safety) for name, gripper in model.grippers.items()},
+        parts={name: _within(safety, part) for name, part in model.parts.items()},
         connections=dict(connections),
         safety=safety,
     )
@@ -140,20 +139,19 @@ def _safety_problems(safety: SafetyConfig, document: Document) -> Iterator[Probl
                 yield document.problem(("safety", "workspace"), message)
 
 
-def _slower_arm(arm: ArmModel, safety: SafetyConfig) -> ArmModel:
-    velocity: NDArray[np.float64] = arm.velocity * safety.joint_speed
-    velocity.setflags(write=False)
-    return dataclasses.replace(arm, velocity=velocity)
-
-
-def _slower_base(base: BaseModel, safety: SafetyConfig) -> BaseModel:
-    speed = np.inf if safety.base_speed is None else safety.base_speed
-    turn = np.inf if safety.base_turn is None else safety.base_turn
-    return dataclasses.replace(
-        base, max_vx=min(base.max_vx, speed), max_vy=min(base.max_vy, speed), max_wz=min(base.max_wz, turn)
-    )
-
-
-def _weaker_gripper(gripper: GripperModel, safety: SafetyConfig) -> GripperModel:
-    force = np.inf if safety.gripper_force is None else safety.gripper_force
-    return dataclasses.replace(gripper, max_force=min(gripper.max_force, force))
+def _within(safety: SafetyConfig, part: Part) -> Part:
+    """The part, no faster or stronger than ``safety`` allows."""
+    if isinstance(part, ArmModel):
+        velocity: NDArray[np.float64] = part.velocity * safety.joint_speed
+        velocity.setflags(write=False)
+        return dataclasses.replace(part, velocity=velocity)
+    if isinstance(part, BaseModel):
+        speed = math.inf if safety.base_speed is None else safety.base_speed
+        turn = math.inf if safety.base_turn is None else safety.base_turn
+        return dataclasses.replace(
+            part, max_vx=min(part.max_vx, speed), max_vy=min(part.max_vy, speed), max_wz=min(part.max_wz, turn)
+        )
+    if isinstance(part, GripperModel):
+        force = math.inf if safety.gripper_force is None else safety.gripper_force
+        return dataclasses.replace(part, max_force=min(part.max_force, force))
+    return part

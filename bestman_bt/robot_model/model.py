@@ -217,9 +217,10 @@ Kind = TypeVar("Kind", bound=Part)
 
 @dataclass(frozen=True)
 class RobotModel:
-    """A composed robot. Mappings go from part name (``arm``, ``gripper``, ``base``, ``head``, ``head_camera``, …).
+    """A composed robot.
 
-    ``urdf``: the text, meshes by absolute path. ``base_frame``: on the floor, x forward.
+    ``urdf``: the text, meshes by absolute path. ``base_frame``: on the floor, x forward. ``parts``: by name (``base``,
+    ``arm``, ``gripper``, ``head``, …), kind by kind; a kind's own in the order of the robot's YAML.
     ``postures``: name → joint name → position. ``hand_of``: name of a gripper or another
     hand → name of the arm that carries it.
     ``allowed_self_pairs``: pairs of links that always or never touch, left out of self-collision checks.
@@ -229,44 +230,12 @@ class RobotModel:
     name: str
     urdf: str
     base_frame: str
-    bases: Mapping[str, BaseModel] = field(default_factory=dict)
-    arms: Mapping[str, ArmModel] = field(default_factory=dict)
-    grippers: Mapping[str, GripperModel] = field(default_factory=dict)
-    joint_groups: Mapping[str, JointGroupModel] = field(default_factory=dict)
-    cameras: Mapping[str, CameraPart] = field(default_factory=dict)
-    lidars: Mapping[str, LidarPart] = field(default_factory=dict)
-    force_torques: Mapping[str, MountedForceTorque] = field(default_factory=dict)
-    imus: Mapping[str, ImuPart] = field(default_factory=dict)
-    tactiles: Mapping[str, TactilePart] = field(default_factory=dict)
-    bumpers: Mapping[str, MountedBumper] = field(default_factory=dict)
-    batteries: Mapping[str, BatteryPart] = field(default_factory=dict)
+    parts: Mapping[str, Part] = field(default_factory=dict)
     postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     hand_of: Mapping[str, str] = field(default_factory=dict)
     allowed_self_pairs: frozenset[frozenset[str]] = frozenset()
     connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
-
-    @cached_property
-    def parts(self) -> Mapping[str, Part]:
-        """All parts by name, kind by kind; a kind's own in the order of the robot's YAML."""
-        return {
-            **self.bases,
-            **self.arms,
-            **self.grippers,
-            **self.joint_groups,
-            **self.cameras,
-            **self.lidars,
-            **self.force_torques,
-            **self.imus,
-            **self.tactiles,
-            **self.bumpers,
-            **self.batteries,
-        }
-
-    @property
-    def part_names(self) -> tuple[str, ...]:
-        """Names of all parts, in the order of ``parts``."""
-        return tuple(self.parts)
 
     def of(self, kind: type[Kind]) -> dict[str, Kind]:
         """The parts of one kind by name: ``robot.of(LidarPart)``."""

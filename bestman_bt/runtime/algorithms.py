@@ -41,7 +41,7 @@ from bestman_bt.perception.segmentation import Segmentation, SupportSurfaces
 from bestman_bt.perception.tracking import Tracker
 from bestman_bt.perception.view_planning import ViewPlanner
 from bestman_bt.registry import ALGORITHMS, UnknownNameError, suggestion
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, BaseModel, ImuPart, RobotModel
 from bestman_bt.runtime.tree_checks import literals
 from bestman_bt.world_model import SemanticMap
 
@@ -86,7 +86,10 @@ def make_algorithms(config: RunConfig, model: RobotModel, semantic_map: Semantic
             algorithm, _ = _choose(config, slot)
             if not algorithm.__module__.startswith("bestman_bt."):
                 own.append(slot)
-    lacking = {*(() if model.arms else ("kinematics", "collision")), *(() if semantic_map else ("localization",))}
+    lacking = {
+        *(() if model.of(ArmModel) else ("kinematics", "collision")),
+        *(() if semantic_map else ("localization",)),
+    }
     for slot in own:
         with faults.step():
             if slot not in lacking:
@@ -107,7 +110,7 @@ def _made(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None
             return TimedMotionPlanner(make(slot), make("trajectory"))
         case "localization":
             localizer: Localizer = make(slot, semantic_map)
-            if any(base.drags_wheels for base in model.bases.values()):
+            if any(base.drags_wheels for base in model.of(BaseModel).values()):
                 localizer.expect_dragged_wheels()
             return localizer
     return make(slot)
@@ -115,7 +118,7 @@ def _made(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None
 
 def check_odometry(config: RunConfig, model: RobotModel) -> None:
     """ConfigurationError for an odometry filter that needs the gyroscope which the robot lacks."""
-    if model.bases and not model.imus and make_algorithm(config, "odometry").uses_gyro:
+    if model.of(BaseModel) and not model.of(ImuPart) and make_algorithm(config, "odometry").uses_gyro:
         message = f"needs a robot with an inertial measurement unit, and {config.task.robot} has none"
         raise ConfigurationError([config.problem(("algorithms", "odometry", "algorithm"), message)])
 

@@ -13,7 +13,7 @@ import pinocchio
 from numpy.typing import NDArray
 
 from bestman_bt.manipulation.collision import CoalCollisionModel, PlanningScene
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.finger_linkage import MimicJoint, all_positions, link_poses
 from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.shape_outline import outline
@@ -150,7 +150,7 @@ def base_facts(tree: UrdfTree, joints: Sequence[str] | None) -> Facts:
 def overlapping_pairs(robot: RobotModel) -> list[tuple[str, str]]:
     """Pairs of links that overlap in nearly all of a row of random configurations of the arm: by construction."""
     found: dict[tuple[str, str], int] = {}
-    for name, arm in robot.arms.items():
+    for name, arm in robot.of(ArmModel).items():
         world = CoalCollisionModel(robot).world(PlanningScene(positions={}, self_padding=0.0), name)
         rng = np.random.default_rng(0)
         for _ in range(SAMPLES):

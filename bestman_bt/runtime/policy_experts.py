@@ -7,13 +7,13 @@ from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.policy import PickedObject, PickingExpert, PickingParameters, ReachingExpert
 from bestman_bt.messages import Pose
 from bestman_bt.perception.grasp_pose import GraspTarget, ModelBased, ModelBasedParameters
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.scene.object_file import read_object
 
 
 def reaching_expert(robot: RobotModel) -> ReachingExpert:
     """For the robot's arm, around its posture ``home``."""
-    arm = robot.arms["arm"]
+    arm = robot.of(ArmModel)["arm"]
     return ReachingExpert(DampedLeastSquares(robot), arm, robot.posture("home", arm.joint_names))
 
 
@@ -22,12 +22,12 @@ def picking_expert(robot: RobotModel, name: str, parameters: PickingParameters |
 
     LookupError where the hand cannot take it from above.
     """
-    p, arm = parameters or PickingParameters(), robot.arms["arm"]
+    p, arm = parameters or PickingParameters(), robot.of(ArmModel)["arm"]
     model = read_object(find_data("object", name))
     middle = Pose.from_xyz_rpy([0.5 * (low + high) for low, high in zip(p.lower, p.upper, strict=True)])
     support = float(middle.position[2] + model.bounds()[0, 2])
     planner = ModelBased(ModelBasedParameters())
-    candidates = planner.plan(GraspTarget.of_model(model, middle), robot.grippers["gripper"], support)
+    candidates = planner.plan(GraspTarget.of_model(model, middle), robot.of(GripperModel)["gripper"], support)
     best = next((candidate for candidate in candidates if candidate.approach == "top"), None)
     if best is None:
         raise LookupError(f"the hand cannot take the {name} from above")

@@ -10,7 +10,18 @@ import numpy as np
 from behaviours.parts import parts_by_kind
 from bestman_bt.configuration import ConfigurationError, Problem, data_names, find_data, read_document
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
-from bestman_bt.robot_model import RobotModel, combine, load_robot_model, payload
+from bestman_bt.robot_model import (
+    ArmModel,
+    BaseModel,
+    GripperModel,
+    JointGroupModel,
+    RobotModel,
+    combine,
+    load_robot_model,
+    payload,
+)
+
+MOVING = (BaseModel, ArmModel, GripperModel, JointGroupModel)
 
 
 def find_robot(name: str) -> RobotModel:
@@ -39,9 +50,9 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
                 "max_wz": base.max_wz,
                 "footprint_m": np.ptp(np.array(base.footprint), axis=0).round(3).tolist(),
             }
-            for name, base in model.bases.items()
+            for name, base in model.of(BaseModel).items()
         },
-        "arms": {name: _arm(model, name) for name in model.arms},
+        "arms": {name: _arm(model, name) for name in model.of(ArmModel)},
         "grippers": {
             name: {
                 "kind": gripper.kind,
@@ -50,15 +61,12 @@ def robot_facts(model: RobotModel) -> dict[str, Any]:
                 "max_force_n": gripper.max_force,
                 "joints": len(gripper.joint_names) + len(gripper.followers),
             }
-            for name, gripper in model.grippers.items()
+            for name, gripper in model.of(GripperModel).items()
         },
-        "joint_groups": {name: len(group.joint_names) for name, group in model.joint_groups.items()},
-        "sensors": [
-            *(*model.cameras, *model.lidars, *model.force_torques, *model.imus, *model.tactiles, *model.bumpers),
-            *model.batteries,
-        ],
+        "joint_groups": {name: len(group.joint_names) for name, group in model.of(JointGroupModel).items()},
+        "sensors": [name for name, part in model.parts.items() if not isinstance(part, MOVING)],
         "postures": list(model.postures),
-        "for_skills": list(parts_by_kind(model, model.part_names)),
+        "for_skills": list(parts_by_kind(model, model.parts)),
     }
 
 
@@ -73,10 +81,12 @@ def part_facts() -> list[dict[str, Any]]:
 
 
 def _arm(model: RobotModel, name: str) -> dict[str, Any]:
-    arm = model.arms[name]
+    arm = model.of(ArmModel)[name]
     _, reach = DampedLeastSquares(model, name).reach
     hands = [hand for hand, of in model.hand_of.items() if of == name]
-    load = sum(payload(model, model.grippers[hand].hand_link).mass for hand in hands if hand in model.grippers)
+    load = sum(
+        payload(model, model.of(GripperModel)[hand].hand_link).mass for hand in hands if hand in model.of(GripperModel)
+    )
     return {
         "joints": len(arm.joint_names),
         "reach_m": round(float(reach), 3),

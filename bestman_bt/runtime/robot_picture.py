@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.finger_linkage import link_poses
 from bestman_bt.robot_model.footprint import origin_pose
 from bestman_bt.robot_model.shape_outline import outline
@@ -28,10 +28,10 @@ FROM = (1.0, -1.15, 0.45)
 def robot_picture(model: RobotModel, width: int = 480, height: int = 560, posture: str = "home") -> Picture:
     """A robot on a floor in a posture, (height, width, 3) uint8; without such a posture, with its joints at zero."""
     positions = dict(model.postures.get(posture, {}))
-    for gripper in model.grippers.values():
+    for gripper in model.of(GripperModel).values():
         positions |= gripper.joint_positions(gripper.max_width)
     lower, upper = _extent(model, positions)
-    if not model.bases:  # a part alone, perhaps below its root: held above the floor
+    if not model.of(BaseModel):  # a part alone, perhaps below its root: held above the floor
         held = np.array([0.0, 0.0, 0.02 - lower[2]])
         lower, upper, model = lower + held, upper + held, _lifted(model, held)
     parameters = PhysicsParameters(initial_postures=(posture,))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.manipulation.collision import CoalCollisionModel, CollisionWorld, PlanningScene
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import ArmModel, RobotModel, payload
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel, payload
 from bestman_bt.scene import Wall, World
 from hal.api import Arm, MotionStatus
 from hal.pybullet import GroundTruth, PyBulletRobot
@@ -88,7 +88,7 @@ def try_robot(compose: Callable[[], RobotModel], parameters: TrialParameters, se
         drift = math.dist(truth.base_pose().position, start.position)
         reached = 0
         touching: set[tuple[str, str]] = set()
-        for name, arm in model.arms.items():
+        for name, arm in model.of(ArmModel).items():
             hands = _hands(model)
             world = CoalCollisionModel(model).world(PlanningScene(positions=hands, self_padding=0.0), name)
             part, rng = cast(Arm, robot.parts[name]), np.random.default_rng(seed)
@@ -101,7 +101,7 @@ def try_robot(compose: Callable[[], RobotModel], parameters: TrialParameters, se
         after = math.dist(truth.base_pose().position, start.position)
     finally:
         robot.disconnect()
-    asked = parameters.postures * len(model.arms)
+    asked = parameters.postures * len(model.of(ArmModel))
     mass = payload(model, model.base_frame).mass
     return RobotTrial(composed, loaded, mass, drift, after, reached, asked, tuple(sorted(touching)))
 
@@ -124,7 +124,7 @@ def _postures(
 def _hands(model: RobotModel) -> dict[str, float]:
     return {
         joint: position
-        for gripper in model.grippers.values()
+        for gripper in model.of(GripperModel).values()
         for joint, position in gripper.joint_positions(gripper.max_width).items()
     }
 

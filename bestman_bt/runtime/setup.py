@@ -27,7 +27,7 @@ from bestman_bt.errors import MissingExtraError
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.perception import PerceptionError
 from bestman_bt.registry import CONNECTIONS, DRIVERS, UnknownNameError
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, RobotModel, load_robot_model
 from bestman_bt.runtime.algorithms import (
     algorithm_problems,
     check_odometry,
@@ -92,7 +92,7 @@ class Setup:
     def drive_goal(self) -> Pose2D | None:
         """Where the task asks the base to be, map_from_base; None where it does not. SceneError if there is no room."""
         asked = self.config.task.drive
-        if asked is None or not self.robot_model.bases:
+        if asked is None or not self.robot_model.of(BaseModel):
             return None
         return drive_goal(asked, self.world, self.world_model.map, self.robot_model, self.config.seed)
 
@@ -135,7 +135,7 @@ class Setup:
         names = known_names(self.world_model, self.robot_model, self.absent)
         if self.config.task.algorithm("detection")[0] not in NAMES_MODELS_ALONE:
             del names["object"]
-        if not self.robot_model.arms:
+        if not self.robot_model.of(ArmModel):
             del names["posture"]  # who asks for one needs an arm
         return names
 
@@ -143,7 +143,7 @@ class Setup:
     def usable_parts(self) -> frozenset[str]:
         """Names of the robot's parts that are there: with real robots, those behind a connection."""
         if self.config.driver != "hardware":
-            return frozenset(self.robot_model.part_names)
+            return frozenset(self.robot_model.parts)
         return frozenset(part for connection in self.robot_model.connections.values() for part in connection.parts)
 
     def missing_in(self, tree: Tree) -> list[TreeProblem]:
@@ -240,7 +240,7 @@ def _check_tree(setup: Setup, all_entries: bool) -> None:
 
 def _prepare_algorithms(config: RunConfig, robot_model: RobotModel) -> None:
     algorithms = make_algorithms(config, robot_model)
-    if not robot_model.cameras:
+    if not robot_model.of(CameraPart):
         return
     try:
         algorithms.detection.prepare()
@@ -277,7 +277,7 @@ def load_for(setup: Setup, tree: str | Path | Behaviour | None = None, **options
 def _told_start(config: RunConfig, world: World, robot: RobotModel) -> BasePose:
     """Where the robot is told to be at the start: roughly, as an operator would; exactly, where it cannot drive."""
     start = world.robot_start
-    if not robot.bases:
+    if not robot.of(BaseModel):
         return BasePose(start, 0.0, 0.0, 0.0)
     if not config.task.known_start:
         return UNKNOWN_START

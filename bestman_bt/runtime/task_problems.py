@@ -12,7 +12,7 @@ from bestman_bt.configuration.document import FieldPath
 from bestman_bt.configuration.quantity import parse_quantity
 from bestman_bt.configuration.task import GoalConfig, OpeningConfig
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, BaseModel, RobotModel
 from bestman_bt.scene import World
 from bestman_bt.world_model import WorldModel
 
@@ -38,9 +38,9 @@ def task_problems(
         for field in ("source", "surface"):
             name = getattr(task.tidy, field)
             yield from _unknown(config, ("tidy", field), name, _surfaces(known), "the map has no surface")
-    if task.drive is not None and not robot.bases:
+    if task.drive is not None and not robot.of(BaseModel):
         yield config.problem(("drive",), f"needs a mobile base, and robot {robot.name} has none")
-    if (task.reach is not None or task.lift is not None) and not robot.arms:
+    if (task.reach is not None or task.lift is not None) and not robot.of(ArmModel):
         asked = "reach" if task.reach is not None else "lift"
         yield config.problem((asked,), f"needs an arm, and robot {robot.name} has none")
     if task.reach is not None:

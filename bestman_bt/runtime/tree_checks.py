@@ -59,7 +59,7 @@ def lacking_parts(tree: Tree, robot: RobotModel, there: Collection[str]) -> list
             message = (
                 f"{node.path} needs {listed(lacking)}; robot {robot.name} has {', '.join(has) or 'none of that kind'}"
             )
-            unconnected = [kind for kind in lacking if kind in parts_by_kind(robot, robot.part_names)]
+            unconnected = [kind for kind in lacking if kind in parts_by_kind(robot, robot.parts)]
             if unconnected:
                 message += f", and its {' and '.join(unconnected)} behind no connection"
             problems.append(problem_at(node, "", message, ""))

@@ -6,6 +6,8 @@ import math
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
+from bestman_bt.robot_model import ArmModel, GripperModel
+
 if TYPE_CHECKING:
     from bestman_bt.robot_model import RobotModel
 
@@ -18,7 +20,7 @@ def highest_reach(robot: RobotModel) -> float:
         if child is not None:
             above[child.get("link", "")] = joint
     heights = [0.0]
-    for arm in robot.arms.values():
+    for arm in robot.of(ArmModel).values():
         height, frame = 0.0, arm.tool_frame
         while frame != robot.base_frame and frame in above:
             joint = above[frame]
@@ -31,7 +33,7 @@ def highest_reach(robot: RobotModel) -> float:
 
 def widest_grasp(robot: RobotModel) -> float:
     """Metres between the fingers of the hand that opens widest; a suction cup has no such limit."""
-    grippers = robot.grippers.values()
+    grippers = robot.of(GripperModel).values()
     return max((math.inf if gripper.kind == "suction" else gripper.max_width for gripper in grippers), default=0.0)
 
 

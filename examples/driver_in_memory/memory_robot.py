@@ -14,7 +14,20 @@ import numpy as np
 from memory_sensors import FlatCamera, FullBattery, QuietWrist, RoundRoom, StillImu, UntouchedBumper, UntouchedPad
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import GripperModel, RobotModel
+from bestman_bt.robot_model import (
+    ArmModel,
+    BaseModel,
+    BatteryPart,
+    CameraPart,
+    GripperModel,
+    ImuPart,
+    JointGroupModel,
+    LidarPart,
+    MountedBumper,
+    MountedForceTorque,
+    RobotModel,
+    TactilePart,
+)
 from bestman_bt.scene import World
 from hal.api import Part, Robot
 from hal.parts import (
@@ -107,29 +120,29 @@ class MemoryRobot(Robot):
         home = model.postures["home"]
         self._channels: list[Fingers | Wheels] = []
         self._moving: list[StreamedJointGroup | CommandedGripper | DrivenBase] = []
-        for name, group in (model.arms | model.joint_groups).items():
+        for name, group in (model.of(ArmModel) | model.of(JointGroupModel)).items():
             at = np.array([home.get(joint, 0.0) for joint in group.joint_names])
             channel = Joints(np.clip(at, group.lower, group.upper))
-            if name in model.arms:
+            if name in model.of(ArmModel):
                 tool = ToolLimits(model, name, model.safety)
-                self._moving.append(StreamedArm(name, model.arms[name], channel, self._latch, PERIOD, tool))
+                self._moving.append(StreamedArm(name, model.of(ArmModel)[name], channel, self._latch, PERIOD, tool))
             else:
                 self._moving.append(StreamedJointGroup(name, group, channel, self._latch, PERIOD))
-        for name, gripper in model.grippers.items():
+        for name, gripper in model.of(GripperModel).items():
             fingers = Fingers(gripper)
             self._channels.append(fingers)
             self._moving.append(CommandedGripper(name, gripper, fingers, self._latch))
-        for name, base in model.bases.items():
+        for name, base in model.of(BaseModel).items():
             wheels = Wheels()
             self._channels.append(wheels)
             self._moving.append(DrivenBase(name, base, wheels, self._latch))
-        sensors: list[Part] = [FlatCamera(name, camera, self) for name, camera in model.cameras.items()]
-        sensors += [RoundRoom(name, lidar, self) for name, lidar in model.lidars.items()]
-        sensors += [QuietWrist(name, wrist, self) for name, wrist in model.force_torques.items()]
-        sensors += [StillImu(name, imu, self) for name, imu in model.imus.items()]
-        sensors += [UntouchedPad(name, pad, self) for name, pad in model.tactiles.items()]
-        sensors += [UntouchedBumper(name, bumper, self) for name, bumper in model.bumpers.items()]
-        sensors += [FullBattery(name, battery, self) for name, battery in model.batteries.items()]
+        sensors: list[Part] = [FlatCamera(name, camera, self) for name, camera in model.of(CameraPart).items()]
+        sensors += [RoundRoom(name, lidar, self) for name, lidar in model.of(LidarPart).items()]
+        sensors += [QuietWrist(name, wrist, self) for name, wrist in model.of(MountedForceTorque).items()]
+        sensors += [StillImu(name, imu, self) for name, imu in model.of(ImuPart).items()]
+        sensors += [UntouchedPad(name, pad, self) for name, pad in model.of(TactilePart).items()]
+        sensors += [UntouchedBumper(name, bumper, self) for name, bumper in model.of(MountedBumper).items()]
+        sensors += [FullBattery(name, battery, self) for name, battery in model.of(BatteryPart).items()]
         self._parts: dict[str, Part] = {part.name: part for part in (*self._moving, *sensors)}
 
     @property

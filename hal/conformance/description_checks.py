@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel
 from hal.api import (
     Camera,
     ForceTorque,
@@ -36,14 +37,14 @@ def the_description_can_be_read_before_connecting(robot: Robot) -> None:
 def every_part_of_the_model_is_there_or_declared_missing(robot: Robot) -> None:
     """A driver that cannot offer a part says so and why: ``unsupported``."""
     declared = robot.unsupported
-    silent = [name for name in robot.model.part_names if name not in robot.parts and not declared.get(name)]
+    silent = [name for name in robot.model.parts if name not in robot.parts and not declared.get(name)]
     require(not silent, f"the model lists {', '.join(silent)}, which the robot has not and does not declare missing")
 
 
 def joints_have_the_limits_of_the_model(robot: Robot) -> None:
     """Names, order, and limits in radians or metres; nothing but efforts and speeds may be held lower."""
     for group in parts_of(robot, JointGroup):
-        model = {**robot.model.joint_groups, **robot.model.arms}.get(group.name)
+        model = {**robot.model.of(JointGroupModel), **robot.model.of(ArmModel)}.get(group.name)
         if model is None:
             raise ConformanceError(f"the model has no joints called {group.name!r}")
         require(group.joint_names == tuple(model.joint_names), f"{group.name} has the joints {group.joint_names}")
@@ -57,7 +58,7 @@ def joints_have_the_limits_of_the_model(robot: Robot) -> None:
 def a_base_is_as_the_model_says(robot: Robot) -> None:
     """Speeds in m/s and rad/s, a footprint in metres, and a dead-man timeout."""
     for base in parts_of(robot, MobileBase):
-        described, model = base.description, robot.model.bases.get(base.name)
+        described, model = base.description, robot.model.of(BaseModel).get(base.name)
         require(model is not None, f"the model has no base called {base.name!r}")
         for what in ("max_vx", "max_vy", "max_wz", "max_acceleration", "max_angular_acceleration"):
             value, limit = getattr(described, what), getattr(model, what)
@@ -71,7 +72,7 @@ def a_base_is_as_the_model_says(robot: Robot) -> None:
 def a_gripper_is_as_the_model_says(robot: Robot) -> None:
     """Widths in metres, speed in m/s, force in newtons."""
     for gripper in parts_of(robot, Gripper):
-        described, model = gripper.description, robot.model.grippers.get(gripper.name)
+        described, model = gripper.description, robot.model.of(GripperModel).get(gripper.name)
         require(model is not None, f"the model has no gripper called {gripper.name!r}")
         require(described.max_width > described.min_width, f"{gripper.name} should open")
         for what in ("min_width", "max_width"):

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from bestman_bt.robot_model import ArmModel, JointGroupModel, LidarPart, MountedForceTorque
 from hal.api import (
     Battery,
     Bumper,
@@ -55,7 +56,7 @@ def joints_are_read_in_radians_metres_and_newtons(robot: Robot) -> None:
         for joint, limit, at in zip(group.joint_names, group.limits, readings["positions"], strict=True):
             inside = limit.lower - OVERSHOOT <= at <= limit.upper + OVERSHOOT
             require(inside, f"{joint} is at {at:.4f}, its limits are [{limit.lower:.4f}, {limit.upper:.4f}]")
-        strongest = {**robot.model.joint_groups, **robot.model.arms}[group.name].effort
+        strongest = {**robot.model.of(JointGroupModel), **robot.model.of(ArmModel)}[group.name].effort
         for joint, effort, most in zip(group.joint_names, readings["efforts"], strongest, strict=True):
             possible = abs(effort) <= EFFORT_MARGIN * most
             require(bool(possible), f"{joint} is at rest with an effort of {effort:.4g}, its motor has {most:.4g}")
@@ -105,7 +106,7 @@ def lidars_give_ranges_within_theirs(robot: Robot) -> None:
         inside = bool(np.all((hit >= scan.range_min) & (hit <= scan.range_max)))
         require(inside, f"{lidar.name} gave ranges outside [{scan.range_min}, {scan.range_max}]")
         require(scan.angle_increment != 0.0, f"{lidar.name} tells no angle between its beams")
-        model = robot.model.lidars[lidar.name]
+        model = robot.model.of(LidarPart)[lidar.name]
         same = abs(scan.range_max - model.range_max) <= SAME * model.range_max
         require(same, f"{lidar.name} says it reaches {scan.range_max} m, its model {model.range_max} m")
         span, described = abs(scan.angle_increment) * len(scan.ranges), model.angle_max - model.angle_min
@@ -120,7 +121,7 @@ def forces_are_those_of_the_hand(robot: Robot) -> None:
         for what, values in (("force", wrench.force), ("torque", wrench.torque)):
             right = np.shape(values) == (3,) and bool(np.all(np.isfinite(values)))
             require(right, f"{sensor.name} gave the {what} {values}")
-        mounted = robot.model.force_torques[sensor.name]
+        mounted = robot.model.of(MountedForceTorque)[sensor.name]
         weight = GRAVITY * mass_on(robot.model, mounted.joints)
         for what, values, more, offset, reach in (
             ("force", wrench.force, TOUCH[0], mounted.part.offset_force, 1.0),

@@ -12,7 +12,21 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import RobotModel, joints_above
+from bestman_bt.robot_model import (
+    ArmModel,
+    BaseModel,
+    BatteryPart,
+    CameraPart,
+    GripperModel,
+    ImuPart,
+    JointGroupModel,
+    LidarPart,
+    MountedBumper,
+    MountedForceTorque,
+    RobotModel,
+    TactilePart,
+    joints_above,
+)
 from hal.api import (
     Arm,
     Battery,
@@ -41,20 +55,20 @@ REST_JOINT_SPEED = 0.01
 REST_BASE_SPEED = 0.01
 COMMANDS = "commands"
 """What a robot declares missing that only tells and takes no commands, as one that plays a recording."""
-MODEL_KINDS: Mapping[type[Part], tuple[str, ...]] = {
-    Arm: ("arms",),
-    JointGroup: ("arms", "joint_groups"),
-    Gripper: ("grippers",),
-    MobileBase: ("bases",),
-    Camera: ("cameras",),
-    Lidar: ("lidars",),
-    ForceTorque: ("force_torques",),
-    Imu: ("imus",),
-    Tactile: ("tactiles",),
-    Bumper: ("bumpers",),
-    Battery: ("batteries",),
+MODEL_KINDS: Mapping[type[Part], tuple[type, ...]] = {
+    Arm: (ArmModel,),
+    JointGroup: (ArmModel, JointGroupModel),
+    Gripper: (GripperModel,),
+    MobileBase: (BaseModel,),
+    Camera: (CameraPart,),
+    Lidar: (LidarPart,),
+    ForceTorque: (MountedForceTorque,),
+    Imu: (ImuPart,),
+    Tactile: (TactilePart,),
+    Bumper: (MountedBumper,),
+    Battery: (BatteryPart,),
 }
-"""Kind of part → where the robot model lists such parts."""
+"""Kind of part → its descriptions in the robot model."""
 
 
 @dataclass(frozen=True)
@@ -85,8 +99,8 @@ class Check:
 
 def modelled(robot: Robot, kind: type[Part]) -> Iterator[str]:
     """Names of the parts of a kind that the robot's model lists."""
-    for field in MODEL_KINDS.get(kind, ()):
-        yield from getattr(robot.model, field)
+    descriptions = MODEL_KINDS.get(kind, ())
+    yield from (name for name, part in robot.model.parts.items() if isinstance(part, descriptions))
 
 
 def parts_of(robot: Robot, kind: type[PartType]) -> list[PartType]:

@@ -78,7 +78,7 @@ class HardwareRobot(Robot):
     @property
     def unsupported(self) -> dict[str, str]:
         """What its controllers cannot do, and the parts of the model that are behind none of them → why."""
-        missing = {name: "it is behind no connection" for name in self._model.part_names if name not in self._parts}
+        missing = {name: "it is behind no connection" for name in self._model.parts if name not in self._parts}
         for name, connection in self._connections.items():
             for what, why in connection.unsupported.items():
                 reason = f"{name}: {why}"
@@ -207,5 +207,5 @@ class HardwareRobot(Robot):
 
 def _in_order_of(model: RobotModel, parts: Mapping[str, Part]) -> list[str]:
     """Names in the order of the robot's YAML kinds, so that the first arm of a list is the model's first arm."""
-    known = [name for name in model.part_names if name in parts]
+    known = [name for name in model.parts if name in parts]
     return [*known, *(name for name in parts if name not in known)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class ToolLimits:
     """
 
     def __init__(self, model: RobotModel, arm: str, safety: SafetyConfig) -> None:
-        self._robot, self._arm, self._safety = model, model.arms[arm], safety
+        self._robot, self._arm, self._safety = model, model.of(ArmModel)[arm], safety
         self._model: pinocchio.Model | None = None
 
     @property

@@ -6,6 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
+from bestman_bt.robot_model import BaseModel, GripperModel
 from hal.pybullet.approach_watcher import ApproachWatcher
 from hal.pybullet.audit_record import Body, ContactIncident, Penetration
 from hal.pybullet.observation import Observation
@@ -34,10 +35,12 @@ class ContactWatcher:
         self._kinds = {body: kind for kind, bodies in kinds.items() for body in bodies}
         self._leaves = {place: name for name, place in built.articulations.items()}
         self._link_names = {index: name for name, index in built.links.items()}
-        self._fingers = frozenset(built.links[link] for hand in model.grippers.values() for link in hand.finger_links)
+        self._fingers = frozenset(
+            built.links[link] for hand in model.of(GripperModel).values() for link in hand.finger_links
+        )
         self._rolling = frozenset(
             index
-            for base in model.bases.values()
+            for base in model.of(BaseModel).values()
             for index in (
                 *(built.links[link] for link in base.caster_links),
                 *(built.joints[joint] for joint in base.wheel_joints),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from bestman_bt.robot_model import GripperModel
 from bestman_bt.scene import LATCH_TRAVEL, Articulation, PlacedFurniture, World
 from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import Reader
@@ -60,7 +61,7 @@ class DoorWatcher:
         self._simulation, self._time_step = simulation, simulation.parameters.time_step
         self._states, self._contacts, self._robot = reader.getJointStates, reader.getContactPoints, built.robot
         # A cup pulls at what it touches, however lightly.
-        hands = simulation.model.grippers.values()
+        hands = simulation.model.of(GripperModel).values()
         self._cups = {built.links[link] for hand in hands if hand.kind == "suction" for link in hand.finger_links}
         self._pieces: list[tuple[int, list[int], list[_Leaf]]] = []
         scripted = {door.leaf for door in world.moving_doors}

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import LaserScan, Pose
-from bestman_bt.robot_model import LidarPart, joints_above
+from bestman_bt.robot_model import BaseModel, LidarPart, joints_above
 from hal.api import Lidar
 from hal.pybullet.client import Reader, ReadPurpose
 from hal.pybullet.sensor_pipeline import SensorPipeline
@@ -41,7 +41,7 @@ class SimulatedLidar(Lidar):
         starts = np.full(self._model.beams, self._model.range_min)
         if not joints_above(simulation.model, self._model.frame) & set(simulation.joint_names):
             lidar = simulation.link_pose(reader, self._model.frame)
-            for base in simulation.model.bases.values():
+            for base in simulation.model.of(BaseModel).values():
                 base_from_lidar = simulation.link_pose(reader, base.frame).inverse() @ lidar
                 starts = np.maximum(starts, self._leaving(np.array(base.footprint), base_from_lidar))
         self.line.attach(simulation, lambda: self._cast(simulation, reader, starts))

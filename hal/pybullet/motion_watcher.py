@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import ArmModel, JointGroupModel
+from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel
 from hal.pybullet.audit_record import Finding
 from hal.pybullet.client import Reader
 from hal.pybullet.observation import BodyState, Observation
@@ -49,14 +49,14 @@ class MotionWatcher:
         self._names = {**self._objects, built.robot: "robot"}
         self._joint_names = simulation.joint_names
         lower, upper, speed = (np.full(len(self._joint_names), value) for value in (-np.inf, np.inf, np.inf))
-        groups: list[ArmModel | JointGroupModel] = [*model.arms.values(), *model.joint_groups.values()]
+        groups: list[ArmModel | JointGroupModel] = [*model.of(ArmModel).values(), *model.of(JointGroupModel).values()]
         for group in groups:
             slots = simulation.slots(group.joint_names)
             lower[slots], upper[slots], speed[slots] = group.lower, group.upper, group.velocity
-        for leg in (leg for base in model.bases.values() for leg in base.legs):
+        for leg in (leg for base in model.of(BaseModel).values() for leg in base.legs):
             slots = simulation.slots(leg.joint_names)
             lower[slots], upper[slots], speed[slots] = leg.lower, leg.upper, leg.velocity
-        for gripper in model.grippers.values():
+        for gripper in model.of(GripperModel).values():
             slots = simulation.slots(gripper.joint_names)
             lower[slots], upper[slots] = gripper.joint_range
             speed[slots] = gripper.max_speed * gripper.fastest_transmission

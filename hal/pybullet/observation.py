@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bestman_bt.robot_model import GripperModel
 from hal.pybullet.client import Reader
 from hal.pybullet.simulation import Contact, Simulation
 
@@ -46,7 +47,7 @@ class Observer:
         self._robot = built.robot
         self._bodies = (*built.objects.values(), built.robot)
         self._fingers = [
-            built.links[link] for gripper in simulation.model.grippers.values() for link in gripper.finger_links
+            built.links[link] for gripper in simulation.model.of(GripperModel).values() for link in gripper.finger_links
         ]
         self._pose = reader.getBasePositionAndOrientation
         self._velocity = reader.getBaseVelocity

@@ -159,7 +159,7 @@ class PyBulletRobot(Robot):
     @property
     def unsupported(self) -> Mapping[str, str]:
         """Legs cannot do all that wheels can."""
-        return LEGS_CANNOT if any(base.legs for base in self._model.bases.values()) else {}
+        return LEGS_CANNOT if any(base.legs for base in self._model.of(BaseModel).values()) else {}
 
     def audit_record(self) -> AuditRecord:
         """What the monitor has seen since the scene was built; NotConnectedError without a connection."""

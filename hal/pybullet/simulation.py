@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel, RobotModel
 from bestman_bt.scene import World
 from hal.pybullet.client import PhysicsClient, Reader, SimulationError
 from hal.pybullet.latches import Latches
@@ -50,7 +50,7 @@ class Simulation:
             self.controls.append(lambda: self.moving_doors.update(self.steps * parameters.time_step))
         movable = [
             joint
-            for group in (model.bases, model.arms, model.grippers, model.joint_groups)
+            for group in (model.of(BaseModel), model.of(ArmModel), model.of(GripperModel), model.of(JointGroupModel))
             for part in group.values()
             for joint in part.joint_names
         ]

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import MimicJoint, RobotModel
+from bestman_bt.robot_model import BaseModel, GripperModel, MimicJoint, RobotModel
 from bestman_bt.robot_model.bare_frames import without_bare_frames
 from bestman_bt.scene import PlacedFurniture, PlacedObject, Walker, World, wall_box
 from hal.pybullet.body_urdf import Color, body_urdf
@@ -79,7 +79,7 @@ def build_world(client: PhysicsClient, model: RobotModel, world: World, paramete
         walkers = {walker.name: _walker(client, walker, folder) for walker in world.walkers}
         urdf, frames = without_bare_frames(model.urdf)
         # A robot without a base that drives is bolted to where it stands.
-        robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.bases, ROBOT_FLAGS)
+        robot = _load(client, "robot", urdf, world.robot_start.to_pose(), folder, not model.of(BaseModel), ROBOT_FLAGS)
     joints, links = _names(client, robot)
     constraints = _set_up_robot(client, model, world, parameters, robot, joints, links)
     return BuiltWorld(
@@ -204,7 +204,7 @@ def _set_up_robot(
     links: dict[str, int],
 ) -> int:
     """Frictions, the start posture and the finger gears; returns how many constraints there are now."""
-    for base in model.bases.values():
+    for base in model.of(BaseModel).values():
         for link in base.caster_links:
             client.changeDynamics(robot, links[link], lateralFriction=parameters.caster_friction)
         for joint in base.wheel_joints:
@@ -217,7 +217,7 @@ def _set_up_robot(
     posture = next((model.postures[name] for name in parameters.initial_postures if name in model.postures), {})
     for joint, position in posture.items():
         client.resetJointState(robot, joints[joint], position)
-    for gripper in model.grippers.values():
+    for gripper in model.of(GripperModel).values():
         friction = gripper.friction if world.finger_friction is None else world.finger_friction
         for link in gripper.finger_links:
             client.changeDynamics(

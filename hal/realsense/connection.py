@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from bestman_bt.messages import RGBDImage
+from bestman_bt.robot_model import CameraPart
 from hal.api import Failure, NoDataError, Part
 from hal.hardware import Connection, HardwareCamera, RemoteTime
 from hal.parts import ConnectionFailedError
@@ -39,7 +40,7 @@ class RealSenseConnection(Connection):
     def make_parts(self) -> dict[str, Part]:
         """The camera of ``settings.parts``."""
         (self._camera,) = self.settings.parts
-        self._model = self.model.cameras[self._camera]
+        self._model = self.model.of(CameraPart)[self._camera]
         self._pipeline: Any = None
         self._align: Any = None
         self._arrived = threading.Condition()

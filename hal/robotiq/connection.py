@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+from bestman_bt.robot_model import GripperModel
 from hal.api import Failure, Part
 from hal.hardware import Connection
 from hal.parts import CommandedGripper
@@ -27,7 +28,7 @@ class RobotiqConnection(Connection):
     def make_parts(self) -> dict[str, Part]:
         """The gripper of ``settings.parts``."""
         (name,) = self.settings.parts
-        gripper = self.model.grippers[name]
+        gripper = self.model.of(GripperModel)[name]
         self._channel = RobotiqChannel(self.name, gripper, self.options, self.clock)
         self._gripper = CommandedGripper(name, gripper, self._channel, self.latch)
         return {name: self._gripper}

@@ -7,6 +7,15 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, ClassVar
 
+from bestman_bt.robot_model import (
+    BaseModel,
+    BatteryPart,
+    CameraPart,
+    ImuPart,
+    JointGroupModel,
+    LidarPart,
+    MountedForceTorque,
+)
 from hal.api import Failure, MotionErrorCode, Part
 from hal.hardware import (
     Connection,
@@ -70,12 +79,13 @@ class RosbridgeConnection(Connection):
         self._outputs: dict[str, str] = {}
         self._driven: list[DrivenBase | StreamedJointGroup] = []
         makers: dict[str, tuple[Mapping[str, Any], Callable[[str], Part]]] = {
-            "base": (self.model.bases, self._make_base),
-            "camera": (self.model.cameras, self._make_camera),
-            "joint_group": (self.model.joint_groups, self._make_joints),
+            "base": (self.model.of(BaseModel), self._make_base),
+            "camera": (self.model.of(CameraPart), self._make_camera),
+            "joint_group": (self.model.of(JointGroupModel), self._make_joints),
         }
-        wrists = {name: mounted.part for name, mounted in self.model.force_torques.items()}
-        sensors = (self.model.lidars, wrists, self.model.imus, self.model.batteries)
+        wrists = {name: mounted.part for name, mounted in self.model.of(MountedForceTorque).items()}
+        of = self.model.of
+        sensors: tuple[Mapping[str, Any], ...] = (of(LidarPart), wrists, of(ImuPart), of(BatteryPart))
         for kind, there in zip(SENSORS, sensors, strict=True):
             makers[kind] = (there, partial(self._make_sensor, kind, there))
         kinds = {name: kind for kind, (there, _) in makers.items() for name in self.settings.parts if name in there}
@@ -162,13 +172,13 @@ class RosbridgeConnection(Connection):
         self._listen(odometry, package, kind, watched=True)
         channel = RosBase(self._link, options.topic("base", name, "velocity"), options, odometry)
         self._outputs[options.topic("base", name, "velocity")] = channel.message_type
-        base = DrivenBase(name, self.model.bases[name], channel, self.latch)
+        base = DrivenBase(name, self.model.of(BaseModel)[name], channel, self.latch)
         self._driven.append(base)
         return base
 
     def _make_joints(self, name: str) -> StreamedJointGroup:
         options: RosbridgeOptions = self.options
-        model = self.model.joint_groups[name]
+        model = self.model.of(JointGroupModel)[name]
         ros_names = tuple(options.joints.get(joint, joint) for joint in model.joint_names)
         topic = options.topic("joint_group", name, "states")
         states: Stream[JointReading] = self._stream(name, topic, JointStates(ros_names).decode, self._stale_after)
@@ -181,7 +191,7 @@ class RosbridgeConnection(Connection):
         return group
 
     def _make_camera(self, name: str) -> HardwareCamera:
-        model = self.model.cameras[name]
+        model = self.model.of(CameraPart)[name]
         camera = RosCamera(name, model, self._link, self.clock, self._ros_time, self.options)
         self._cameras.append(camera)
         self._listen(camera.info, "sensor_msgs", "CameraInfo", period=INFO_PERIOD)

@@ -8,14 +8,14 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 
 
 class FlangePose:
     """Forward kinematics of one arm from its ``base_frame`` to the link that its last joint moves."""
 
     def __init__(self, model: RobotModel, arm: str) -> None:
-        description = model.arms[arm]
+        description = model.of(ArmModel)[arm]
         self._model = pinocchio.buildModelFromXML(model.urdf)
         self._data = self._model.createData()
         self._lock = threading.Lock()

@@ -7,7 +7,7 @@ import struct
 import time
 from collections.abc import Iterator
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import Gripper
 from hal.twins.faults import Faults
@@ -24,7 +24,7 @@ class RobotiqTwin:
     """Serves one gripper on ``address``, by the connection's protocol. OSError where the port cannot be had."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
-        name = next(name for name in connection.parts if name in model.grippers)
+        name = next(name for name in connection.parts if name in model.of(GripperModel))
         self._options = connection.options
         modbus = self._options.protocol == "modbus"
         port = connection.port or (MODBUS_PORT if modbus else URCAP_PORT)

@@ -9,7 +9,16 @@ from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from typing import Any
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import (
+    BaseModel,
+    BatteryPart,
+    CameraPart,
+    ImuPart,
+    JointGroupModel,
+    LidarPart,
+    MountedForceTorque,
+    RobotModel,
+)
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import JointGroup, MobileBase
 from hal.twins import ros_messages
@@ -59,7 +68,7 @@ class RosbridgeTwin:
         self._takers: dict[str, Taker] = {}
         self._bases: list[TwinBase] = []
         self._joints: list[TwinJoints] = []
-        self._cameras = [name for name in connection.parts if name in model.cameras]
+        self._cameras = [name for name in connection.parts if name in model.of(CameraPart)]
         self._stale_odometry = False
         self._odometry_topics: set[str] = set()
         self._scan_topics: set[str] = set()
@@ -67,15 +76,15 @@ class RosbridgeTwin:
         self._blind = False
         self._closing = threading.Event()
         self.faults = Faults()
-        wrists = {name: mounted.part for name, mounted in model.force_torques.items()}
+        wrists = {name: mounted.part for name, mounted in model.of(MountedForceTorque).items()}
         makers: tuple[tuple[Any, Callable[[str], None]], ...] = (
-            (model.bases, self._add_base),
-            (model.cameras, self._add_camera),
-            (model.joint_groups, self._add_joints),
-            (model.lidars, functools.partial(self._add_sensor, "lidar", model.lidars)),
+            (model.of(BaseModel), self._add_base),
+            (model.of(CameraPart), self._add_camera),
+            (model.of(JointGroupModel), self._add_joints),
+            (model.of(LidarPart), functools.partial(self._add_sensor, "lidar", model.of(LidarPart))),
             (wrists, functools.partial(self._add_sensor, "force_torque", wrists)),
-            (model.imus, functools.partial(self._add_sensor, "imu", model.imus)),
-            (model.batteries, functools.partial(self._add_sensor, "battery", model.batteries)),
+            (model.of(ImuPart), functools.partial(self._add_sensor, "imu", model.of(ImuPart))),
+            (model.of(BatteryPart), functools.partial(self._add_sensor, "battery", model.of(BatteryPart))),
         )
         for name in connection.parts:
             for there, add in makers:
@@ -175,7 +184,7 @@ class RosbridgeTwin:
         self._outputs.append(Output(rate, {topic: make}))
 
     def _add_camera(self, name: str) -> None:
-        model = self._model.cameras[name]
+        model = self._model.of(CameraPart)[name]
         for stream in ("color", "depth"):
             self._declare("camera", name, stream, "sensor_msgs", "CompressedImage")
         topic = self._declare("camera", name, "info", "sensor_msgs", "CameraInfo")
@@ -222,7 +231,7 @@ class RosbridgeTwin:
                     image, exposed = self._world.photograph(name)
                 except (TwinError, TimeoutError):
                     return  # the world ends
-                header = self._version.header(self._model.cameras[name].optical_frame, exposed)
+                header = self._version.header(self._model.of(CameraPart)[name].optical_frame, exposed)
                 topics = [self._options.topic("camera", name, stream) for stream in ("color", "depth")]
                 for topic, make in zip(topics, (ros_messages.color_image, ros_messages.depth_image), strict=True):
                     self._server.publish(topic, functools.partial(make, header, image))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from bestman_bt.registry import Registry
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import CameraPart, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from bestman_bt.scene import World
 from hal.twins.errors import TwinError
@@ -88,7 +88,7 @@ class TwinHost:
             raise TwinError(f"robot {model.name!r} has no connections in its YAML, so there is nothing to stand in for")
         self._model, self._judge = model, judge
         spoken_for = {part for connection in model.connections.values() for part in connection.parts}
-        self.world = TwinWorld(model, scene_world, seed, cameras=bool(spoken_for & set(model.cameras)))
+        self.world = TwinWorld(model, scene_world, seed, cameras=bool(spoken_for & set(model.of(CameraPart))))
         self.twins: dict[str, Twin] = {}
 
     def run(self, ready: Callable[[Hosted], None]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio
 from numpy.typing import NDArray
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 
 Array = NDArray[np.float64]
 CONTROLLER_FRAME = pinocchio.SE3(pinocchio.utils.rotate("z", np.pi), np.zeros(3))
@@ -18,7 +18,7 @@ class URKinematics:
     """Kinematics of one arm from its ``base_frame`` to the link that its last joint moves; used in one thread."""
 
     def __init__(self, model: RobotModel, arm: str) -> None:
-        description = model.arms[arm]
+        description = model.of(ArmModel)[arm]
         self._model = pinocchio.buildModelFromXML(model.urdf)
         self._data = self._model.createData()
         joints = [self._model.joints[self._model.getJointId(name)] for name in description.joint_names]

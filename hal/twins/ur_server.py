@@ -6,7 +6,7 @@ import re
 import socket
 import time
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, MountedForceTorque, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import Arm, ForceTorque
 from hal.twins.faults import Faults
@@ -24,8 +24,8 @@ class URTwin:
     """Serves one arm on ``address``. OSError where a port cannot be had."""
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
-        arm_name = next(name for name in connection.parts if name in model.arms)
-        sensor_name = next((name for name in connection.parts if name in model.force_torques), None)
+        arm_name = next(name for name in connection.parts if name in model.of(ArmModel))
+        sensor_name = next((name for name in connection.parts if name in model.of(MountedForceTorque)), None)
         self._servers: list[TcpServer] = []
         self._owners: dict[str, RtdeSession] = {}
         attendants = {DASHBOARD: self._attend_dashboard, SCRIPT: self._attend_script, RTDE: self._attend_rtde}

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import Arm, Gripper
 from hal.twins.faults import Faults
@@ -40,8 +40,8 @@ class XArmTwin:
 
     def __init__(self, connection: ConnectionConfig, model: RobotModel, world: TwinWorld, address: str) -> None:
         robot = world.robot
-        arm_name = next(name for name in connection.parts if name in model.arms)
-        gripper_name = next((name for name in connection.parts if name in model.grippers), None)
+        arm_name = next(name for name in connection.parts if name in model.of(ArmModel))
+        gripper_name = next((name for name in connection.parts if name in model.of(GripperModel)), None)
         self._servers: list[TcpServer] = []
         try:
             self._servers.append(TcpServer(address, CONTROL_PORT, self._attend))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
+from bestman_bt.robot_model import ArmModel, MountedForceTorque
 from hal.api import Failure, MotionErrorCode, Part
 from hal.hardware import Connection
 from hal.parts import ConnectionFailedError, ToolLimits
@@ -42,14 +43,14 @@ class URConnection(Connection):
         options: UROptions = self.options
         self._link = URLink(self.name, self.clock)
         self.io = URDigitalIO(self._link, self.latch)
-        arms = [name for name in self.settings.parts if name in self.model.arms]
-        sensors = [name for name in self.settings.parts if name in self.model.force_torques]
+        arms = [name for name in self.settings.parts if name in self.model.of(ArmModel)]
+        sensors = [name for name in self.settings.parts if name in self.model.of(MountedForceTorque)]
         tool = ToolLimits(self.model, arms[0], self.limits)
-        model, joints = self.model.arms[arms[0]], URJoints(self._link)
+        model, joints = self.model.of(ArmModel)[arms[0]], URJoints(self._link)
         self._arm = URArm(arms[0], model, joints, self.latch, 1.0 / options.rate, tool, self._link)
         parts: dict[str, Part] = {arms[0]: self._arm}
         for name in sensors:
-            parts[name] = URForceTorque(name, self.model.force_torques[name].part, self._link, self.latch)
+            parts[name] = URForceTorque(name, self.model.of(MountedForceTorque)[name].part, self._link, self.latch)
         return parts
 
     def open(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import ClassVar
 
-from bestman_bt.robot_model import GripperModel
+from bestman_bt.robot_model import ArmModel, GripperModel
 from hal.api import Failure, Part
 from hal.hardware import Connection
 from hal.parts import CommandedGripper, ConnectionFailedError, StreamedArm, ToolLimits
@@ -42,14 +42,14 @@ class XArmConnection(Connection):
         options: XArmOptions = self.options
         parts: dict[str, Part] = {}
         for name in self.settings.parts:
-            if name in self.model.arms:
-                arm = self.model.arms[name]
+            if name in self.model.of(ArmModel):
+                arm = self.model.of(ArmModel)[name]
                 self._joints = XArmJoints(self._wire, len(arm.joint_names))
                 tool = ToolLimits(self.model, name, self.limits)
                 self._arm = StreamedArm(name, arm, self._joints, self.latch, 1.0 / options.rate, tool)
                 parts[name] = self._arm
-            elif name in self.model.grippers:
-                gripper = self.model.grippers[name]
+            elif name in self.model.of(GripperModel):
+                gripper = self.model.of(GripperModel)[name]
                 self._gripper = self._make_gripper(name, gripper)
                 parts[name] = self._gripper
         return parts
@@ -72,7 +72,7 @@ class XArmConnection(Connection):
         options: XArmOptions = self.options
         wire = self._wire
         wire.open(self.settings.address, options)
-        mismatch = wire.identity.mismatch(options.arm, self.model.arms[self._arm.name])
+        mismatch = wire.identity.mismatch(options.arm, self.model.of(ArmModel)[self._arm.name])
         if mismatch is not None:
             raise ConnectionFailedError(f"{self.name}: {mismatch}")
         wire.make_ready(gripper=self._speaks_to_gripper)

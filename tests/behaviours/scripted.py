@@ -17,6 +17,7 @@ from bestman_bt.configuration import load_run
 from bestman_bt.control import ControlHandle
 from bestman_bt.engine import RUNNING, ManualClock, Node, Tree, load_tree
 from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
+from bestman_bt.robot_model import ArmModel, GripperModel
 from bestman_bt.runtime.algorithms import make_algorithms
 from bestman_bt.runtime.setup import Setup, prepare
 from bestman_bt.world_model import BasePose
@@ -75,14 +76,14 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     """A context whose robot believes to stand at ``base``, as a SkillContext and with ``setup`` beside it."""
     setup, algorithms = _prepared(task, seed, settings)
     skills: Any = SkillContext.__new__(SkillContext)
-    skills.kinds = parts_by_kind(setup.robot_model, setup.robot_model.part_names)
+    skills.kinds = parts_by_kind(setup.robot_model, setup.robot_model.parts)
     skills.setup, skills.robot, skills.algorithms = setup, setup.robot_model, algorithms
     skills.clock, skills.world = ManualClock(50.0), setup.world_model.as_at_the_start()
     skills.world.base = BasePose(base, 0.01, 0.01, 50.0)
     skills.failures, skills.observations, skills.costs = [], {}, defaultdict(float)
     skills.contacts, skills.handled = [], None
     skills.computation, skills.rng = InlineComputation(skills.clock), np.random.default_rng(seed)
-    arm, gripper = next(iter(setup.robot_model.arms)), next(iter(setup.robot_model.grippers))
+    arm, gripper = next(iter(setup.robot_model.of(ArmModel))), next(iter(setup.robot_model.of(GripperModel)))
     skills.arm = ScriptedController("follow", "move_until", "follow_constraint", name=arm)
     skills.gripper = ScriptedController(
         "open", "close", "release", name=gripper, description=SimpleNamespace(max_force=70.0, max_width=0.08)
@@ -91,8 +92,8 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     skills.base = ScriptedController("follow", "drive", "turn", "rotate_to", "park", stuck=False)
     skills.base.localisation = SimpleNamespace(lost=False)
     skills.head = ScriptedController("move_to", "look_at")
-    posture = setup.robot_model.posture("carry", setup.robot_model.arms[arm].joint_names)
-    joints = dict(zip(setup.robot_model.arms[arm].joint_names, posture.tolist(), strict=True))
+    posture = setup.robot_model.posture("carry", setup.robot_model.of(ArmModel)[arm].joint_names)
+    joints = dict(zip(setup.robot_model.of(ArmModel)[arm].joint_names, posture.tolist(), strict=True))
     skills.joints = SimpleNamespace(positions=lambda: joints)
     skills.wrist_wrench = skills.wrist_camera = skills.camera = None
     skills.tactile = ()

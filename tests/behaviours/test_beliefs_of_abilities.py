@@ -11,11 +11,12 @@ import pytest
 from behaviours.context import SkillContext
 from bestman_bt.engine import FAILURE, SUCCESS, ManualClock, NodeRegistry, Tree, load_tree
 from bestman_bt.messages import Pose, Pose2D
-from bestman_bt.robot_model import ArmModel, RobotModel
+from bestman_bt.robot_model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.scene import draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, HeldObject, ObjectBelief, WorldModel, openness_of
 from tests.behaviours.at_the_table import tree_of
+from tests.robot_models import arm_model
 
 SCENE = load_scene("kitchen_furnished", {})
 MAP = semantic_map(draw_world(SCENE, 0))
@@ -31,12 +32,10 @@ def library() -> NodeRegistry:
 @pytest.fixture
 def skills() -> Any:
     """A context as far as beliefs go: a map, a clock, the arm's encoders; no robot, no camera."""
-    one = np.ones(1)
     context: Any = SkillContext.__new__(SkillContext)
     context.clock = ManualClock()
-    arm = ArmModel(("joint",), "base", "tool", -one, one, one, one, one)
     context.robot = RobotModel(
-        "robot", "<robot name='r'/>", "base", arms={"arm": arm}, postures={"carry": {"joint": 0}}
+        "robot", "<robot name='r'/>", "base", {"arm": arm_model()}, postures={"carry": {"joint": 0}}
     )
     context.kinds = {"arm": ("arm",)}
     context.arm = SimpleNamespace(name="arm")

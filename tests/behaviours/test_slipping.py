@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from bestman_bt.engine import FAILURE, RUNNING
+from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Session
 from hal.pybullet import PyBulletRobot
 from tests.behaviours.at_the_table import failures_of, fastest, tick, tree_of
@@ -31,7 +32,7 @@ def grease(session: Session, name: str) -> None:
     assert isinstance(robot, PyBulletRobot)
     built, client = robot.simulation.built, robot.simulation.client
     client.changeDynamics(built.objects[name], -1, lateralFriction=0.0, spinningFriction=0.0, rollingFriction=0.0)
-    gripper = next(iter(session.setup.robot_model.grippers.values()))
+    gripper = next(iter(session.setup.robot_model.of(GripperModel).values()))
     for link in gripper.finger_links:
         client.changeDynamics(built.robot, built.links[link], lateralFriction=0.0, spinningFriction=0.0)
 

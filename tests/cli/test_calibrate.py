@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import CameraPart, load_robot_model
 from tests.cli.command_line import Answer
 
 pytestmark = pytest.mark.slow
@@ -26,7 +26,10 @@ def test_a_wrist_camera_is_calibrated_from_pixels_and_the_file_fits_the_robot(
     assert truth["rotation_deg"] < 0.1 < truth["rotation_deg_before"]
     assert (folder / "here" / "residuals.png").stat().st_size > 10_000
     found = load_robot_model("diff_panda", {"calibration": ["here/calibration.yaml"]})
-    assert found.cameras["wrist_camera"].depth_scale == answer.document["parts"]["wrist_camera"]["set"]["depth_scale"]
+    assert (
+        found.of(CameraPart)["wrist_camera"].depth_scale
+        == answer.document["parts"]["wrist_camera"]["set"]["depth_scale"]
+    )
     # The recorded views are a dataset like any other, and give the same file again.
     first = (folder / "here" / "calibration.yaml").read_bytes()
     again = bestman_bt("calibrate", "hand-eye", "here", "--method", "park_martin")

@@ -15,7 +15,7 @@ from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
 from bestman_bt.navigation.local_planning import PurePursuit
 from bestman_bt.navigation.localization import ScanToMap
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, CameraPart, RobotModel, load_robot_model
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World, draw_world, load_scene, semantic_map
 from bestman_bt.world_model import BasePose, SemanticMap, WorldModel
 from hal.api import Arm, Gripper, JointGroup, Lidar, MobileBase
@@ -96,7 +96,7 @@ def simulate(model):
             ArmController(robot.part("arm", Arm), robot.clock),
             GripperController(robot.part("gripper", Gripper)),
             HeadController(
-                robot.part("head", JointGroup), kinematics, joints, model.cameras["head_camera"].optical_frame
+                robot.part("head", JointGroup), kinematics, joints, model.of(CameraPart)["head_camera"].optical_frame
             ),
             kinematics,
             joints,
@@ -111,7 +111,7 @@ def simulate(model):
 def world_with_bar(model) -> World:
     """The kitchen with a fixed bar, 30 mm thick, between the fingers of the robot where it starts."""
     world = draw_world(load_scene("kitchen"), 1)
-    base_from_tool = ForwardKinematics(model).pose(model.arms["arm"].tool_frame, model.postures["carry"])
+    base_from_tool = ForwardKinematics(model).pose(model.of(ArmModel)["arm"].tool_frame, model.postures["carry"])
     place = world.robot_start.to_pose() @ base_from_tool
     part = PlacedShape(Box((0.03, 0.03, 0.06)), Pose(np.array([0.0, 0.0, place.position[2] - 0.02])))
     bar = FurnitureModel("bar", (0.03, 0.03), (part,), ((0.5, 0.5, 0.5, 1.0),), ())

@@ -20,7 +20,7 @@ def panda() -> RobotModel:
 
 @pytest.fixture(scope="session")
 def arm(panda: RobotModel) -> ArmModel:
-    return panda.arms["arm"]
+    return panda.of(ArmModel)["arm"]
 
 
 @pytest.fixture(scope="session")

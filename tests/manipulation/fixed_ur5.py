@@ -31,4 +31,4 @@ def fixed_ur5() -> RobotModel:
         acceleration=np.full(6, 8.0),
         effort=np.array([150.0] * 3 + [28.0] * 3),
     )
-    return RobotModel(name="fixed_ur5", urdf=path.read_text(), base_frame="base_link", arms={"arm": arm})
+    return RobotModel(name="fixed_ur5", urdf=path.read_text(), base_frame="base_link", parts={"arm": arm})

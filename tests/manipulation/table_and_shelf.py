@@ -52,8 +52,7 @@ def fixed_panda() -> RobotModel:
         name="fixed_panda",
         urdf=urdf,
         base_frame="panda_link0",
-        arms={"arm": arm},
-        grippers={"gripper": gripper},
+        parts={"arm": arm, "gripper": gripper},
         hand_of={"gripper": "arm"},
         allowed_self_pairs=frozenset(map(frozenset, combinations(links, 2))) - checked,
     )

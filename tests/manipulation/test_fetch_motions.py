@@ -21,6 +21,7 @@ from bestman_bt.manipulation.kinematics import (
 from bestman_bt.manipulation.motion_planning import RRTConnect, TimedMotionPlanner, Upright
 from bestman_bt.manipulation.trajectory import SpeedScale, Toppra, first_touch
 from bestman_bt.messages import Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.robot_model import ArmModel, BaseModel
 from bestman_bt.world_model import BasePose, HeldObject, MapFurniture, ObjectBelief, SemanticMap, WorldModel
 
 CUP = ObjectModel("cup", (1, 0, 0), 0.2, 0.8, (PlacedShape(Cylinder(0.035, 0.1), Pose()),), symmetry_order=0)
@@ -30,7 +31,7 @@ TABLE = MapFurniture("table", Pose2D(3.0, 1.0), (0.8, 1.6), 0.72, (), False)
 @pytest.mark.parametrize("seed", range(4))
 def test_a_cup_is_reached_lifted_and_carried_upright(diff_panda, seed):
     rng = np.random.default_rng(seed)
-    arm = diff_panda.arms["arm"]
+    arm = diff_panda.of(ArmModel)["arm"]
     carry = diff_panda.posture("carry", arm.joint_names)
     kinematics, model = DampedLeastSquares(diff_panda), CoalCollisionModel(diff_panda)
     planner = TimedMotionPlanner(RRTConnect(), Toppra())
@@ -42,7 +43,7 @@ def test_a_cup_is_reached_lifted_and_carried_upright(diff_panda, seed):
         for yaw in np.arange(0, 2 * np.pi, np.pi / 4)
     ]
 
-    front = max(x for x, _ in diff_panda.bases["base"].footprint)
+    front = max(x for x, _ in diff_panda.of(BaseModel)["base"].footprint)
     stands = rank_stand_poses(stands_along(TABLE, cup, front), grasps, kinematics, arm, carry, rng)
     stand = stands[0].pose @ Pose2D(*rng.normal(0, 0.01, 2), rng.normal(0, 0.01))
     belief.base = BasePose(stand, 0.01, 0.01, 0.0)

@@ -12,7 +12,7 @@ from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.motion_planning import RRTConnect
 from bestman_bt.manipulation.posture_search import PostureSearch, PostureSearchParameters
 from bestman_bt.messages import Cylinder, PlacedShape, Pose
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, load_robot_model
 
 HEAD = {"head_pan_joint": 0.0, "head_tilt_joint": np.radians(47.0)}
 
@@ -58,7 +58,7 @@ def test_a_posture_for_carrying_has_room_for_what_is_carried(
     carrying = getattr(search, posture)(np.random.default_rng(3), home, HEAD)
     shapes = (PlacedShape(Cylinder(0.04, 0.15), Pose(np.array([0.0, 0.0, 0.025]))),)
     touched = frozenset(hand_links(search.robot))
-    held = AttachedObject("held", shapes, search.robot.arms["arm"].tool_frame, Pose(), touched)
+    held = AttachedObject("held", shapes, search.robot.of(ArmModel)["arm"].tool_frame, Pose(), touched)
     world = CoalCollisionModel(search.robot).world(PlanningScene(positions=HEAD).holding(held))
     assert world.colliding_pairs(carrying) == ()
 
@@ -72,7 +72,7 @@ def test_a_motion_leads_from_home_to_a_posture_for_carrying_and_a_short_one_is_p
     for weight in (0.0, 1.0):
         other = PostureSearch(search.robot, parameters=replace(search.parameters, motion_weight=weight))
         carry = other.carry(np.random.default_rng(4), home, HEAD)
-        plan = RRTConnect().plan(home, [carry], world, search.robot.arms["arm"], np.random.default_rng(0))
+        plan = RRTConnect().plan(home, [carry], world, search.robot.of(ArmModel)["arm"], np.random.default_rng(0))
         lengths.append(plan.length)
     assert lengths[1] < lengths[0] - 0.2
 

@@ -44,8 +44,7 @@ def two_arms() -> RobotModel:
         name="two_arms",
         urdf=urdf,
         base_frame="base_link",
-        arms=arms,
-        grippers={f"{side}_gripper": _gripper(side) for side in arms},
+        parts={**arms, **{f"{side}_gripper": _gripper(side) for side in arms}},
         hand_of={f"{side}_gripper": side for side in arms},
         postures={"home": {f"{side}_{joint}": HOME[joint] for side in arms for joint in JOINTS}},
         allowed_self_pairs=frozenset(map(frozenset, combinations(links, 2))) - checked,
@@ -54,7 +53,7 @@ def two_arms() -> RobotModel:
 
 def home(robot: RobotModel, side: str) -> np.ndarray:
     """Joint positions (7,) in the arm's own order."""
-    return robot.posture("home", robot.arms[side].joint_names)
+    return robot.posture("home", robot.of(ArmModel)[side].joint_names)
 
 
 def _arm_model(side: str, order: tuple[str, ...]) -> ArmModel:

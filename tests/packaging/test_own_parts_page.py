@@ -22,6 +22,7 @@ from bestman_bt.navigation.global_planning import Costmap, Footprint, PlanningFa
 from bestman_bt.navigation.local_planning import MotionLimits
 from bestman_bt.perception.grasp_pose import GraspTarget
 from bestman_bt.registry import ALGORITHMS, BUILDERS, PLANNERS, PREDICATES
+from bestman_bt.robot_model import GripperModel
 from bestman_bt.runtime import Setup, prepare
 from bestman_bt.runtime.algorithms import make_algorithms
 from bestman_bt.task_planning.predicates import Beliefs
@@ -129,7 +130,7 @@ def test_the_detector_finds_what_stands_on_the_table(algorithms: Any) -> None:
 
 
 def test_the_grasp_planner_takes_a_box_across_its_smaller_side(setup: Setup, algorithms: Any) -> None:
-    (gripper,) = setup.robot_model.grippers.values()
+    (gripper,) = setup.robot_model.of(GripperModel).values()
     box = PlacedShape(Box((0.06, 0.04, 0.1)), Pose.from_xyz_rpy((0.5, 0.1, 0.8), (0.0, 0.0, 0.3)))
     best, other = algorithms.grasp_pose.plan(GraspTarget(box), gripper, 0.75)
     assert (best.width, other.width) == (0.04, 0.06)

@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import CameraPart, load_robot_model
 
 FOUND = """
 kind: head
@@ -30,15 +30,15 @@ def calibration(tmp_path: Path) -> Path:
 
 def test_what_was_found_is_laid_over_the_robot(calibration: Path):
     robot = load_robot_model("diff_panda", {"calibration": [str(calibration)]})
-    assert robot.cameras["head_camera"].intrinsics.distortion == (0.1, 0.0, 0.0, 0.0)
-    assert robot.cameras["head_camera"].depth_scale == 1.01
+    assert robot.of(CameraPart)["head_camera"].intrinsics.distortion == (0.1, 0.0, 0.0, 0.0)
+    assert robot.of(CameraPart)["head_camera"].depth_scale == 1.01
     pose = ForwardKinematics(robot).pose("head_camera_link", {}, "head_tilt_link")
     assert pose.position == pytest.approx(np.array([0.053, -0.002, 0.001]))
 
 
 def test_settings_of_the_command_line_come_last(calibration: Path):
     settings = {"calibration": [str(calibration)], "parts.head_camera.set.depth_scale": 0.99}
-    assert load_robot_model("diff_panda", settings).cameras["head_camera"].depth_scale == 0.99
+    assert load_robot_model("diff_panda", settings).of(CameraPart)["head_camera"].depth_scale == 0.99
 
 
 def test_a_robot_file_names_its_calibration_relative_to_itself(calibration: Path, monkeypatch):
@@ -46,7 +46,7 @@ def test_a_robot_file_names_its_calibration_relative_to_itself(calibration: Path
     shipped = Path(__file__).parents[2] / "configs" / "robots" / "diff_panda.yaml"
     mine = calibration.with_name("mine.yaml")
     mine.write_text(f"calibration: [{calibration.name}]\n" + shipped.read_text())
-    assert load_robot_model(mine).cameras["head_camera"].depth_scale == 1.01
+    assert load_robot_model(mine).of(CameraPart)["head_camera"].depth_scale == 1.01
 
 
 @pytest.mark.parametrize(

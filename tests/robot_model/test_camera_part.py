@@ -8,13 +8,13 @@ import pytest
 
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.messages import CameraIntrinsics
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import CameraPart, load_robot_model
 
 SET = "parts.head_camera.set"
 
 
 def test_without_calibration_a_camera_is_an_ideal_pinhole():
-    camera = load_robot_model("diff_panda").cameras["head_camera"]
+    camera = load_robot_model("diff_panda").of(CameraPart)["head_camera"]
     assert camera.intrinsics.distortion == ()
     assert (camera.depth_scale, camera.depth_offset, camera.depth_step) == (1.0, 0.0, 0.001)
     assert camera.intrinsics.fy == pytest.approx(240 / math.tan(math.radians(29)))
@@ -28,7 +28,7 @@ def test_a_calibrated_camera_has_the_lens_and_the_depth_that_its_file_says():
         f"{SET}.depth_scale": 1.01,
         f"{SET}.depth_offset": "-3 mm",
     }
-    camera = load_robot_model("diff_panda", settings).cameras["head_camera"]
+    camera = load_robot_model("diff_panda", settings).of(CameraPart)["head_camera"]
     lens = (-0.2, 0.05, 0.001, -0.001, 0.0)
     assert camera.intrinsics == CameraIntrinsics(640, 480, 431.5, 432.5, 322.1, 238.4, lens)
     assert (camera.depth_scale, camera.depth_offset) == (1.01, -0.003)

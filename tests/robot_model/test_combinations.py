@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.configuration import data_names
 from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.robot_model import combine, load_robot_model
+from bestman_bt.robot_model import ArmModel, BaseModel, CameraPart, LidarPart, combine, load_robot_model
 
 BASES = ("differential_base", "omni_base", "husky_base")
 ARMS = ("panda_arm", "iiwa_arm", "xarm6_arm", "ur5_arm", "ur10_arm", "xarm7_arm", "kinova_arm")
@@ -28,9 +28,12 @@ def test_the_three_become_one_urdf_with_unique_names_and_real_meshes(base: str, 
     assert all(float(link.find("inertial/mass").get("value")) > 0 for link in urdf.findall("link"))
     assert robot.hand_of == {"gripper": "arm"}
     limits = {joint.get("name"): joint.find("limit") for joint in urdf.findall("joint")}
-    assert all(joint in robot.postures["home"] for joint in robot.arms["arm"].joint_names)
+    assert all(joint in robot.postures["home"] for joint in robot.of(ArmModel)["arm"].joint_names)
     for joint, lower, upper in zip(
-        robot.arms["arm"].joint_names, robot.arms["arm"].lower, robot.arms["arm"].upper, strict=True
+        robot.of(ArmModel)["arm"].joint_names,
+        robot.of(ArmModel)["arm"].lower,
+        robot.of(ArmModel)["arm"].upper,
+        strict=True,
     ):
         assert lower < robot.postures["home"][joint] < upper
         assert float(limits[joint].get("lower")) == pytest.approx(lower)
@@ -44,8 +47,8 @@ PARTIAL = {"a1", "bench_arm", "turtle"}
 def test_shipped_robots_have_what_skills_and_postures_need(name: str) -> None:
     robot = load_robot_model(name)
     assert {"home", "carry", "look"} <= set(robot.postures)
-    assert robot.cameras
-    assert robot.lidars
-    nearest = min(Footprint(np.array(base.footprint)).inscribed_radius for base in robot.bases.values())
-    assert all(lidar.range_min < nearest for lidar in robot.lidars.values())  # all outside the outline is seen
-    assert all(camera.optical_frame for camera in robot.cameras.values())
+    assert robot.of(CameraPart)
+    assert robot.of(LidarPart)
+    nearest = min(Footprint(np.array(base.footprint)).inscribed_radius for base in robot.of(BaseModel).values())
+    assert all(lidar.range_min < nearest for lidar in robot.of(LidarPart).values())  # all outside the outline is seen
+    assert all(camera.optical_frame for camera in robot.of(CameraPart).values())

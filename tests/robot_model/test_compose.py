@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, BaseModel, LidarPart, load_robot_model
 
 TWO_ARMS = """\
 base_frame: base_link
@@ -36,10 +36,10 @@ def problems(folder: Path, text: str) -> list[str]:
 
 def test_a_second_part_of_a_kind_gets_its_names_prefixed(tmp_path: Path) -> None:
     robot = load_robot_model(robot_file(tmp_path, TWO_ARMS))
-    assert robot.arms["left"].joint_names[0] == "panda_joint1"
-    assert robot.arms["right"].joint_names[0] == "right_panda_joint1"
+    assert robot.of(ArmModel)["left"].joint_names[0] == "panda_joint1"
+    assert robot.of(ArmModel)["right"].joint_names[0] == "right_panda_joint1"
     assert robot.hand_of == {"left_hand": "left", "right_hand": "right"}
-    assert robot.arms["right"].tool_frame == "right_hand_panda_grasptarget"
+    assert robot.of(ArmModel)["right"].tool_frame == "right_hand_panda_grasptarget"
     links = [link.get("name") for link in ET.fromstring(robot.urdf).findall("link")]
     assert len(links) == len(set(links))
     assert frozenset(("right_panda_link0", "right_panda_link1")) in robot.allowed_self_pairs
@@ -49,21 +49,21 @@ def test_a_second_part_of_a_kind_gets_its_names_prefixed(tmp_path: Path) -> None
 def test_an_arm_without_a_hand_ends_at_its_tip(tmp_path: Path) -> None:
     text = "".join(line for line in TWO_ARMS.splitlines(keepends=True) if "_hand" not in line)
     robot = load_robot_model(robot_file(tmp_path, text))
-    assert robot.arms["left"].tool_frame == "panda_link8"
+    assert robot.of(ArmModel)["left"].tool_frame == "panda_link8"
     assert robot.hand_of == {}
 
 
 def test_an_override_changes_one_field_of_a_part() -> None:
     shipped = load_robot_model("diff_panda")
     changed = load_robot_model("diff_panda", {"parts.lidar.set.beams": 90, "parts.column.xyz": ["10 cm", 0, "30 cm"]})
-    assert (shipped.lidars["lidar"].beams, changed.lidars["lidar"].beams) == (360, 90)
+    assert (shipped.of(LidarPart)["lidar"].beams, changed.of(LidarPart)["lidar"].beams) == (360, 90)
     mount = ET.fromstring(changed.urdf).find("joint[@name='column_mount_joint']/origin")
     np.testing.assert_allclose([float(v) for v in mount.get("xyz").split()], [0.1, 0.0, 0.3])
 
 
 def test_units_are_converted(tmp_path: Path) -> None:
     text = "base_frame: base_link\nparts:\n  base: {part: differential_base, set: {max_wz: 90 deg/s, track: 480 mm}}\n"
-    base = load_robot_model(robot_file(tmp_path, text)).bases["base"]
+    base = load_robot_model(robot_file(tmp_path, text)).of(BaseModel)["base"]
     assert (base.max_wz, base.track) == pytest.approx((np.pi / 2, 0.48))
 
 

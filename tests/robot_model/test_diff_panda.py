@@ -12,7 +12,16 @@ import pinocchio as pin
 import pybullet
 import pytest
 
-from bestman_bt.robot_model import ArmModel, GripperModel, LidarPart, RobotModel, load_robot_model
+from bestman_bt.robot_model import (
+    ArmModel,
+    BaseModel,
+    CameraPart,
+    GripperModel,
+    JointGroupModel,
+    LidarPart,
+    RobotModel,
+    load_robot_model,
+)
 
 DECLARED_MASS = 60 + 2 * 2 + 2 * 0.5 + 8 + 3 + 0.8 + 0.072 + 0.06 + 17.96  # base to cameras, and the Panda
 
@@ -58,11 +67,15 @@ def frame_pose(model: pin.Model, q: np.ndarray, frame: str) -> pin.SE3:
 
 
 def test_it_has_every_part_that_skills_ask_for(robot: RobotModel) -> None:
-    assert (list(robot.bases), list(robot.arms), list(robot.grippers)) == (["base"], ["arm"], ["gripper"])
-    assert (list(robot.joint_groups), list(robot.lidars)) == (["head"], ["lidar"])
-    assert list(robot.cameras) == ["head_camera", "wrist_camera"]  # skills use the first
+    assert (list(robot.of(BaseModel)), list(robot.of(ArmModel)), list(robot.of(GripperModel))) == (
+        ["base"],
+        ["arm"],
+        ["gripper"],
+    )
+    assert (list(robot.of(JointGroupModel)), list(robot.of(LidarPart))) == (["head"], ["lidar"])
+    assert list(robot.of(CameraPart)) == ["head_camera", "wrist_camera"]  # skills use the first
     assert robot.hand_of == {"gripper": "arm"}
-    assert robot.arms["arm"].joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
+    assert robot.of(ArmModel)["arm"].joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
     assert {"carry", "home", "look"} <= set(robot.postures)
 
 
@@ -70,16 +83,16 @@ def test_every_name_in_the_model_is_in_the_urdf(robot: RobotModel) -> None:
     urdf = ET.fromstring(robot.urdf)
     links = {link.get("name") for link in urdf.findall("link")}
     joints = {joint.get("name") for joint in urdf.findall("joint")}
-    base, arm, gripper = robot.bases["base"], robot.arms["arm"], robot.grippers["gripper"]
+    base, arm, gripper = robot.of(BaseModel)["base"], robot.of(ArmModel)["arm"], robot.of(GripperModel)["gripper"]
     assert {robot.base_frame, base.frame, arm.base_frame, arm.tool_frame, gripper.hand_link} <= links
     assert {*gripper.finger_links, *base.caster_links} <= links
-    frames = {camera.optical_frame for camera in robot.cameras.values()} | {robot.lidars["lidar"].frame}
+    frames = {camera.optical_frame for camera in robot.of(CameraPart).values()} | {robot.of(LidarPart)["lidar"].frame}
     assert frames <= links
     assert {
         *base.wheel_joints,
         *arm.joint_names,
         *gripper.joint_names,
-        *robot.joint_groups["head"].joint_names,
+        *robot.of(JointGroupModel)["head"].joint_names,
     } <= joints
     assert all(set(posture) <= joints for posture in robot.postures.values())
     assert all(pair <= links for pair in robot.allowed_self_pairs)
@@ -164,7 +177,7 @@ def test_it_stands_level_with_most_of_its_weight_on_the_wheels(robot: RobotModel
 
 
 def test_the_footprint_holds_chassis_and_wheels_and_no_more(robot: RobotModel) -> None:
-    corners = np.array(robot.bases["base"].footprint)
+    corners = np.array(robot.of(BaseModel)["base"].footprint)
     assert (corners[:, 0].min(), corners[:, 0].max()) == pytest.approx((-0.28, 0.28))
     assert (corners[:, 1].min(), corners[:, 1].max()) == pytest.approx((-0.26, 0.26))
     after = np.roll(corners, -1, axis=0)
@@ -176,7 +189,7 @@ def test_the_tool_frame_looks_out_of_the_hand_and_closes_along_y(
     robot: RobotModel, kinematics: tuple[pin.Model, pin.GeometryModel]
 ) -> None:
     model, _ = kinematics
-    gripper, tool_frame = robot.grippers["gripper"], robot.arms["arm"].tool_frame
+    gripper, tool_frame = robot.of(GripperModel)["gripper"], robot.of(ArmModel)["arm"].tool_frame
     fingers = dict.fromkeys(gripper.joint_names, gripper.max_width / 2)
     q = configuration(model, {**robot.postures["home"], **fingers})
     tool = frame_pose(model, q, tool_frame)
@@ -192,7 +205,7 @@ def test_the_wrist_camera_sees_the_finger_tips_and_stays_behind_the_palm(
 ) -> None:
     model, geometry = kinematics
     q = configuration(model, robot.postures["carry"])
-    camera = robot.cameras["wrist_camera"]
+    camera = robot.of(CameraPart)["wrist_camera"]
     hand_from_camera = frame_pose(model, q, "panda_hand").actInv(frame_pose(model, q, camera.optical_frame))
     lens = camera.intrinsics
     for finger_y in (-0.04, 0.0, 0.04):
@@ -216,7 +229,7 @@ def test_the_camera_looks_down_ahead_by_default(
 ) -> None:
     model, _ = kinematics
     camera = frame_pose(
-        model, configuration(model, robot.postures["carry"]), robot.cameras["head_camera"].optical_frame
+        model, configuration(model, robot.postures["carry"]), robot.of(CameraPart)["head_camera"].optical_frame
     )
     down = np.radians(47.0)
     np.testing.assert_allclose(camera.rotation[:, 2], [np.cos(down), 0.0, -np.sin(down)], atol=1e-6)
@@ -228,7 +241,7 @@ def test_the_urdfs_joint_limits_are_the_models(
     robot: RobotModel, kinematics: tuple[pin.Model, pin.GeometryModel]
 ) -> None:
     model, _ = kinematics
-    for group in (robot.arms["arm"], robot.joint_groups["head"]):
+    for group in (robot.of(ArmModel)["arm"], robot.of(JointGroupModel)["head"]):
         for i, name in enumerate(group.joint_names):
             joint = model.joints[model.getJointId(name)]
             assert model.lowerPositionLimit[joint.idx_q] == pytest.approx(group.lower[i])
@@ -269,7 +282,7 @@ def test_every_checked_pair_is_free_in_some_configuration(
     data, geometry_data = model.createData(), pin.GeometryData(checked)
     generator = np.random.default_rng(0)
     always = np.ones(len(checked.collisionPairs), dtype=bool)
-    arm, head = robot.arms["arm"], robot.joint_groups["head"]
+    arm, head = robot.of(ArmModel)["arm"], robot.of(JointGroupModel)["head"]
     for _ in range(50):
         positions = {
             name: generator.uniform(group.lower[i], group.upper[i])
@@ -291,7 +304,7 @@ def test_allowed_pairs_of_the_head_really_never_meet(
         if {link[i], link[j]} in ({"mast_link", "head_camera_link"}, {"base_link", "head_camera_link"}):
             declared.addCollisionPair(pin.CollisionPair(i, j))
     assert len(declared.collisionPairs) == 2
-    data, geometry_data, head = model.createData(), pin.GeometryData(declared), robot.joint_groups["head"]
+    data, geometry_data, head = model.createData(), pin.GeometryData(declared), robot.of(JointGroupModel)["head"]
     for pan, tilt in itertools.product(*(np.linspace(head.lower[i], head.upper[i], 15) for i in range(2))):
         q = configuration(model, dict(zip(head.joint_names, (pan, tilt), strict=True)))
         assert not pin.computeCollisions(model, data, declared, geometry_data, q, False)
@@ -304,8 +317,8 @@ def test_composing_twice_gives_the_same_robot(robot: RobotModel) -> None:
 
 
 def test_parts_are_there_by_name_and_by_kind(robot: RobotModel) -> None:
-    assert robot.parts["arm"] is robot.arms["arm"]
-    assert robot.of(LidarPart) == robot.lidars
-    assert robot.of(ArmModel) == robot.arms
-    assert robot.of(GripperModel) == robot.grippers
-    assert list(robot.parts) == list(robot.part_names)
+    assert robot.parts["arm"] is robot.of(ArmModel)["arm"]
+    assert robot.of(LidarPart) == robot.of(LidarPart)
+    assert robot.of(ArmModel) == robot.of(ArmModel)
+    assert robot.of(GripperModel) == robot.of(GripperModel)
+    assert list(robot.parts) == list(robot.parts)

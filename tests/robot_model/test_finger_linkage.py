@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from bestman_bt.robot_model import GripperModel, MimicJoint, RobotModel, combine
+from bestman_bt.robot_model import ArmModel, GripperModel, MimicJoint, RobotModel, combine
 from bestman_bt.robot_model.finger_linkage import all_positions, opening_table
 from tests.robot_model.small_robot import arm_urdf
 
@@ -22,7 +22,7 @@ def robot(request: pytest.FixtureRequest) -> RobotModel:
 
 @pytest.fixture(scope="module")
 def gripper(robot: RobotModel) -> GripperModel:
-    return robot.grippers["gripper"]
+    return robot.of(GripperModel)["gripper"]
 
 
 def gap(robot: RobotModel, width: float) -> float:
@@ -30,14 +30,14 @@ def gap(robot: RobotModel, width: float) -> float:
     model = pin.buildModelFromXML(robot.urdf)
     geometry = pin.buildGeomFromUrdfString(model, robot.urdf, pin.GeometryType.COLLISION)
     q = pin.neutral(model)
-    for joint, position in robot.grippers["gripper"].joint_positions(width).items():
+    for joint, position in robot.of(GripperModel)["gripper"].joint_positions(width).items():
         q[model.joints[model.getJointId(joint)].idx_q] = position
     data, placed = model.createData(), pin.GeometryData(geometry)
     pin.updateGeometryPlacements(model, data, geometry, placed, q)
     pin.updateFramePlacements(model, data)
-    tool = data.oMf[model.getFrameId(robot.arms["arm"].tool_frame)]
+    tool = data.oMf[model.getFrameId(robot.of(ArmModel)["arm"].tool_frame)]
     places = []
-    for finger in robot.grippers["gripper"].finger_links:
+    for finger in robot.of(GripperModel)["gripper"].finger_links:
         bodies = [i for i, g in enumerate(geometry.geometryObjects) if model.frames[g.parentFrame].name == finger]
         places.append(np.mean([tool.actInv(placed.oMg[i]).translation[1] for i in bodies]))
     return abs(places[0] - places[1])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, Document
-from bestman_bt.robot_model import RobotModel, compose_robot
+from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, RobotModel, compose_robot
 
 PARTS = {
     "base": {"part": "differential_base"},
@@ -44,11 +44,11 @@ def test_addresses_and_tokens_are_in_no_text() -> None:
 def test_safety_makes_arms_slower_and_grippers_weaker_in_the_model() -> None:
     plain = robot()
     safe = robot(safety={"joint_speed": 0.5, "gripper_force": "15 N", "base_speed": "20 cm/s", "base_turn": 9})
-    assert safe.arms["arm"].velocity == pytest.approx(plain.arms["arm"].velocity / 2)
-    assert np.all(safe.arms["arm"].acceleration == plain.arms["arm"].acceleration)
-    assert safe.grippers["gripper"].max_force == 15.0
-    assert safe.bases["base"].max_vx == 0.2
-    assert safe.bases["base"].max_wz == plain.bases["base"].max_wz
+    assert safe.of(ArmModel)["arm"].velocity == pytest.approx(plain.of(ArmModel)["arm"].velocity / 2)
+    assert np.all(safe.of(ArmModel)["arm"].acceleration == plain.of(ArmModel)["arm"].acceleration)
+    assert safe.of(GripperModel)["gripper"].max_force == 15.0
+    assert safe.of(BaseModel)["base"].max_vx == 0.2
+    assert safe.of(BaseModel)["base"].max_wz == plain.of(BaseModel)["base"].max_wz
 
 
 def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> None:
@@ -59,21 +59,21 @@ def test_safety_holds_for_every_arm_base_and_hand_and_makes_none_faster() -> Non
     parts = {**PARTS, **second, "base": {"part": "omni_base"}}
     plain = robot(parts=parts)
     safe = robot(parts=parts, safety={"joint_speed": 0.25, "gripper_force": 12, "base_speed": 0.1, "base_turn": 0.3})
-    for name, arm in plain.arms.items():
-        assert np.allclose(safe.arms[name].velocity, arm.velocity / 4)
+    for name, arm in plain.of(ArmModel).items():
+        assert np.allclose(safe.of(ArmModel)[name].velocity, arm.velocity / 4)
         with pytest.raises(ValueError, match="read-only"):
-            safe.arms[name].velocity[0] = 9.0
-        assert np.all(safe.arms[name].upper == arm.upper)
-    assert [hand.max_force for hand in safe.grippers.values()] == [12.0, 12.0]
-    base = safe.bases["base"]
+            safe.of(ArmModel)[name].velocity[0] = 9.0
+        assert np.all(safe.of(ArmModel)[name].upper == arm.upper)
+    assert [hand.max_force for hand in safe.of(GripperModel).values()] == [12.0, 12.0]
+    base = safe.of(BaseModel)["base"]
     assert (base.max_vx, base.max_vy, base.max_wz) == (0.1, 0.1, 0.3)
     assert (safe.safety.joint_speed, safe.safety.base_speed) == (0.25, 0.1)
     fast = robot(parts=parts, safety={"gripper_force": 1000, "base_speed": 9, "base_turn": 9})
-    assert fast.bases["base"].max_vx == plain.bases["base"].max_vx == 0.6
-    assert (fast.bases["base"].max_vy, fast.bases["base"].max_wz) == (0.6, 1.2)
-    for name, hand in plain.grippers.items():
-        assert fast.grippers[name].max_force == hand.max_force
-    still = robot(safety={"base_speed": 0, "base_turn": 0}).bases["base"]
+    assert fast.of(BaseModel)["base"].max_vx == plain.of(BaseModel)["base"].max_vx == 0.6
+    assert (fast.of(BaseModel)["base"].max_vy, fast.of(BaseModel)["base"].max_wz) == (0.6, 1.2)
+    for name, hand in plain.of(GripperModel).items():
+        assert fast.of(GripperModel)[name].max_force == hand.max_force
+    still = robot(safety={"base_speed": 0, "base_turn": 0}).of(BaseModel)["base"]
     assert (still.max_vx, still.max_wz) == (0.0, 0.0)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.configuration import Document
-from bestman_bt.robot_model import RobotModel, combine, compose_robot, payload
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel, combine, compose_robot, payload
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def limits_of(robot: RobotModel, joint: str) -> tuple[float | None, float | None
 
 
 def test_an_arms_joints_have_the_limits_of_its_description(robot: RobotModel) -> None:
-    arm = robot.arms["arm"]
+    arm = robot.of(ArmModel)["arm"]
     found = np.array([limits_of(robot, joint) for joint in arm.joint_names], float)
     np.testing.assert_allclose(found, np.stack([arm.lower, arm.upper, arm.velocity, arm.effort], axis=1), rtol=1e-8)
 
@@ -36,7 +36,7 @@ def test_an_arms_joints_have_the_limits_of_its_description(robot: RobotModel) ->
 @pytest.mark.parametrize("arm", ["kinova_arm", "iiwa_arm"])
 def test_a_joint_that_turns_for_ever_in_its_source_turns_as_far_as_its_cables_let_it(arm: str) -> None:
     robot = combine("differential_base", arm, "wsg50")
-    model = robot.arms["arm"]
+    model = robot.of(ArmModel)["arm"]
     for joint, lower, upper in zip(model.joint_names, model.lower, model.upper, strict=True):
         assert limits_of(robot, joint)[:2] == pytest.approx((lower, upper))
 
@@ -49,14 +49,14 @@ def test_wheels_turn_as_fast_as_the_base_drives_and_turns_at_once(robot: RobotMo
 
 def test_fingers_that_slide_share_width_speed_and_have_the_force_of_the_hand() -> None:
     robot = combine("differential_base", "xarm6_arm", "panda_hand")
-    hand = robot.grippers["gripper"]
+    hand = robot.of(GripperModel)["gripper"]
     for joint in hand.joint_names:
         expected = (hand.min_width / 2, hand.max_width / 2, hand.max_speed / 2, hand.max_force)
         assert limits_of(robot, joint) == pytest.approx(expected)
 
 
 def test_fingers_on_a_linkage_are_as_fast_and_strong_as_the_hand_everywhere(robot: RobotModel) -> None:
-    hand = robot.grippers["gripper"]
+    hand = robot.of(GripperModel)["gripper"]
     lower, upper, velocity, effort = limits_of(robot, hand.joint_names[0])
     assert (lower, upper) == pytest.approx(hand.joint_range)
     steps = np.abs(np.diff(np.array(hand.opening), axis=0))
@@ -70,7 +70,7 @@ def test_fingers_on_a_linkage_are_as_fast_and_strong_as_the_hand_everywhere(robo
 
 @pytest.mark.parametrize("name", ["robotiq_2f85", "panda_hand", "xarm_gripper", "pr2_gripper"])
 def test_the_width_of_a_hand_and_its_joints_say_the_same(name: str) -> None:
-    hand = combine("differential_base", "xarm6_arm", name).grippers["gripper"]
+    hand = combine("differential_base", "xarm6_arm", name).of(GripperModel)["gripper"]
     low, high = hand.joint_range
     widths = np.linspace(hand.min_width, hand.max_width, 7)
     for width in widths:
@@ -98,7 +98,7 @@ CHAIN = """<robot name="r"><link name="root"><inertial><mass value="1"/></inerti
 
 
 def test_what_a_link_carries_is_weighed_where_its_joints_have_it(robot: RobotModel) -> None:
-    model = RobotModel("r", CHAIN, "root", {}, {})
+    model = RobotModel("r", CHAIN, "root")
     assert payload(model, "root").mass == 9.0
     assert payload(model, "a").mass == 8.0
     assert payload(model, "a").centre == pytest.approx([0.125, 0.375, 1.5])
@@ -125,4 +125,4 @@ def test_an_arm_takes_what_is_just_within_its_payload(mass: float, refused: bool
         with pytest.raises(ValueError, match="are mounted on it, more than its payload of 5 kg"):
             compose_robot("r", document)
     else:
-        assert compose_robot("r", document).arms
+        assert compose_robot("r", document).of(ArmModel)

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import load_robot_model, payload
+from bestman_bt.robot_model import ArmModel, load_robot_model, payload
 
 TEN_LINES = """\
 parts:
@@ -37,8 +37,8 @@ def test_five_lines_make_a_robot(tmp_path: Path) -> None:
     robot = composed(tmp_path, TEN_LINES)
     assert robot.base_frame == "base_link"
     assert robot.hand_of == {"gripper": "arm"}
-    assert robot.arms["arm"].tool_frame == "xarm_tool"
-    assert robot.posture("home", robot.arms["arm"].joint_names).tolist() == [0, -0.6, -0.9, 0, 1.5, 0]
+    assert robot.of(ArmModel)["arm"].tool_frame == "xarm_tool"
+    assert robot.posture("home", robot.of(ArmModel)["arm"].joint_names).tolist() == [0, -0.6, -0.9, 0, 1.5, 0]
 
 
 def test_to_mount_on_a_part_is_to_mount_on_the_link_that_carries(tmp_path: Path) -> None:
@@ -116,4 +116,4 @@ def test_a_seat_is_where_the_root_of_a_part_lies_on_what_carries_it(tmp_path: Pa
     robot = composed(tmp_path, text)
     joints = {joint.get("name"): joint for joint in ET.fromstring(robot.urdf).findall("joint")}
     assert joints["gripper_mount_joint"].find("origin").get("xyz") == "0.0093 0 0.105"
-    assert robot.arms["arm"].tool_frame == "allegro_tool"
+    assert robot.of(ArmModel)["arm"].tool_frame == "allegro_tool"

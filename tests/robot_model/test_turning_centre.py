@@ -9,7 +9,7 @@ from bestman_bt.configuration import Document, find_data, read_document
 from bestman_bt.manipulation.collision import hand_links
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.navigation.global_planning import Footprint
-from bestman_bt.robot_model import RobotModel, compose_robot, load_robot_model
+from bestman_bt.robot_model import BaseModel, RobotModel, compose_robot, load_robot_model
 
 
 def husky(turning_centre: str) -> RobotModel:
@@ -19,7 +19,7 @@ def husky(turning_centre: str) -> RobotModel:
 
 def test_the_base_frame_moves_and_all_that_is_on_the_base_stays() -> None:
     before, after = husky("0 cm"), husky("10 cm")
-    moved = np.array(before.bases["base"].footprint) - np.array(after.bases["base"].footprint)
+    moved = np.array(before.of(BaseModel)["base"].footprint) - np.array(after.of(BaseModel)["base"].footprint)
     assert moved == pytest.approx(np.tile([0.1, 0.0], (len(moved), 1)), abs=1e-3)
     home = before.postures["home"]
     for frame in ("panda_grasptarget", "rear_left_wheel_link", "lidar_link"):
@@ -28,7 +28,7 @@ def test_the_base_frame_moves_and_all_that_is_on_the_base_stays() -> None:
 
 
 def test_who_wanders_in_turns_needs_more_room_for_them() -> None:
-    model = husky("0 cm").bases["base"]
+    model = husky("0 cm").of(BaseModel)["base"]
     assert model.turning_drift == pytest.approx(0.12)
     footprint = Footprint(np.array(model.footprint), model.turning_drift)
     assert footprint.turning_radius == pytest.approx(footprint.circumscribed_radius + 0.12)

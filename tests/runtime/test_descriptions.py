@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from bestman_bt.configuration import ConfigurationError, data_names, data_root, pybullet_data
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, load_robot_model
 from bestman_bt.runtime import descriptions
 from bestman_bt.runtime.descriptions import REQUIREMENT, SHA256, bring_pybullet_data
 from bestman_bt.runtime.robot_facts import find_robot
@@ -100,7 +100,7 @@ def test_every_part_of_pybullets_models_is_described_without_it(
     arm: str, hand: str, no_pybullet: Path, unpacked: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(unpacked))
-    assert find_robot(f"husky_base+{arm}+{hand}").arms
+    assert find_robot(f"husky_base+{arm}+{hand}").of(ArmModel)
 
 
 def test_an_object_of_pybullets_models_is_described_without_it(

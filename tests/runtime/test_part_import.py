@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from bestman_bt.configuration import ConfigurationError
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import BaseModel, GripperModel, load_robot_model
 from bestman_bt.robot_model.srdf import read_srdf
 from bestman_bt.robot_model.urdf_source import UrdfError, locate_urdf
 from bestman_bt.runtime.part_import import ImportedPart, PartRequest, import_part
@@ -52,22 +52,22 @@ def test_the_hand_of_the_same_file_gets_a_tool_between_its_fingers(tmp_path: Pat
     tool = fields["frames"]["tool"]
     assert (tool["link"], tool["xyz"][:2]) == ("palm", [0.0, 0.0])
     assert 0.04 < tool["xyz"][2] < 0.1  # between the beginning and the end of the fingers
-    gripper = part.robot.grippers["small"]
+    gripper = part.robot.of(GripperModel)["small"]
     assert gripper.joint_positions(0.06) == pytest.approx({"left_joint": 0.03, "right_joint": 0.03})
 
 
 def test_an_imported_hand_has_the_widths_of_the_one_that_was_described_by_hand() -> None:
     part, _ = imported(shipped("pybullet_data:franka_panda/panda.urdf"), kind="gripper", cut=())
-    ours = load_robot_model("diff_panda").grippers["gripper"]
-    assert part.robot.grippers["small"].max_width == pytest.approx(ours.max_width, abs=1e-4)
+    ours = load_robot_model("diff_panda").of(GripperModel)["gripper"]
+    assert part.robot.of(GripperModel)["small"].max_width == pytest.approx(ours.max_width, abs=1e-4)
 
 
 def test_four_wheels_that_turn_without_end_are_a_skid_base() -> None:
     part, fields = imported(shipped("pybullet_data:husky/husky.urdf"), cut=("imu_link",))
-    ours = load_robot_model("husky_panda").bases["base"]
+    ours = load_robot_model("husky_panda").of(BaseModel)["base"]
     assert fields["wheel_joints"] == list(ours.wheel_joints)
     assert (fields["wheel_radius"], fields["track"]) == pytest.approx((ours.wheel_radius, ours.track))
-    places, told = np.array(part.robot.bases["small"].wheel_places), np.array(ours.wheel_places)
+    places, told = np.array(part.robot.of(BaseModel)["small"].wheel_places), np.array(ours.wheel_places)
     # Ours are told from the centre that the loaded base turns about.
     np.testing.assert_allclose(places - places.mean(axis=0), told - told.mean(axis=0), atol=1e-6)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import BaseModel, load_robot_model
 from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, planar_radius
 from bestman_bt.scene.plane_geometry import (
     depth_inside,
@@ -141,7 +141,7 @@ def test_the_goal_is_within_reach_of_the_counters_front(worlds: dict[str, list[W
 
 
 def test_the_robot_starts_free_of_walls_and_furniture(worlds: dict[str, list[World]]) -> None:
-    footprint = np.array(load_robot_model("diff_panda").bases["base"].footprint)
+    footprint = np.array(load_robot_model("diff_panda").of(BaseModel)["base"].footprint)
     for world in worlds["kitchen"]:
         body = world.robot_start.apply(footprint)
         obstacles = [wall_rectangle(wall) for wall in world.walls]
@@ -151,7 +151,7 @@ def test_the_robot_starts_free_of_walls_and_furniture(worlds: dict[str, list[Wor
 
 
 def test_the_doorway_lets_the_robot_through_with_room_to_spare(worlds: dict[str, list[World]]) -> None:
-    footprint = np.array(load_robot_model("diff_panda").bases["base"].footprint)
+    footprint = np.array(load_robot_model("diff_panda").of(BaseModel)["base"].footprint)
     radius = float(np.linalg.norm(footprint, axis=1).max())
     walls = [wall_rectangle(wall) for wall in worlds["kitchen"][0].walls]
     assert min(distance_to_polygon(wall, np.zeros(2)) for wall in walls) >= radius + 0.2

@@ -26,7 +26,7 @@ from bestman_bt.engine import (
 )
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
 from bestman_bt.registry import PLANNERS
-from bestman_bt.robot_model import ArmModel, BaseModel, RobotModel
+from bestman_bt.robot_model import RobotModel
 from bestman_bt.runtime.plugins import node_registry
 from bestman_bt.task_planning.base import TaskPlanner
 from bestman_bt.task_planning.builders import ReactiveBuilder, SequenceBuilder
@@ -36,6 +36,7 @@ from bestman_bt.task_planning.domain import Domain
 from bestman_bt.task_planning.predicates import Beliefs
 from bestman_bt.task_planning.symbolic import Problem, SymbolicPlanner, TaskPlan
 from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
+from tests.robot_models import arm_model, base_model
 
 CUP = ObjectModel("cup", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box((0.06, 0.06, 0.1)), Pose()),))
 
@@ -119,13 +120,14 @@ def skills() -> Any:
     Bring.halted.clear()
     LookFor.looked.clear()
     clock = ManualClock()
-    one = np.ones(1)
-    arm = ArmModel(("joint",), "base", "tool", -one, one, one, one, one)
-    base = BaseModel("differential", "base", (), 0.1, 0.4, 1.0, (), 1.0, 0.0, 1.0, 1.0, 1.0, ())
     context = SkillContext.__new__(SkillContext)
     context.clock = clock
     context.robot = RobotModel(
-        "robot", "<robot name='r'/>", "base", {"base": base}, {"arm": arm}, postures={"carry": {"joint": 0.0}}
+        "robot",
+        "<robot name='r'/>",
+        "base",
+        {"base": base_model(), "arm": arm_model()},
+        postures={"carry": {"joint": 0.0}},
     )
     context.world = WorldModel(
         SemanticMap(

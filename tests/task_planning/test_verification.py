@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -20,6 +19,7 @@ from bestman_bt.task_planning.simulation import SimulatedHolds
 from bestman_bt.task_planning.symbolic import Operator, Problem
 from bestman_bt.task_planning.verification import verify
 from bestman_bt.world_model import MapFurniture, MapSurface, ObjectBelief, SemanticMap, WorldModel
+from tests.robot_models import arm_model, base_model, gripper_model
 from tests.task_planning.kitchen_domain import FETCH, FETCH_GOAL, OPERATORS, kitchen, operator, plan_of
 
 DEFINITIONS = "".join(f'<BehaviorTree ID="{one.name}"><AlwaysSuccess/></BehaviorTree>' for one in OPERATORS)
@@ -43,10 +43,10 @@ def faults_of(
     return verify(written(tree), problem or kitchen(goal), registry, cast("RobotModel | None", robot), world)
 
 
-def robot_with(arms: int, *parts: str) -> Any:
-    """As much of a robot as its parts are counted by."""
-    named = {f"arm_{i}": None for i in range(arms)}
-    return SimpleNamespace(name="one", arms=named, bases={"base": None}, grippers={}, joint_groups={}, part_names=parts)
+def robot_with(*arms: str, base_frame: str = "base", **others: Any) -> RobotModel:
+    """``arms``: the tool frame of each; ``others``: more parts by name."""
+    armed = {f"arm_{i}": arm_model(tool_frame=tool) for i, tool in enumerate(arms)}
+    return RobotModel("one", REACH, base_frame, {"base": base_model(), **armed, **others})
 
 
 def with_operators(goal: str, *more: Operator) -> Problem:
@@ -105,9 +105,9 @@ def test_a_plan_for_two_arms_is_refused_on_a_robot_with_one() -> None:
     problem = Problem(problem.objects, problem.state, problem.goal, (*OPERATORS, lift))
     tree = '<SubTree ID="LiftTogether" object="can"/>'
     xml = f"{tree}</BehaviorTree><BehaviorTree ID='LiftTogether'><AlwaysSuccess/>"
-    (fault,) = faults_of(xml, robot=robot_with(arms=1), problem=problem)
+    (fault,) = faults_of(xml, robot=robot_with("tool"), problem=problem)
     assert fault.message == "it needs 2 × arm, and one has 1"
-    assert faults_of(xml, robot=robot_with(arms=2), problem=problem) == []
+    assert faults_of(xml, robot=robot_with("tool", "tool"), problem=problem) == []
 
 
 def test_two_branches_side_by_side_that_need_the_same_part_are_refused() -> None:
@@ -150,18 +150,18 @@ def test_a_branch_that_changes_what_another_needs_is_refused() -> None:
 
 def test_branches_may_share_a_kind_of_part_of_which_there_are_enough() -> None:
     tree = in_parallel(TUCK, OPEN)
-    assert faults_of(tree, "open(drawer_1)", robot=robot_with(2)) == []
-    (fault,) = faults_of(tree, "open(drawer_1)", robot=robot_with(1))
+    assert faults_of(tree, "open(drawer_1)", robot=robot_with("tool", "tool")) == []
+    (fault,) = faults_of(tree, "open(drawer_1)", robot=robot_with("tool"))
     assert fault.message.endswith("both need the arm")
-    (fault,) = faults_of(in_parallel(OPEN, OPEN.replace("drawer_1", "drawer_2")), robot=robot_with(2))
+    (fault,) = faults_of(in_parallel(OPEN, OPEN.replace("drawer_1", "drawer_2")), robot=robot_with("tool", "tool"))
     assert fault.message.endswith("both need the base")
 
 
 def test_a_part_that_is_needed_by_its_name_has_to_be_there() -> None:
     problem = with_operators("lit", operator("Light", {}, "", "lit", parts="torch"))
     tree = "<SubTree ID='Light'/></BehaviorTree><BehaviorTree ID='Light'><AlwaysSuccess/>"
-    assert faults_of(tree, problem=problem, robot=robot_with(1, "torch")) == []
-    (fault,) = faults_of(tree, problem=problem, robot=robot_with(1, "lamp"))
+    assert faults_of(tree, problem=problem, robot=robot_with("tool", torch=gripper_model())) == []
+    (fault,) = faults_of(tree, problem=problem, robot=robot_with("tool", lamp=gripper_model()))
     assert fault.message == "it needs 1 × torch, and one has 0"
 
 
@@ -179,9 +179,8 @@ REACH = """<robot name="r">
 
 def hints(height: float, size: tuple[float, float, float], kind: str = "parallel", seen: bool = True) -> list[str]:
     """Of a tree that takes the mug, of a size, from a table of a height."""
-    robot = robot_with(1)
-    robot.urdf, robot.base_frame, robot.arms = REACH, "base", {"arm": SimpleNamespace(tool_frame="tool")}
-    robot.grippers = {name: SimpleNamespace(kind=kind, max_width=width) for name, width in (("a", 0.08), ("b", 0.05))}
+    hands = {name: gripper_model(kind=kind, max_width=width) for name, width in (("a", 0.08), ("b", 0.05))}
+    robot = robot_with("tool", **hands)
     top = MapSurface("top", Pose(np.array([2.0, 3.0, height])), (1.0, 1.0))
     table = MapFurniture("table", Pose2D(1.0, 2.0, 0.3), (1.0, 1.0), height, (top,), solid_at_lidar=True)
     thing = ObjectModel("mug", (1.0, 0.0, 0.0), 0.1, 0.5, (PlacedShape(Box(size), Pose()),))
@@ -206,19 +205,13 @@ def test_what_is_too_high_or_too_thick_is_hinted_at_and_no_reason_to_refuse(seen
 
 
 def test_the_hand_without_a_limit_and_no_hand_at_all() -> None:
-    assert widest_grasp(cast("RobotModel", robot_with(1))) == 0.0
-    hands = SimpleNamespace(grippers={"cup": SimpleNamespace(kind="suction", max_width=0.02)})
-    assert widest_grasp(cast("RobotModel", hands)) == math.inf
+    assert widest_grasp(robot_with("tool")) == 0.0
+    assert widest_grasp(robot_with(cup=gripper_model(kind="suction", max_width=0.02))) == math.inf
 
 
 def test_the_arm_that_gets_highest_counts_each_from_the_base() -> None:
-    robot = robot_with(2)
-    robot.urdf, robot.base_frame = REACH, "b"
-    robot.arms = {"low": SimpleNamespace(tool_frame="b"), "high": SimpleNamespace(tool_frame="tool")}
-    assert highest_reach(robot) == pytest.approx(0.2)
-    robot.base_frame = "base"
-    robot.arms = {"high": SimpleNamespace(tool_frame="tool"), "low": SimpleNamespace(tool_frame="b")}
-    assert highest_reach(robot) == pytest.approx(1.2)
+    assert highest_reach(robot_with("b", "tool", base_frame="b")) == pytest.approx(0.2)
+    assert highest_reach(robot_with("tool", "b")) == pytest.approx(1.2)
 
 
 def test_faults_of_a_file_name_it_and_the_line(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bestman_bt.evaluation.film.filmed_run import FilmedRun, FilmError
 from bestman_bt.messages import Pose, wrap_angle
+from bestman_bt.robot_model import GripperModel
 from bestman_bt.scene import Articulation, PlacedFurniture
 from bestman_bt.visualization import RobotSnapshot
 from hal.pybullet import PyBulletRobot, Viewpoint
@@ -27,7 +28,7 @@ class Stage:
 
     def __init__(self, run: FilmedRun) -> None:
         self._robot = PyBulletRobot(run.robot_model, run.world, seed=run.config.seed)
-        gripper = next(iter(run.robot_model.grippers.values()), None)
+        gripper = next(iter(run.robot_model.of(GripperModel).values()), None)
         self._hand = run.robot_model.base_frame if gripper is None else gripper.hand_link
         self._shown = (self._hand,) if gripper is None else (*gripper.finger_links, gripper.hand_link)
         self._leaves = {

@@ -58,10 +58,10 @@ class CoalCollisionModel(CollisionModel):
 
     def world(self, scene: PlanningScene, arm: str = "arm") -> CoalCollisionWorld:
         """The world of ``arm`` in ``scene``; ManipulationError names an unknown joint, link or arm."""
-        if arm not in self.robot.arms:
-            known = ", ".join(self.robot.arms) or "none"
+        if arm not in self.robot.of(ArmModel):
+            known = ", ".join(self.robot.of(ArmModel)) or "none"
             raise ManipulationError(f"robot {self.robot.name!r} has no arm {arm!r}; it has {known}")
-        arm_model = self.robot.arms[arm]
+        arm_model = self.robot.of(ArmModel)[arm]
         if scene.voxels:
             scene = self._disproved(scene)
         lock = joints_to_lock(self._model, arm_model)

@@ -13,7 +13,7 @@ from bestman_bt.manipulation.collision.planning_scene import AttachedObject, Pla
 from bestman_bt.manipulation.collision.voxels_from_world_model import voxel_obstacles
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Box, PlacedShape, Pose
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.world_model import MapFurniture, WorldModel
 
 FLOOR = "floor"
@@ -116,7 +116,7 @@ def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") ->
     return AttachedObject(
         name=held.name,
         shapes=held.model.collision,
-        tool_frame=robot.arms[arm].tool_frame,
+        tool_frame=robot.of(ArmModel)[arm].tool_frame,
         tool_from_object=held.tool_from_object,
         touch_links=frozenset(hand_links(robot, arm)),
     )
@@ -125,7 +125,7 @@ def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") ->
 def hand_links(robot: RobotModel, arm: str = "arm") -> tuple[str, ...]:
     """The links of the grippers that ``arm`` carries: hand, linkage, fingers."""
     links: list[str] = []
-    for name, gripper in robot.grippers.items():
+    for name, gripper in robot.of(GripperModel).items():
         if robot.hand_of.get(name) == arm:
             links += [gripper.hand_link, *gripper.linkage, *gripper.finger_links]
     return tuple(links)
@@ -135,7 +135,7 @@ def finger_contacts(robot: RobotModel, target: str, arm: str = "arm") -> tuple[t
     """The pairs (finger link, ``target``) to allow while the hand closes around ``target``."""
     return tuple(
         (link, target)
-        for name, gripper in robot.grippers.items()
+        for name, gripper in robot.of(GripperModel).items()
         if robot.hand_of.get(name) == arm
         for link in gripper.finger_links
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bestman_bt.manipulation.kinematics.link_hulls import link_hulls
 from bestman_bt.manipulation.kinematics.pinocchio_model import build_model, configuration, frame_index, to_pose
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import RobotModel, joints_above
+from bestman_bt.robot_model import ArmModel, RobotModel, joints_above
 from bestman_bt.world_model import HeldObject
 
 
@@ -21,7 +21,7 @@ class ArmBodies:
     """All links that move with ``arm``; the robot's geometry is loaded at the first question."""
 
     def __init__(self, robot: RobotModel, arm: str = "arm") -> None:
-        self._robot, self._arm = robot, robot.arms[arm]
+        self._robot, self._arm = robot, robot.of(ArmModel)[arm]
 
     def at(self, positions: Mapping[str, float], held: HeldObject | None = None) -> list[NDArray[np.float64]]:
         """Corners of the convex hull of each body, (N, 3) metres in the base frame.

@@ -31,7 +31,7 @@ from bestman_bt.manipulation.kinematics.pinocchio_model import (
     to_se3,
 )
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 
 
 @dataclass(frozen=True)
@@ -82,12 +82,12 @@ class DampedLeastSquares(InverseKinematics):
         parameters: DampedLeastSquaresParameters | None = None,
         fixed: Mapping[str, float] | None = None,
     ) -> None:
-        if arm not in robot.arms:
+        if arm not in robot.of(ArmModel):
             raise ManipulationError(
-                f"robot {robot.name!r} has no arm {arm!r}; it has {', '.join(robot.arms) or 'none'}"
+                f"robot {robot.name!r} has no arm {arm!r}; it has {', '.join(robot.of(ArmModel)) or 'none'}"
             )
         self.robot = robot
-        self.arm = robot.arms[arm]
+        self.arm = robot.of(ArmModel)[arm]
         self.parameters = parameters or DampedLeastSquaresParameters()
         self.fixed = dict(fixed or {})
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from bestman_bt.manipulation.kinematics.forward import ForwardKinematics
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 
 _TURNS = 16
 
@@ -47,7 +47,7 @@ def body_between(
     nothing.
     """
     forward = ForwardKinematics(robot)
-    swung = {**positions, **{name: positions[name] + 0.1 for name in robot.arms[arm].joint_names}}
+    swung = {**positions, **{name: positions[name] + 0.1 for name in robot.of(ArmModel)[arm].joint_names}}
     corners = []
     for link, hulls in link_hulls(robot).items():
         pose = forward.pose(link, positions)

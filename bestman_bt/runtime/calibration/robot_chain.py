@@ -14,7 +14,7 @@ from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.calibration import HeadAxes
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, CameraPart, JointGroupModel, RobotModel
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,13 @@ class RobotChain:
     """The chain from base to one camera. Raises ConfigurationError if the robot has no such camera."""
 
     def __init__(self, robot: RobotModel, camera: str) -> None:
-        if camera not in robot.cameras:
-            message = f"robot {robot.name!r} has no camera {camera!r}; {suggestion(camera, list(robot.cameras))}"
+        if camera not in robot.of(CameraPart):
+            message = f"robot {robot.name!r} has no camera {camera!r}; {suggestion(camera, list(robot.of(CameraPart)))}"
             raise ConfigurationError([Problem("camera", None, "", message)])
         self.robot, self.camera = robot, camera
         self.kinematics = ForwardKinematics(robot)
-        self.optical_frame = robot.cameras[camera].optical_frame
-        self.intrinsics: CameraIntrinsics = robot.cameras[camera].intrinsics
+        self.optical_frame = robot.of(CameraPart)[camera].optical_frame
+        self.intrinsics: CameraIntrinsics = robot.of(CameraPart)[camera].intrinsics
 
     @cached_property
     def _joint_of(self) -> Mapping[str, Joint]:
@@ -61,14 +61,14 @@ class RobotChain:
     def head(self) -> str | None:
         """The name of the joint group, a pan-tilt, that moves the camera; None if there is none."""
         moving = set(self.joints_to(self.carrier))
-        groups = self.robot.joint_groups.items()
+        groups = self.robot.of(JointGroupModel).items()
         return next((name for name, group in groups if moving & set(group.joint_names)), None)
 
     @cached_property
     def arm(self) -> str | None:
         """The name of the arm that carries the camera; None if there is none."""
         moving = set(self.joints_to(self.carrier))
-        return next((name for name, arm in self.robot.arms.items() if moving & set(arm.joint_names)), None)
+        return next((name for name, arm in self.robot.of(ArmModel).items() if moving & set(arm.joint_names)), None)
 
     def joints_to(self, link: str) -> list[str]:
         """Names of the joints between the root and a link, from the root on."""
@@ -89,7 +89,9 @@ class RobotChain:
 
     def head_axes(self, head: str) -> HeadAxes:
         """The axes of the first and the last joint of the head, in the frames that ``HeadAxes`` names."""
-        names = [name for name in self.joints_to(self.carrier) if name in self.robot.joint_groups[head].joint_names]
+        names = [
+            name for name in self.joints_to(self.carrier) if name in self.robot.of(JointGroupModel)[head].joint_names
+        ]
         by_name = {joint.name: joint for joint in self._joint_of.values()}
         pan, tilt = by_name[names[0]], by_name[names[-1]]
         in_mount = self.kinematics.pose(pan.child, {}, self.head_root(head)).rotation @ np.array(pan.axis)

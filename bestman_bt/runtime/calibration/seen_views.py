@@ -12,7 +12,7 @@ from bestman_bt.configuration import ConfigurationError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import CameraIntrinsics, Pose
 from bestman_bt.perception.calibration import BoardSighting, CalibrationError, calibrate_depth
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, JointGroupModel, load_robot_model
 from bestman_bt.runtime.calibration.dataset import Dataset, Progress, RecordedView, pose_of
 from bestman_bt.runtime.calibration.result import CalibrationResult
 from bestman_bt.runtime.calibration.robot_chain import RobotChain
@@ -68,7 +68,10 @@ def both_ends(dataset: Dataset, chain: RobotChain | None, seen: Seen) -> tuple[l
             continue
         wanted = chain.joints_to(chain.carrier) + (chain.joints_to(config.board_on) if config.board_on else [])
         movable = {
-            j for group in (chain.robot.arms, chain.robot.joint_groups) for m in group.values() for j in m.joint_names
+            j
+            for group in (chain.robot.of(ArmModel), chain.robot.of(JointGroupModel))
+            for m in group.values()
+            for j in m.joint_names
         }
         missing = [joint for joint in dict.fromkeys(wanted) if joint in movable and joint not in recorded.joints]
         if missing:

@@ -13,7 +13,7 @@ import numpy as np
 from bestman_bt.configuration import ConfigurationError, Problem
 from bestman_bt.messages import Pose
 from bestman_bt.perception.calibration import CharucoBoard, project
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import ArmModel, CameraPart, JointGroupModel, RobotModel, load_robot_model
 from bestman_bt.runtime.calibration.dataset import Progress
 from bestman_bt.runtime.calibration.robot_chain import RobotChain
 from bestman_bt.runtime.calibration.simulated_recording import Span, in_hand, on_base, record
@@ -48,7 +48,7 @@ def simulate(
     """Record a dataset into ``folder``; raises ConfigurationError or CalibrationError."""
     model = load_robot_model(robot, settings)
     chain = RobotChain(model, camera or _first_camera(kind, model))
-    if not model.arms:
+    if not model.of(ArmModel):
         raise ConfigurationError([Problem("--simulate", None, "", f"robot {model.name!r} has no arm to record with")])
     if chain.head is None and (kind == "head" or chain.arm is None):
         message = f"nothing of robot {model.name!r} moves camera {chain.camera!r}"
@@ -79,7 +79,7 @@ def compare(kind: Kind, simulated: Simulated, calibration: Path) -> dict[str, fl
 
 
 def _first_camera(kind: Kind, model: RobotModel) -> str:
-    chains = {name: RobotChain(model, name) for name in model.cameras}
+    chains = {name: RobotChain(model, name) for name in model.of(CameraPart)}
     if kind != "head":
         on_arm = next((name for name, chain in chains.items() if chain.arm is not None), None)
         if on_arm is not None or kind == "hand-eye":
@@ -139,7 +139,7 @@ def _pose_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, 
     if head is None:
         pairs = [(chains[0].carrier_from_camera(), chains[1].carrier_from_camera())]
     else:
-        joints = found.joint_groups[head].joint_names
+        joints = found.of(JointGroupModel)[head].joint_names
         postures = [dict(zip(joints, (pan, tilt), strict=True)) for pan in (-0.4, 0, 0.4) for tilt in (0.4, 0.7, 1)]
         pairs = [
             (
@@ -159,7 +159,7 @@ def _pose_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, 
 
 def _lens_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, float]:
     """Pixels, root mean square and largest, over what the built camera sees; up to a turn of the camera."""
-    true, k = built.cameras[camera].intrinsics, found.cameras[camera].intrinsics
+    true, k = built.of(CameraPart)[camera].intrinsics, found.of(CameraPart)[camera].intrinsics
     x, y = np.meshgrid(np.linspace(-0.62, 0.62, 15), np.linspace(-0.46, 0.46, 11))
     wall = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1)
     seen = project(wall, Pose(), true)
@@ -177,6 +177,6 @@ def _lens_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, 
 def _depth_error(found: RobotModel, built: RobotModel, camera: str) -> dict[str, float]:
     """Of the corrected depth between 0.3 and 1 m, millimetres."""
     z = np.linspace(0.3, 1.0, 8)
-    a, b = found.cameras[camera], built.cameras[camera]
+    a, b = found.of(CameraPart)[camera], built.of(CameraPart)[camera]
     corrected = (b.depth_scale * z + b.depth_offset - a.depth_offset) / a.depth_scale
     return {"depth_mm": 1e3 * float(np.abs(corrected - z).max())}

@@ -32,7 +32,7 @@ from bestman_bt.manipulation.motion_planning import PlanningError, RRTConnect, T
 from bestman_bt.manipulation.trajectory import SpeedScale, Toppra
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D, RGBDImage
 from bestman_bt.perception.calibration import CalibrationError, CharucoBoard
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.runtime.calibration.dataset import FILE, Progress
 from bestman_bt.runtime.calibration.drawn_board import board_shapes, plate_box
 from bestman_bt.runtime.calibration.robot_chain import RobotChain, written
@@ -143,7 +143,7 @@ class _Recorder:
     ) -> None:
         self._robot, self._model, self._placement, self._span, self._rng = robot, model, placement, span, rng
         self._chain = RobotChain(model, camera)
-        self._arm_name = next(iter(model.arms))
+        self._arm_name = next(iter(model.of(ArmModel)))
         self._arm = robot.part(self._arm_name, Arm)
         self._kinematics = DampedLeastSquares(model, self._arm_name)
         self._collision = CoalCollisionModel(model)
@@ -176,7 +176,7 @@ class _Recorder:
         solutions = self._kinematics.solve(target, start, self._rng, 1, world.is_free, attempts=12).solutions
         if not solutions:
             return False
-        limits_of_arm = self._model.arms[self._arm_name]
+        limits_of_arm = self._model.of(ArmModel)[self._arm_name]
         try:
             timed = self._planner.plan(start, solutions, world, limits_of_arm, self._rng, SPEED)
         except PlanningError:
@@ -191,7 +191,7 @@ class _Recorder:
     def _tool_target(self) -> Pose:
         """base_from_tool for which the camera sees the board as drawn by chance."""
         placement, positions = self._placement, self._joints.positions()
-        tool = self._model.arms[self._arm_name].tool_frame
+        tool = self._model.of(ArmModel)[self._arm_name].tool_frame
         middle = Pose(np.array([*(np.array(placement.board.size) / 2), 0.0]))
         eye_from_board = self._drawn() @ middle.inverse()
         if not placement.in_hand:
@@ -224,7 +224,7 @@ class _Recorder:
         if not placement.in_hand:
             shapes = (POST, PlacedShape(box.shape, placement.holder_from_board @ box.pose))
             return scene.adding(SceneObstacle("board", shapes, padding=0.03))
-        arm = self._model.arms[self._arm_name]
+        arm = self._model.of(ArmModel)[self._arm_name]
         tool_from_holder = self._forward.pose(placement.holder, self._joints.positions(), arm.tool_frame)
         attached = AttachedObject(
             "board",
@@ -244,7 +244,7 @@ def on_base(board: CharucoBoard, robot: RobotModel) -> BoardPlacement:
 
 def in_hand(board: CharucoBoard, robot: RobotModel) -> BoardPlacement:
     """A board bolted to the hand."""
-    hand = next(iter(robot.grippers.values())).hand_link
+    hand = next(iter(robot.of(GripperModel).values())).hand_link
     return BoardPlacement(board, hand, IN_HAND @ _from_middle(board), in_hand=True)
 
 

@@ -12,7 +12,7 @@ from bestman_bt.control import ControlStatus
 from bestman_bt.control.arm import ImpedanceController, ImpedanceParameters
 from bestman_bt.manipulation.kinematics import ArmDynamics, DampedLeastSquares
 from bestman_bt.messages import MotionErrorCode, Pose, Pose2D
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, GripperModel, load_robot_model
 from bestman_bt.scene import World
 from hal.api import Arm
 from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
@@ -25,11 +25,11 @@ class Pushed:
         self.robot, self.arm, self.truth = robot, robot.part("arm", Arm), GroundTruth(robot)
         model = robot.model
         kinematics = DampedLeastSquares(model, "arm")
-        hand = {j: q for g in model.grippers.values() for j, q in g.joint_positions(g.max_width).items()}
-        dynamics = ArmDynamics(model, model.arms["arm"], hand)
+        hand = {j: q for g in model.of(GripperModel).values() for j, q in g.joint_positions(g.max_width).items()}
+        dynamics = ArmDynamics(model, model.of(ArmModel)["arm"], hand)
         self.controller = ImpedanceController(self.arm, robot.clock, kinematics, dynamics, parameters)
         self.force = np.zeros(3)
-        self._tool = model.arms["arm"].tool_frame
+        self._tool = model.of(ArmModel)["arm"].tool_frame
         simulation = robot.simulation
         holder, _ = simulation.built.frames.get(self._tool, (self._tool, None))
         link = simulation.built.links[holder]

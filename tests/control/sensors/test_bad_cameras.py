@@ -11,6 +11,7 @@ import pytest
 from bestman_bt.control.rgbd import CameraError, CameraErrorCode, RGBDSensor
 from bestman_bt.messages import CameraIntrinsics, RGBDImage
 from bestman_bt.perception import PerceptionError
+from bestman_bt.robot_model import CameraPart
 from bestman_bt.scene import semantic_map
 from bestman_bt.world_model import WorldModel
 from hal.api import Camera
@@ -128,7 +129,7 @@ def test_an_image_of_another_size_than_its_intrinsics_is_none(robot, camera, kin
 
 
 def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, model, kinematics, joints, world):
-    straight = model.cameras["head_camera"]
+    straight = model.of(CameraPart)["head_camera"]
     exact = replace(straight, noise_base=0.0, noise_quadratic=0.0, dropout=0.0, edge_dropout=0.0, depth_step=0.0)
     lens = replace(exact.intrinsics, distortion=(-0.2, 0.05, 0.001, 0.001))
     wrong = replace(exact.with_intrinsics(lens), depth_scale=1.03, depth_offset=-0.01)
@@ -136,7 +137,7 @@ def test_algorithms_see_a_pinhole_whatever_the_lens_and_the_depth_sensor(robot, 
     for camera_model in (exact, wrong):
         camera = SimulatedCamera("head_camera", camera_model, np.random.default_rng(3))
         camera.attach(robot.simulation)
-        calibrated = replace(model, cameras={"head_camera": camera_model})
+        calibrated = replace(model, parts={**model.parts, "head_camera": camera_model})
         known = type(kinematics)(calibrated)
         images.append(RGBDSensor(camera, known, joints, WorldModel(semantic_map(world))).capture().image)
     ideal, seen = images

@@ -139,7 +139,7 @@ def test_a_pad_is_pressed_from_a_force_on_and_only_then_can_something_slip(force
 def test_the_joints_of_all_arms_are_told_and_one_that_is_gone_is_an_error_with_its_words():
     left, right = ScriptedArm([0.1, 0.2], name="left"), ScriptedArm([0.3, 0.4], name="right")
     right.__class__ = type("Right", (ScriptedArm,), {"joint_names": ("right_1", "right_2")})
-    sensor = JointStateSensor({"left": left, "right": right}, SimpleNamespace(grippers={}))
+    sensor = JointStateSensor({"left": left, "right": right}, SimpleNamespace(of=lambda _: {}))
     assert dict(sensor.positions()) == {"joint_1": 0.1, "joint_2": 0.2, "right_1": 0.3, "right_2": 0.4}
     for error in (NotConnectedError("right is gone"), NoDataError("right is gone")):
         right.error = error

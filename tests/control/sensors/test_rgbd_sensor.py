@@ -8,6 +8,7 @@ import pytest
 
 from bestman_bt.control.rgbd import RGBDSensor, RGBDView
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D, RGBDImage
+from bestman_bt.robot_model import ArmModel
 from bestman_bt.scene import semantic_map
 from bestman_bt.world_model import BasePose, HeldObject, WorldModel
 
@@ -49,7 +50,7 @@ def test_a_view_has_the_stamp_of_its_image(view, robot):
 
 def test_what_is_held_is_part_of_the_robot_and_left_out_of_views_where_it_is(robot, model, kinematics, joints, world):
     camera = robot.parts["head_camera"]
-    tool = kinematics.pose(model.arms["arm"].tool_frame, joints.positions())
+    tool = kinematics.pose(model.of(ArmModel)["arm"].tool_frame, joints.positions())
     eye = kinematics.pose(camera.optical_frame, joints.positions())
     # Beside the hand, in the middle of the picture and 1.2 m away: no link of the robot is there.
     middle = eye @ Pose(np.array([0.0, 0.0, 1.2]))

@@ -9,7 +9,7 @@ from bestman_bt.control.force_torque import WristWrench
 from bestman_bt.control.joint_state import JointStateSensor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, load_robot_model
 from bestman_bt.scene import World
 from hal.api import Arm, ForceTorque
 from hal.pybullet import PyBulletRobot
@@ -65,8 +65,8 @@ def test_the_wrench_at_the_tool_has_the_same_force_and_its_own_lever(robot, wris
     kinematics = ForwardKinematics(robot.model)
     joints = JointStateSensor(robot.parts, robot.model).positions()
     at_sensor = wrist.contact_at(kinematics.pose(wrist.frame, joints))
-    at_tool = wrist.contact_at(kinematics.pose(robot.model.arms["arm"].tool_frame, joints))
+    at_tool = wrist.contact_at(kinematics.pose(robot.model.of(ArmModel)["arm"].tool_frame, joints))
     np.testing.assert_allclose(at_tool.force, at_sensor.force, atol=1e-12)
     lever = kinematics.pose(wrist.frame, joints).position
-    lever = lever - kinematics.pose(robot.model.arms["arm"].tool_frame, joints).position
+    lever = lever - kinematics.pose(robot.model.of(ArmModel)["arm"].tool_frame, joints).position
     np.testing.assert_allclose(at_tool.torque - at_sensor.torque, np.cross(lever, at_sensor.force), atol=1e-12)

@@ -11,7 +11,7 @@ from bestman_bt.configuration import Document, find_data, read_document
 from bestman_bt.control.inertial import GyroHeading
 from bestman_bt.control.wheeled import TurningSlip, TurningSlipParameters, measure_turning_slip
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import RobotModel, compose_robot
+from bestman_bt.robot_model import BaseModel, RobotModel, compose_robot
 from bestman_bt.scene import World
 from hal.api import Imu, ImuReading, MobileBase
 from hal.pybullet import GroundTruth, PyBulletRobot
@@ -32,7 +32,7 @@ def husky(turning_slip: float) -> RobotModel:
 def measure(model: RobotModel, seed: int, parameters: TurningSlipParameters | None = None) -> TurningSlip:
     with PyBulletRobot(model, FLOOR, seed=seed) as robot:
         gyro = GyroHeading(robot.part("imu", Imu), robot.clock)
-        present = model.bases["base"].turning_slip
+        present = model.of(BaseModel)["base"].turning_slip
         return measure_turning_slip(robot.part("base", MobileBase), gyro, robot.clock, present, parameters)
 
 

@@ -9,6 +9,7 @@ import pytest
 from bestman_bt.evaluation.film import FilmedRun, FilmError
 from bestman_bt.evaluation.film.stage import Stage, opening
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model import GripperModel
 from bestman_bt.visualization.blender import PaintedRobot
 from hal.pybullet import Viewpoint
 
@@ -28,7 +29,7 @@ def test_the_robot_stands_where_it_stood_with_its_arm_as_it_was(run: FilmedRun, 
 
     links = PaintedRobot(run.robot_model.urdf, run.robot_model.base_frame).link_poses(base, joints)
 
-    hand = next(iter(run.robot_model.grippers.values())).hand_link
+    hand = next(iter(run.robot_model.of(GripperModel).values())).hand_link
     assert stage.hand() == pytest.approx(links[hand].position, abs=1e-4)
 
 

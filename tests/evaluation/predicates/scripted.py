@@ -12,6 +12,7 @@ import numpy as np
 from bestman_bt.configuration import load_run
 from bestman_bt.evaluation.predicates.verdict import Evidence
 from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.robot_model import ArmModel
 from bestman_bt.runtime.setup import Setup, prepare
 
 
@@ -74,7 +75,7 @@ class ScriptedEnd:
         config = load_run(task, seed=seed, settings=[*settings, *told])
         self.setup = replace(_prepared(task, seed, settings), config=config)
         self.truth = ScriptedTruth(self.setup)
-        arm = next(iter(self.setup.robot_model.arms.values()))
+        arm = next(iter(self.setup.robot_model.of(ArmModel).values()))
         self.tool_frame = arm.tool_frame
         skills = SimpleNamespace(world=self.setup.world_model.as_at_the_start(), arm_model=arm)
         self.session = SimpleNamespace(setup=self.setup, skills=skills)

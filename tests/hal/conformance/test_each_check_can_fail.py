@@ -13,7 +13,7 @@ import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
 from bestman_bt.messages import Twist2D
-from bestman_bt.robot_model import RobotModel, compose_robot
+from bestman_bt.robot_model import CameraPart, RobotModel, compose_robot
 from hal.api import Arm
 from hal.conformance import CHECKS, LIFE_CHECKS, Check
 from tests.hal.conformance import broken_commands, broken_connections, broken_readings, broken_stops
@@ -36,9 +36,9 @@ def small_model() -> RobotModel:
     model = compose_robot("small", read_document(find_data("robot", "diff_panda")).merged(parts))
     cameras = {
         name: camera.with_intrinsics(replace(camera.intrinsics, width=8, height=6))
-        for name, camera in model.cameras.items()
+        for name, camera in model.of(CameraPart).items()
     }
-    return replace(model, cameras=cameras)
+    return replace(model, parts={**model.parts, **cameras})
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import hal.xarm.connection
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import BaseModel, RobotModel, load_robot_model
 from hal.api import Arm
 from hal.hardware import HardwareRobot
 from hal.parts import ConnectionFailedError
@@ -24,7 +24,7 @@ def model() -> RobotModel:
 def test_it_has_the_parts_that_are_behind_a_connection(model: RobotModel) -> None:
     robot = HardwareRobot(model)
     assert list(robot.parts) == ["arm", "gripper"]
-    assert "base" in model.bases
+    assert "base" in model.of(BaseModel)
 
 
 def test_it_says_what_its_controllers_cannot_do(model: RobotModel) -> None:

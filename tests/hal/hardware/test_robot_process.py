@@ -12,7 +12,7 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import BaseModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import Failure, MotionStatus, Part
 from hal.hardware import Connection
@@ -36,7 +36,7 @@ class Controller(Connection):
     """Nothing is wrong with it."""
 
     def make_parts(self) -> dict[str, Part]:
-        return {"base": DrivenBase("base", self.model.bases["base"], Wheels(), self.latch)}
+        return {"base": DrivenBase("base", self.model.of(BaseModel)["base"], Wheels(), self.latch)}
 
     def open(self) -> None:
         pass

@@ -11,7 +11,7 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import BaseModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import (
     CommandRefusedError,
@@ -70,8 +70,10 @@ class Controller(Connection):
     def make_parts(self) -> dict[str, Part]:
         self.calls: list[str] = []
         makers: dict[str, Callable[[], Part]] = {
-            "base": lambda: DrivenBase("base", self.model.bases["base"], Wheels(), self.latch),
-            "gripper": lambda: CommandedGripper("gripper", self.model.grippers["gripper"], Fingers(), self.latch),
+            "base": lambda: DrivenBase("base", self.model.of(BaseModel)["base"], Wheels(), self.latch),
+            "gripper": lambda: CommandedGripper(
+                "gripper", self.model.of(GripperModel)["gripper"], Fingers(), self.latch
+            ),
         }
         return {name: makers[name]() for name in self.settings.parts}
 

@@ -10,7 +10,7 @@ import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D
 from bestman_bt.registry import CONNECTIONS
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import BaseModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import CommandRefusedError, Failure, MobileBase, MotionErrorCode, MotionStatus, Part
 from hal.hardware import Connection, HardwareRobot
@@ -38,7 +38,7 @@ class Controller(Connection):
 
     def make_parts(self) -> dict[str, Part]:
         self.noticed = threading.Event()
-        self.base = DrivenBase("base", self.model.bases["base"], Standing(), self.latch)
+        self.base = DrivenBase("base", self.model.of(BaseModel)["base"], Standing(), self.latch)
         return {"base": self.base}
 
     def open(self) -> None:

@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 
 from bestman_bt.messages import Pose2D, Twist2D, wrap_angle
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import BaseModel, RobotModel
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
 from hal.parts import BaseChannel, BaseReading, DrivenBase, MotionProfile, MotionProfileParameters, StopLatch
 
@@ -56,7 +56,7 @@ def channel() -> Unicycle:
 
 @pytest.fixture
 def base(robot_model: RobotModel, channel: Unicycle, latch: StopLatch) -> DrivenBase:
-    driven = DrivenBase("base", robot_model.bases["base"], channel, latch)
+    driven = DrivenBase("base", robot_model.of(BaseModel)["base"], channel, latch)
     driven.attach()
     return driven
 
@@ -162,7 +162,7 @@ def test_a_stopped_robot_says_why_it_refuses(base: DrivenBase, latch: StopLatch)
 
 
 def test_nothing_works_before_it_is_attached(robot_model: RobotModel, latch: StopLatch) -> None:
-    unattached = DrivenBase("base", robot_model.bases["base"], Unicycle(), latch)
+    unattached = DrivenBase("base", robot_model.of(BaseModel)["base"], Unicycle(), latch)
     with pytest.raises(NotConnectedError):
         unattached.velocity()
     with pytest.raises(NotConnectedError):
@@ -174,7 +174,7 @@ def test_attached_it_tells_the_base_to_stand_before_anything_else(
 ) -> None:
     """It may still do what it was told last, by whomever."""
     channel.twist = Twist2D(0.3, 0.0, 0.1)
-    base = DrivenBase("base", robot_model.bases["base"], channel, latch)
+    base = DrivenBase("base", robot_model.of(BaseModel)["base"], channel, latch)
     base.attach()
     for _ in range(10):
         base.cycle(PERIOD)
@@ -279,7 +279,7 @@ def test_a_base_that_is_pushed_aside_steers_back_to_its_heading(base: DrivenBase
 def test_along_aside_and_about_it_keeps_the_limits_of_each(
     robot_model: RobotModel, channel: Unicycle, latch: StopLatch, sign: float
 ) -> None:
-    model = replace(robot_model.bases["base"], max_vy=0.4, max_acceleration=0.5, max_angular_acceleration=2.0)
+    model = replace(robot_model.of(BaseModel)["base"], max_vy=0.4, max_acceleration=0.5, max_angular_acceleration=2.0)
     base = DrivenBase("base", model, channel, latch)
     base.attach()
     base.set_velocity(sign * 0.2, sign * 0.3, sign * 0.8)
@@ -289,7 +289,7 @@ def test_along_aside_and_about_it_keeps_the_limits_of_each(
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_motion_profile_brakes_by_the_acceleration_of_what_it_does(robot_model: RobotModel, sign: float) -> None:
-    base = robot_model.bases["base"]
+    base = robot_model.of(BaseModel)["base"]
     model = replace(base, max_vx=1.0, max_wz=1.5, max_acceleration=0.5, max_angular_acceleration=2.0)
     start = Pose2D(1.0, 2.0, 3.0)
     turning = MotionProfile(model, start, MotionProfileParameters(), turn=sign * 1.0).velocity(
@@ -340,7 +340,7 @@ def test_a_velocity_that_is_not_taken_yet_is_due_again_and_not_counted_as_driven
 def test_steered_wheels_change_their_velocity_along_one_direction(
     robot_model: RobotModel, channel: Unicycle, latch: StopLatch
 ) -> None:
-    model = replace(robot_model.bases["base"], max_vy=0.5, steering_joints=("steer",))
+    model = replace(robot_model.of(BaseModel)["base"], max_vy=0.5, steering_joints=("steer",))
     base = DrivenBase("base", model, channel, latch)
     base.attach()
     base.set_velocity(0.3, 0.1, 0.0)

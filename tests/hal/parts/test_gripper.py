@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import GripperModel, RobotModel
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NoDataError, NotConnectedError
 from hal.parts import CommandedGripper, GripperChannel, GripperReading, StopLatch
 
@@ -50,7 +50,7 @@ def fingers() -> Fingers:
 
 @pytest.fixture
 def gripper(robot_model: RobotModel, fingers: Fingers, latch: StopLatch) -> CommandedGripper:
-    made = CommandedGripper("gripper", robot_model.grippers["gripper"], fingers, latch)
+    made = CommandedGripper("gripper", robot_model.of(GripperModel)["gripper"], fingers, latch)
     made.attach()
     return made
 
@@ -220,7 +220,7 @@ def test_it_has_no_width_before_it_was_read(robot_model: RobotModel, latch: Stop
         def read(self) -> GripperReading:
             raise NoDataError("it has told nothing yet")
 
-    gripper = CommandedGripper("gripper", robot_model.grippers["gripper"], Silent(), latch)
+    gripper = CommandedGripper("gripper", robot_model.of(GripperModel)["gripper"], Silent(), latch)
     with pytest.raises(NotConnectedError):
         gripper.width()
     with pytest.raises(NoDataError):

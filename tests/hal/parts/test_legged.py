@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import load_robot_model, payload
+from bestman_bt.robot_model import BaseModel, load_robot_model, payload
 from hal.parts.legged import Attitude, LegKinematics, LegOdometry, Trot, TrotParameters
 
 HEIGHT, PERIOD = 0.27, 1 / 240
@@ -15,7 +15,7 @@ HEIGHT, PERIOD = 0.27, 1 / 240
 
 @pytest.fixture(scope="module")
 def kinematics() -> LegKinematics:
-    return LegKinematics(load_robot_model("a1").bases["base"].legs)
+    return LegKinematics(load_robot_model("a1").of(BaseModel)["base"].legs)
 
 
 def test_inverse_kinematics_undoes_forward_kinematics(kinematics: LegKinematics) -> None:
@@ -27,7 +27,7 @@ def test_inverse_kinematics_undoes_forward_kinematics(kinematics: LegKinematics)
 
 def test_the_feet_stand_around_the_centre_of_mass_in_the_home_posture_of_a1(kinematics: LegKinematics) -> None:
     model = load_robot_model("a1")
-    home = model.posture("home", model.bases["base"].joint_names).reshape(4, 3)
+    home = model.posture("home", model.of(BaseModel)["base"].joint_names).reshape(4, 3)
     below = kinematics.below_hips(HEIGHT)
     below[:, :2] += payload(model, "trunk", model.postures["home"]).centre[:2]
     assert kinematics.feet(home) == pytest.approx(below, abs=1e-3)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import JointGroupModel, RobotModel
+from bestman_bt.robot_model import ArmModel, JointGroupModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from hal.api import CommandRefusedError, Failure, MotionErrorCode, MotionStatus, NotConnectedError
 from hal.parts import JointChannel, JointReading, StopLatch, StreamedArm, StreamedJointGroup, ToolLimits
@@ -321,7 +321,7 @@ def make_arm(robot_model: RobotModel, latch: StopLatch) -> Callable[..., tuple[S
         channel = Joints(7)
         channel.at = np.array(HOME)
         tool = ToolLimits(robot_model, "arm", SafetyConfig(**safety))
-        arm = StreamedArm("arm", robot_model.arms["arm"], channel, latch, PERIOD, tool)
+        arm = StreamedArm("arm", robot_model.of(ArmModel)["arm"], channel, latch, PERIOD, tool)
         arm.attach()
         return arm, channel
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.robot_model.connection_config import SafetyConfig, WorkspaceConfig
 from hal.parts import ToolLimits
 
 
 @pytest.fixture(scope="module")
 def home(robot_model: RobotModel) -> np.ndarray:
-    return robot_model.posture("home", robot_model.arms["arm"].joint_names)
+    return robot_model.posture("home", robot_model.of(ArmModel)["arm"].joint_names)
 
 
 def limits(model: RobotModel, **safety: object) -> ToolLimits:

@@ -9,6 +9,7 @@ import pytest
 
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.messages import JointTrajectory, Pose
+from bestman_bt.robot_model import ArmModel
 from hal.api import Arm, Gripper, MobileBase, Motion, MotionStatus
 from hal.pybullet import GroundTruth, PyBulletRobot
 
@@ -22,7 +23,7 @@ class Operator:
         self.robot, self.truth = robot, GroundTruth(robot)
         self.arm, self.gripper = robot.part("arm", Arm), robot.part("gripper", Gripper)
         self.base = robot.part("base", MobileBase)
-        self.tool = robot.model.arms["arm"].tool_frame
+        self.tool = robot.model.of(ArmModel)["arm"].tool_frame
         self._kinematics = DampedLeastSquares(robot.model, "arm")
 
     def finish(self, motion: Motion) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import combine
+from bestman_bt.robot_model import BaseModel, combine
 from hal.api import Arm, MobileBase
 from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
 
@@ -72,7 +72,7 @@ def test_it_turns_on_the_spot_skidding_where_it_has_to(robot) -> None:
     moved = start.inverse() @ robot.truth.base_pose()
     turned = robot.part("base", MobileBase).odometry().theta - before
     # A skidding base with an arm turns farther than its wheels tell.
-    factor, spread = (1.12, 0.06) if robot.model.bases["base"].kind == "skid" else (1.0, 0.01)
+    factor, spread = (1.12, 0.06) if robot.model.of(BaseModel)["base"].kind == "skid" else (1.0, 0.01)
     assert turned == pytest.approx(1.2, abs=0.07)  # steered wheels turn into place first
     assert moved.yaw == pytest.approx(factor * turned, abs=spread)
 

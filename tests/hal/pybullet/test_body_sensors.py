@@ -12,7 +12,7 @@ import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
 from bestman_bt.control.tactile import TactileSensor
-from bestman_bt.robot_model import RobotModel, compose_robot
+from bestman_bt.robot_model import BatteryPart, ImuPart, LidarPart, RobotModel, TactilePart, compose_robot
 from hal.api import Battery, Gripper, Imu, Lidar, MobileBase, NoDataError, Tactile
 from hal.pybullet import PyBulletRobot, SensorFault
 from hal.pybullet.battery import SimulatedBattery
@@ -58,7 +58,7 @@ def drive(robot: PyBulletRobot, vx: float, wz: float, seconds: float) -> None:
 
 
 def test_an_imu_at_rest_reads_gravity(robot: PyBulletRobot) -> None:
-    imu, model = robot.part("imu", Imu), robot.model.imus["imu"]
+    imu, model = robot.part("imu", Imu), robot.model.of(ImuPart)["imu"]
     readings = []
     robot.clock.sleep(1.0)
     for _ in range(100):
@@ -121,8 +121,8 @@ class Grip:
 
 @pytest.fixture
 def grip(sensing_model: RobotModel, table_worlds, operator) -> Iterator[Grip]:
-    prompt = {name: dataclasses.replace(pad, latency=0.0) for name, pad in sensing_model.tactiles.items()}
-    model = dataclasses.replace(sensing_model, tactiles=prompt)
+    prompt = {name: dataclasses.replace(pad, latency=0.0) for name, pad in sensing_model.of(TactilePart).items()}
+    model = dataclasses.replace(sensing_model, parts={**sensing_model.parts, **prompt})
     with PyBulletRobot(model, table_worlds["box"], seed=3) as robot:
         grip = Grip(robot, operator(robot))
         grip.hand.reach_over("box")
@@ -186,7 +186,7 @@ def test_the_picture_shows_where_the_box_is_pressed(grip: Grip) -> None:
 
 
 def test_the_battery_falls_with_motion(robot: PyBulletRobot) -> None:
-    model, clock = robot.model.batteries["battery"], robot.clock
+    model, clock = robot.model.of(BatteryPart)["battery"], robot.clock
     battery = robot.part("battery", Battery)
     clock.sleep(0.7)
     assert battery.read().charge == pytest.approx(1.0, abs=0.004)
@@ -199,8 +199,10 @@ def test_the_battery_falls_with_motion(robot: PyBulletRobot) -> None:
 
 
 def test_the_battery_loses_the_energy_that_is_drawn(sensing_model: RobotModel, empty_world) -> None:
-    small = dataclasses.replace(sensing_model.batteries["battery"], capacity=10_000.0, noise_charge=0.0, latency=0.0)
-    model = dataclasses.replace(sensing_model, batteries={"battery": small})
+    small = dataclasses.replace(
+        sensing_model.of(BatteryPart)["battery"], capacity=10_000.0, noise_charge=0.0, latency=0.0
+    )
+    model = dataclasses.replace(sensing_model, parts={**sensing_model.parts, "battery": small})
     with PyBulletRobot(model, empty_world) as robot:
         battery = robot.part("battery", Battery)
         robot.clock.sleep(0.5)
@@ -213,8 +215,8 @@ def test_the_battery_loses_the_energy_that_is_drawn(sensing_model: RobotModel, e
 
 
 def test_readings_come_with_their_latency(sensing_model: RobotModel, empty_world) -> None:
-    late_lidar = dataclasses.replace(sensing_model.lidars["lidar"], latency=0.2)
-    model = dataclasses.replace(sensing_model, lidars={"lidar": late_lidar})
+    late_lidar = dataclasses.replace(sensing_model.of(LidarPart)["lidar"], latency=0.2)
+    model = dataclasses.replace(sensing_model, parts={**sensing_model.parts, "lidar": late_lidar})
     with PyBulletRobot(model, empty_world) as robot:
         for _ in range(20):
             robot.clock.sleep(1 / 60)

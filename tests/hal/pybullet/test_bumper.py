@@ -8,7 +8,7 @@ import pytest
 
 from bestman_bt.configuration import Document, find_data, read_document
 from bestman_bt.messages import Box, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import compose_robot
+from bestman_bt.robot_model import MountedBumper, compose_robot
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, World
 from hal.api import Bumper, MobileBase, NoDataError
 from hal.pybullet import PyBulletRobot, SensorFault
@@ -33,7 +33,7 @@ def robot(model):
 
 
 def test_strips_go_around_the_footprint(model):
-    zones = model.bumpers["bumper"].zones
+    zones = model.of(MountedBumper)["bumper"].zones
     assert len(zones) == 12
     assert all(end == start for (_, end), (start, _) in zip(zones, (*zones[1:], zones[0]), strict=True))
     angles = np.unwrap([math.atan2(*start[::-1]) for start, _ in zones])

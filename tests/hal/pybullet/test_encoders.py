@@ -12,7 +12,7 @@ import pytest
 from bestman_bt.configuration import ConfigurationError
 from bestman_bt.control.arm import ArmController
 from bestman_bt.messages import JointTrajectory
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import BaseModel, load_robot_model
 from bestman_bt.scene import World
 from hal.api import Arm, JointGroup, MobileBase, MotionErrorCode, MotionStatus, NoDataError
 from hal.pybullet import PyBulletRobot, SensorFault
@@ -145,7 +145,7 @@ def test_what_needs_encoders_fails_with_a_code(empty_world: World) -> None:
         assert handle.error is not None
         assert handle.error.code is MotionErrorCode.DISCONNECTED
         robot.clock.sleep(1.0)
-        assert np.abs(truth(robot, robot.model.bases["base"].wheel_joints)[1]).max() < 0.05  # it has braked
+        assert np.abs(truth(robot, robot.model.of(BaseModel)["base"].wheel_joints)[1]).max() < 0.05  # it has braked
 
 
 @pytest.mark.parametrize(("field", "value"), [("noise", "2 kg"), ("latency", "-1 s"), ("rate", "0 Hz"), ("jitter", 1)])

@@ -9,7 +9,7 @@ import pytest
 
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D
-from bestman_bt.robot_model import RobotModel, payload
+from bestman_bt.robot_model import ArmModel, MountedForceTorque, RobotModel, payload
 from bestman_bt.scene import FurnitureModel, PlacedFurniture, PlacedObject, World
 from hal.api import ForceTorque, NotConnectedError
 from hal.pybullet import GroundTruth, PhysicsParameters, PyBulletRobot
@@ -20,7 +20,7 @@ AT_HOME = PhysicsParameters(initial_postures=("home",))
 
 def weight_between_fingers(model: RobotModel, empty: World) -> World:
     """Half a kilogram on a pedestal, where the open hand is at its home posture."""
-    tool = ForwardKinematics(model).pose(model.arms["arm"].tool_frame, model.postures["home"]).position
+    tool = ForwardKinematics(model).pose(model.of(ArmModel)["arm"].tool_frame, model.postures["home"]).position
     weight = ObjectModel("weight", (0.8, 0.2, 0.2), 0.5, 0.8, (PlacedShape(Box((0.04, 0.04, 0.08)), Pose()),))
     height = tool[2] - 0.07
     post = PlacedShape(Box((0.1, 0.1, height)), Pose(np.array([0.0, 0.0, height / 2])))
@@ -33,9 +33,9 @@ def weight_between_fingers(model: RobotModel, empty: World) -> World:
 @pytest.fixture(scope="module")
 def exact_model(robot_model: RobotModel) -> RobotModel:
     """The same robot with a sensor that does not err."""
-    sensor = robot_model.force_torques[SENSOR]
+    sensor = robot_model.of(MountedForceTorque)[SENSOR]
     part = dataclasses.replace(sensor.part, noise_force=0.0, noise_torque=0.0, offset_force=0.0, offset_torque=0.0)
-    return dataclasses.replace(robot_model, force_torques={SENSOR: dataclasses.replace(sensor, part=part)})
+    return dataclasses.replace(robot_model, parts={**robot_model.parts, SENSOR: dataclasses.replace(sensor, part=part)})
 
 
 def test_it_weighs_the_hand_with_its_camera(exact_model: RobotModel, empty_world) -> None:
@@ -78,7 +78,7 @@ def test_noise_and_offset_are_as_described_and_the_seed_decides_them(
                 values.append(np.append(sensor.wrench().force, sensor.wrench().torque))
             return np.array(values)
 
-    model = robot_model.force_torques[SENSOR].part
+    model = robot_model.of(MountedForceTorque)[SENSOR].part
     first, exact = readings(robot_model, 1), readings(exact_model, 1)
     np.testing.assert_array_equal(first, readings(robot_model, 1))
     errors = first - exact  # the motion is the same

@@ -10,7 +10,7 @@ import pytest
 from bestman_bt.evaluation.audit import audit
 from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import combine
+from bestman_bt.robot_model import GripperModel, combine
 from hal.api import Arm, Gripper, JointGroup
 from hal.pybullet import GroundTruth, PyBulletRobot
 
@@ -71,7 +71,7 @@ def _follower_error(robot: PyBulletRobot) -> float:
     def position(name: str) -> float:
         return simulation.client.getJointState(simulation.built.robot, joints[name])[0]
 
-    followers = robot.model.grippers["gripper"].followers
+    followers = robot.model.of(GripperModel)["gripper"].followers
     return max((abs(position(f.joint) - f.multiplier * position(f.leader) - f.offset) for f in followers), default=0.0)
 
 

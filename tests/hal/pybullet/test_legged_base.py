@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import BatteryPart, load_robot_model
 from bestman_bt.scene import World
 from hal.api import Battery, MobileBase, Motion, MotionStatus
 from hal.conformance.base_checks import BASE_CHECKS
@@ -120,6 +120,6 @@ def test_nothing_but_its_joints_moved_it_and_that_cost_energy(walk: Walk) -> Non
     assert not record.jumps
     assert not record.joint_limits
     assert not record.velocity_limits
-    battery = walk.robot.model.batteries["battery"]
+    battery = walk.robot.model.of(BatteryPart)["battery"]
     idle = battery.idle_power * walk.robot.clock.now() / battery.capacity
     assert 1.0 - walk.robot.part("battery", Battery).read().charge > 1.3 * idle

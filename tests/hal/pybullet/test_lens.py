@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import CameraIntrinsics
+from bestman_bt.robot_model import CameraPart
 from hal.api import Camera, NoDataError
 from hal.pybullet import PyBulletRobot
 from hal.pybullet.camera import CameraFault, SimulatedCamera
@@ -28,7 +29,7 @@ def robot(robot_model, table_worlds):
 def camera(robot: PyBulletRobot, intrinsics: CameraIntrinsics = SMALL, **changes) -> SimulatedCamera:
     """The head camera with another model, without noise, in the same world."""
     noiseless = {"noise_base": 0.0, "noise_quadratic": 0.0, "dropout": 0.0, "edge_dropout": 0.0, "depth_step": 0.0}
-    model = replace(robot.model.cameras["head_camera"], **(noiseless | changes)).with_intrinsics(intrinsics)
+    model = replace(robot.model.of(CameraPart)["head_camera"], **(noiseless | changes)).with_intrinsics(intrinsics)
     other = SimulatedCamera("head_camera", model, np.random.default_rng(1))
     other.attach(robot.simulation)
     return other

@@ -10,6 +10,7 @@ from bestman_bt.manipulation.kinematics import DampedLeastSquares
 from bestman_bt.manipulation.motion_planning import RRTConnect, TimedMotionPlanner
 from bestman_bt.manipulation.trajectory import Toppra
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel
 from bestman_bt.scene import draw_world, load_scene
 from bestman_bt.scene.map_of_world import semantic_map
 from bestman_bt.world_model import BasePose, WorldModel
@@ -36,7 +37,7 @@ def test_planning_beside_an_open_drawer_changes_nothing_in_physics(robot_model):
         belief = WorldModel(semantic_map(world), base=BasePose(before_it.to_pose2d(), 0.01, 0.01, 0.0))
         belief.articulations[DRAWER] = 0.2
         start = np.array(robot.parts["arm"].positions())
-        arm, rng = robot_model.arms["arm"], np.random.default_rng(5)
+        arm, rng = robot_model.of(ArmModel)["arm"], np.random.default_rng(5)
         positions = dict(zip(arm.joint_names, start, strict=True))
         scene = planning_scene_from_world_model(belief, robot_model, positions, hollow=["drawer_chest"])
         assert any(obstacle.name.startswith(DRAWER) for obstacle in scene.obstacles)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.robot_model import BaseModel, CameraPart, LidarPart
 from hal.api import Camera, JointGroup, Lidar
 from hal.pybullet import GroundTruth, PyBulletRobot
 from hal.pybullet.camera import render
@@ -69,7 +70,7 @@ def test_colours_are_those_of_the_object(cloud, truth) -> None:
 
 def test_what_is_too_near_for_its_depth_hides_what_is_behind_it(robot) -> None:
     reader = robot.simulation.client.reader(ReadPurpose.SENSOR)
-    short_sighted = dataclasses.replace(robot.model.cameras["head_camera"], near=0.3)
+    short_sighted = dataclasses.replace(robot.model.of(CameraPart)["head_camera"], near=0.3)
 
     def from_above(height: float) -> tuple[np.ndarray, np.ndarray]:
         return render(reader, Pose.from_xyz_rpy((0.85, 0.2, TABLE_TOP + height), (np.pi, 0.0, 0.0)), short_sighted)
@@ -93,18 +94,18 @@ def test_the_lidar_measures_the_walls(standing_robot) -> None:
 
 
 def test_the_lidar_does_not_see_its_own_robot(robot_model, empty_world) -> None:
-    near_sighted = dataclasses.replace(robot_model.lidars["lidar"], range_min=0.01, range_max=1.5)
-    model = dataclasses.replace(robot_model, lidars={"lidar": near_sighted})
+    near_sighted = dataclasses.replace(robot_model.of(LidarPart)["lidar"], range_min=0.01, range_max=1.5)
+    model = dataclasses.replace(robot_model, parts={**robot_model.parts, "lidar": near_sighted})
     with PyBulletRobot(model, empty_world, seed=2) as robot:
         assert not np.isfinite(robot.part("lidar", Lidar).scan().ranges).any()
 
 
 def test_a_lidar_in_a_base_sees_what_is_a_finger_away_from_the_base(robot_model, empty_world) -> None:
-    front = max(x for x, _ in robot_model.bases["base"].footprint)
+    front = max(x for x, _ in robot_model.of(BaseModel)["base"].footprint)
     gap = 0.02
     start = Pose2D(2.95 - front - gap, 0.0, 0.0)  # the wall's face is at 2.95 m
-    exact = dataclasses.replace(robot_model.lidars["lidar"], noise=0.0)
-    model = dataclasses.replace(robot_model, lidars={"lidar": exact})
+    exact = dataclasses.replace(robot_model.of(LidarPart)["lidar"], noise=0.0)
+    model = dataclasses.replace(robot_model, parts={**robot_model.parts, "lidar": exact})
     with PyBulletRobot(model, dataclasses.replace(empty_world, robot_start=start), seed=2) as robot:
         scan = robot.part("lidar", Lidar).scan()
         ahead = scan.ranges[np.abs(scan.angles) < 0.1] * np.cos(scan.angles[np.abs(scan.angles) < 0.1])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 from bestman_bt.scene import World
 from hal.api import Arm, CommandRefusedError, Gripper, MotionErrorCode, MotionStatus
 from hal.pybullet import PyBulletRobot
@@ -19,8 +19,8 @@ SLOW = 0.4
 
 @pytest.fixture(scope="module")
 def robot(robot_model: RobotModel, empty_world: World) -> Iterator[PyBulletRobot]:
-    arm = replace(robot_model.arms["arm"], acceleration=(SLOW,) * 7)
-    with PyBulletRobot(replace(robot_model, arms={"arm": arm}), empty_world, seed=2) as robot:
+    arm = replace(robot_model.of(ArmModel)["arm"], acceleration=(SLOW,) * 7)
+    with PyBulletRobot(replace(robot_model, parts={**robot_model.parts, "arm": arm}), empty_world, seed=2) as robot:
         yield robot
 
 

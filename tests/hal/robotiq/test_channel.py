@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import GripperModel, RobotModel
 from hal.api import MotionErrorCode, NoDataError
 from hal.hardware import RealTimeClock
 from hal.parts import ConnectionFailedError
@@ -64,7 +64,7 @@ def wire() -> Wire:
 
 @pytest.fixture
 def channel(robot_model: RobotModel, wire: Wire) -> RobotiqChannel:
-    made = RobotiqChannel("hand", robot_model.grippers["gripper"], RobotiqOptions(), RealTimeClock())
+    made = RobotiqChannel("hand", robot_model.of(GripperModel)["gripper"], RobotiqOptions(), RealTimeClock())
     made.open(wire)
     return made
 
@@ -91,7 +91,7 @@ def test_an_object_counts_only_in_answer_to_the_last_order(channel: RobotiqChann
 def test_widths_forces_and_speeds_become_its_numbers_and_widths_come_back(
     channel: RobotiqChannel, wire: Wire, robot_model: RobotModel
 ) -> None:
-    model, options = robot_model.grippers["gripper"], RobotiqOptions()
+    model, options = robot_model.of(GripperModel)["gripper"], RobotiqOptions()
     for width, position in ((model.max_width, options.open_position), (model.min_width, options.closed_position)):
         channel.send(width, model.max_force, options.least_speed)
         assert wire.calls[-1] == (position, 0, 255)
@@ -134,7 +134,7 @@ def test_what_is_not_answered_closes_the_wire_and_keeps_the_last_status(channel:
 
 
 def test_a_gripper_that_cannot_be_reached_or_says_nothing_is_told_in_words(robot_model: RobotModel, wire: Wire) -> None:
-    channel = RobotiqChannel("hand", robot_model.grippers["gripper"], RobotiqOptions(), RealTimeClock())
+    channel = RobotiqChannel("hand", robot_model.of(GripperModel)["gripper"], RobotiqOptions(), RealTimeClock())
     with pytest.raises(NoDataError, match="hand"):
         channel.read()
     wire.error = ConnectionRefusedError("192.168.7.7 refused")

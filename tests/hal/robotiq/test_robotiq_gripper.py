@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from bestman_bt.robot_model import RobotModel, load_robot_model
+from bestman_bt.robot_model import GripperModel, RobotModel, load_robot_model
 from bestman_bt.robot_model.connection_config import ConnectionConfig
 from hal.api import (
     CommandRefusedError,
@@ -151,7 +151,7 @@ def bench(request: pytest.FixtureRequest, panda: RobotModel) -> Iterator[Bench]:
     options = RobotiqOptions(protocol=request.param)
     connection = ConnectionConfig("robotiq", ("gripper",), ADDRESS, free_port(), options=options)
     model = dataclasses.replace(panda, connections={HAND: connection})
-    ranges = model.grippers["gripper"]
+    ranges = model.of(GripperModel)["gripper"]
     fingers = BlockedGripper(GripperDescription(ranges.min_width, ranges.max_width, ranges.max_speed, ranges.max_force))
     world: Any = World(fingers)
     twin = RobotiqTwin(connection, model, world, ADDRESS)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bestman_bt.messages import LaserScan, Pose2D, Twist2D
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import LidarPart, load_robot_model
 from bestman_bt.robot_model.connection_config import SafetyConfig
 from hal.api import Lidar, MobileBase, MotionErrorCode, NoDataError
 from hal.parts import SimulatedClock, StopLatch
@@ -129,7 +129,7 @@ def test_no_velocity_is_sent_any_more_once_nothing_is_heard(ros: Ros) -> None:
 
 def test_a_lidar_that_falls_silent_has_no_scan_after_a_moment_and_the_base_drives_on(ros: Ros) -> None:
     ros.cycles(5, "/odom", "/scan")
-    longest = max(4.0 / ros.connection.model.lidars["lidar"].rate, 0.25 + 0.05)
+    longest = max(4.0 / ros.connection.model.of(LidarPart)["lidar"].rate, 0.25 + 0.05)
     ros.cycles(int(longest / PERIOD) - 1, "/odom")
     ros.lidar.scan()
     ros.cycles(3, "/odom")

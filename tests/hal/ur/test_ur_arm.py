@@ -83,7 +83,8 @@ def controller() -> Controller:
 
 @pytest.fixture
 def make_arm(ur5: RobotModel, controller: Controller, now: list[float]) -> Callable[..., URArm]:
-    def make(model: ArmModel = ur5.arms["arm"], **safety: Any) -> URArm:
+    def make(model: ArmModel | None = None, **safety: Any) -> URArm:
+        model = model or ur5.of(ArmModel)["arm"]
         tool = ToolLimits(ur5, "arm", SafetyConfig(**safety))
         made = URArm("arm", model, controller, StopLatch(), PERIOD, tool, controller)
         made.attach()
@@ -154,7 +155,7 @@ def test_a_path_is_sent_once_with_its_limits_and_a_blend_at_all_but_its_last_way
     make_arm: Callable[..., URArm], ur5: RobotModel, controller: Controller, now: list[float]
 ) -> None:
     joints = np.arange(6.0)
-    arm = make_arm(replace(ur5.arms["arm"], velocity=3.0 - joints / 5, acceleration=4.0 + joints))
+    arm = make_arm(replace(ur5.of(ArmModel)["arm"], velocity=3.0 - joints / 5, acceleration=4.0 + joints))
     arm.move_path([HOME + NUDGE, HOME], speed_scale=0.5, blend=0.02)
     now[0] += PERIOD
     arm.cycle(PERIOD)

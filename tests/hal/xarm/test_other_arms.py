@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bestman_bt.robot_model import load_robot_model
+from bestman_bt.robot_model import ArmModel, load_robot_model
 from hal.api import Arm, CommandRefusedError, Gripper, Motion, MotionStatus
 from hal.conformance import CHECKS, settle
 from hal.hardware import HardwareRobot
@@ -97,7 +97,7 @@ def test_a_controller_of_another_arm_is_refused_before_anything_moves(
     other = load_robot_model(file, {**twin.settings, "connections.arm_controller.options": arm})
     with disconnected(robot), pytest.raises(ConnectionFailedError, match="the option 'arm' says"):
         HardwareRobot(other).connect()
-    limits = robot.model.arms["arm"]
+    limits = robot.model.of(ArmModel)["arm"]
     wide = {name: [float(value) for value in getattr(limits, name)] for name in ("velocity", "acceleration", "effort")}
     wide |= {"lower": [-6.28] * len(limits.lower), "upper": [6.28] * len(limits.upper)}
     wider = load_robot_model(file, {**twin.settings, "parts.arm.set.limits": wide})

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 import hal.xarm.wire
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.robot_model.connection_config import ConnectionConfig, SafetyConfig
 from hal.api import MotionErrorCode
 from hal.parts import ConnectionFailedError, SimulatedClock, StopLatch
@@ -205,7 +205,7 @@ def test_a_closed_wire_asks_and_tells_nothing(wire: XArmWire, arm: Arm) -> None:
 def test_an_arm_whose_limits_go_beyond_the_controller_s_at_either_end_is_another_one(
     robot_model: RobotModel, end: str, beyond: float, refused: bool
 ) -> None:
-    arm = robot_model.arms["arm"]
+    arm = robot_model.of(ArmModel)["arm"]
     told = [[low, high] for low, high in zip(arm.lower.tolist(), arm.upper.tolist(), strict=True)]
     told[3][0 if end == "lower" else 1] += beyond if end == "lower" else -beyond
     identity = ArmIdentity(len(told), 7, tuple((low, high) for low, high in told))
@@ -230,7 +230,7 @@ def test_the_controller_is_told_its_limits_in_its_own_units(
     connection.open()
     assert ("set_collision_sensitivity", 2) in arm.calls
     assert ("set_tcp_load", 1.2, [10.0, -20.0, 30.0]) in arm.calls
-    assert ("set_reduced_max_joint_speed", max(robot_model.arms["arm"].velocity)) in arm.calls
+    assert ("set_reduced_max_joint_speed", max(robot_model.of(ArmModel)["arm"].velocity)) in arm.calls
     assert ("set_reduced_max_tcp_speed", 250.0) in arm.calls
     assert ("set_reduced_mode", True) in arm.calls
 
@@ -238,7 +238,7 @@ def test_the_controller_is_told_its_limits_in_its_own_units(
 def test_a_lite6s_gripper_that_is_turned_round_half_way_goes_back_from_there(
     robot_model: RobotModel, wire: XArmWire, clock: Clock
 ) -> None:
-    model = robot_model.grippers["gripper"]
+    model = robot_model.of(GripperModel)["gripper"]
     gripper = Lite6GripperWire(wire, model, clock)
     travel = (model.max_width - model.min_width) / model.max_speed
     clock.time = 50.0

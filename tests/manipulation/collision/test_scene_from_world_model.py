@@ -13,6 +13,7 @@ from bestman_bt.manipulation.collision import (
     planning_scene_from_world_model,
 )
 from bestman_bt.messages import Box, Cylinder, ObjectModel, PlacedShape, Pose, Pose2D
+from bestman_bt.robot_model import ArmModel
 from bestman_bt.world_model import (
     BasePose,
     HeldObject,
@@ -83,7 +84,7 @@ def test_the_held_object_is_in_the_hand_and_no_longer_on_the_table(belief, diff_
     scene = scene_of(belief, diff_panda)
     assert "cup" not in named(scene)
     assert scene.attached is not None
-    assert scene.attached.tool_frame == diff_panda.arms["arm"].tool_frame
+    assert scene.attached.tool_frame == diff_panda.of(ArmModel)["arm"].tool_frame
     assert scene.attached.tool_from_object is grip
     assert scene.attached.touch_links == {"panda_hand", "panda_leftfinger", "panda_rightfinger"}
 

@@ -20,7 +20,7 @@ from bestman_bt.manipulation.collision import (
 )
 from bestman_bt.manipulation.kinematics import ForwardKinematics
 from bestman_bt.messages import Box, Mesh, ObjectModel, PlacedShape, Pose, Sphere
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, GripperModel, RobotModel
 from bestman_bt.world_model import HeldObject, SemanticMap, WorldModel
 from tests.manipulation.two_arms import HAND, home, two_arms
 
@@ -45,7 +45,7 @@ def posture(robot: RobotModel, side: str) -> np.ndarray:
 
 def pose_of(robot: RobotModel, side: str, link: str, positions: np.ndarray | None = None) -> Pose:
     at = posture(robot, side) if positions is None else positions
-    named = {**robot.postures["home"], **dict(zip(robot.arms[side].joint_names, at, strict=True))}
+    named = {**robot.postures["home"], **dict(zip(robot.of(ArmModel)[side].joint_names, at, strict=True))}
     return ForwardKinematics(robot).pose(f"{side}_{link}", named)
 
 
@@ -150,8 +150,8 @@ def test_only_the_hand_that_holds_may_touch_what_is_held(robot, side):
 
 
 def test_knuckles_belong_to_the_hand(robot):
-    gripper = replace(robot.grippers["left_gripper"], linkage=("left_turn_link",))
-    linked = replace(robot, grippers={**robot.grippers, "left_gripper": gripper})
+    gripper = replace(robot.of(GripperModel)["left_gripper"], linkage=("left_turn_link",))
+    linked = replace(robot, parts={**robot.parts, "left_gripper": gripper})
     assert set(hand_links(linked, "left")) == {"left_turn_link", *(f"left_{part}" for part in HAND)}
     assert set(hand_links(linked, "right")) == {f"right_{part}" for part in HAND}
 
@@ -166,7 +166,7 @@ def voxels_at(*places: np.ndarray, padding: float = 0.0) -> VoxelObstacle:
 @pytest.mark.parametrize("side", SIDES)
 def test_voxels_count_but_where_the_robot_or_what_it_holds_is_now(model, robot, side):
     here, there = home(robot, side), posture(robot, side)
-    there[robot.arms[side].joint_names.index(f"{side}_pan")] += 0.6
+    there[robot.of(ArmModel)[side].joint_names.index(f"{side}_pan")] += 0.6
     hands = [pose_of(robot, side, "palm", q).position for q in (here, there)]
     seen = replace(scene(robot), voxels=(voxels_at(*hands),))
     world = model.world(seen, side)

@@ -20,6 +20,7 @@ from bestman_bt.manipulation.motion_planning import RRTConnect, TimedMotionPlann
 from bestman_bt.manipulation.trajectory import Toppra, first_touch
 from bestman_bt.messages import Box, ObjectModel, PlacedShape, Pose, Pose2D, VoxelGrid
 from bestman_bt.perception.occupancy import LogOdds, VoxelRegion
+from bestman_bt.robot_model import ArmModel
 from bestman_bt.world_model import BasePose, HeldObject, MapFurniture, ObjectBelief, SemanticMap, WorldModel
 from tests.manipulation.table_and_shelf import FINGERS
 from tests.perception.seen_boxes import looking_at, view_of
@@ -58,7 +59,11 @@ def collision_of(diff_panda):
 
 
 def positions(robot, arm_positions=LEFT) -> dict[str, float]:
-    return {**robot.postures["home"], **FINGERS, **dict(zip(robot.arms["arm"].joint_names, arm_positions, strict=True))}
+    return {
+        **robot.postures["home"],
+        **FINGERS,
+        **dict(zip(robot.of(ArmModel)["arm"].joint_names, arm_positions, strict=True)),
+    }
 
 
 def scene_of(belief, robot, arm_positions=LEFT, **options) -> PlanningScene:
@@ -71,7 +76,7 @@ def centres(voxels: VoxelObstacle) -> np.ndarray:
 
 
 def test_a_thing_that_nobody_knows_is_avoided_by_a_planned_motion(belief, diff_panda, collision_of):
-    arm = diff_panda.arms["arm"]
+    arm = diff_panda.of(ArmModel)["arm"]
     planner = TimedMotionPlanner(RRTConnect(), Toppra())
     in_base = replace(PILLAR, pose=BASE.to_pose().inverse() @ PILLAR.pose)
     blind = replace(belief, occupancy=None)
@@ -153,7 +158,7 @@ def test_voxels_are_as_solid_as_boxes_of_their_size(diff_panda, collision_of):
     indices = np.unique(rng.integers([20, -25, 25], [45, 25, 50], (300, 3)), axis=0)
     pose = Pose.from_xyz_rpy((0.01, 0.02, 0.2), (0.05, 0.0, 0.4))
     boxes = tuple(PlacedShape(Box((0.02,) * 3), pose @ Pose((index + 0.5) * 0.02)) for index in indices)
-    arm = diff_panda.arms["arm"]
+    arm = diff_panda.of(ArmModel)["arm"]
     carry = {**diff_panda.postures["carry"], **FINGERS}
     for padding in (0.002, 0.03):
         scene = PlanningScene(carry, padding=padding)

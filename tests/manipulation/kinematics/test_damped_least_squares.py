@@ -8,6 +8,7 @@ import pytest
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import DampedLeastSquares, DampedLeastSquaresParameters
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel
 from tests.manipulation.fixed_ur5 import fixed_ur5
 
 
@@ -106,10 +107,10 @@ def test_tracking_moves_no_joint_by_more_than_its_step(ur5, turn, followed):
 def test_tracking_goes_on_from_a_start_inside_the_margin_and_keeps_to_the_limit(limit):
     """The elbow stands 5 mrad from its limit, nearer than the 20 mrad that solutions keep."""
     robot = fixed_ur5()
-    arm, away = robot.arms["arm"], -1.0 if limit == "lower" else 1.0
+    arm, away = robot.of(ArmModel)["arm"], -1.0 if limit == "lower" else 1.0
     bound = getattr(arm, limit).copy()
     bound[2] = BENT[2] + 0.005 * away
-    kinematics = DampedLeastSquares(replace(robot, arms={"arm": replace(arm, **{limit: bound})}))
+    kinematics = DampedLeastSquares(replace(robot, parts={**robot.parts, "arm": replace(arm, **{limit: bound})}))
     wanted = BENT + 0.02 * np.eye(6)[4]
     assert np.allclose(kinematics.track(kinematics.tool_pose(wanted), BENT), wanted, atol=1e-3)
     assert kinematics.track(kinematics.tool_pose(BENT + 0.02 * away * np.eye(6)[2]), BENT) is None
@@ -117,10 +118,10 @@ def test_tracking_goes_on_from_a_start_inside_the_margin_and_keeps_to_the_limit(
 
 def test_a_joint_of_little_travel_is_solved_in_its_middle_half(rng):
     robot = fixed_ur5()
-    arm = robot.arms["arm"]
+    arm = robot.of(ArmModel)["arm"]
     lower, upper = arm.lower.copy(), arm.upper.copy()
     lower[0], upper[0] = BENT[0] - 0.015, BENT[0] + 0.015
-    kinematics = DampedLeastSquares(replace(robot, arms={"arm": replace(arm, lower=lower, upper=upper)}))
+    kinematics = DampedLeastSquares(replace(robot, parts={"arm": replace(arm, lower=lower, upper=upper)}))
     for turn in (-0.007, 0.0, 0.007):
         found = kinematics.solve(kinematics.tool_pose(BENT + turn * np.eye(6)[0]), BENT, rng)
         assert found.best[0] == pytest.approx(BENT[0] + turn, abs=1e-3)
@@ -151,7 +152,7 @@ def test_manipulability_vanishes_at_a_singularity(kinematics, ready):
 
 def test_a_base_that_is_not_the_root_of_the_arm_is_taken_into_account(diff_panda):
     kinematics = DampedLeastSquares(diff_panda)
-    home = diff_panda.posture("home", diff_panda.arms["arm"].joint_names)
+    home = diff_panda.posture("home", diff_panda.of(ArmModel)["arm"].joint_names)
     shoulder, reach = kinematics.reach
     tool = kinematics.tool_pose(home).position
     assert shoulder[2] > 0.5

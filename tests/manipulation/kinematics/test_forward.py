@@ -5,6 +5,7 @@ import pytest
 
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.manipulation.kinematics import ForwardKinematics
+from bestman_bt.robot_model import BaseModel, CameraPart
 
 
 def test_any_link_of_the_arm_agrees_with_the_arm_kinematics(panda, arm, kinematics, ready):
@@ -14,7 +15,7 @@ def test_any_link_of_the_arm_agrees_with_the_arm_kinematics(panda, arm, kinemati
 
 def test_a_camera_on_a_tilting_head_looks_down(diff_panda):
     forward = ForwardKinematics(diff_panda)
-    camera = diff_panda.cameras["head_camera"].optical_frame
+    camera = diff_panda.of(CameraPart)["head_camera"].optical_frame
     level = forward.pose(camera, {})
     tilted = forward.pose(camera, {"head_tilt_joint": 0.5})
     turned = forward.pose(camera, {"head_pan_joint": 0.5})
@@ -24,7 +25,7 @@ def test_a_camera_on_a_tilting_head_looks_down(diff_panda):
 
 
 def test_wheels_that_turn_without_end_have_an_angle_as_any_joint(diff_panda):
-    wheel = diff_panda.bases["base"].wheel_joints[0]
+    wheel = diff_panda.of(BaseModel)["base"].wheel_joints[0]
     link = wheel.removesuffix("_joint")
     forward = ForwardKinematics(diff_panda)
     start, turned = forward.pose(link, {}), forward.pose(link, {wheel: 7.0})

@@ -10,7 +10,7 @@ import trimesh
 
 from bestman_bt.manipulation.kinematics import body_between, link_hulls
 from bestman_bt.messages import Pose
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 from tests.manipulation.two_arms import BASE, BASE_YAW, two_arms
 
 
@@ -56,7 +56,9 @@ def test_a_mesh_in_millimetres_has_its_scale_once_and_no_inner_corners(tmp_path:
 def test_what_does_not_move_with_an_arm_is_told_between_two_heights_in_the_base_frame() -> None:
     """The post is 0.1 by 0.3 m and 0.5 m high about the root, the base frame 0.3 m above its foot."""
     robot = two_arms()
-    positions = dict.fromkeys([name for side in robot.arms for name in robot.arms[side].joint_names], 0.0)
+    positions = dict.fromkeys(
+        [name for side in robot.of(ArmModel) for name in robot.of(ArmModel)[side].joint_names], 0.0
+    )
     base_from_root = Pose.from_xyz_rpy(BASE, (0.0, 0.0, BASE_YAW)).inverse()
     post = base_from_root.apply(np.array([[x, y, 0.0] for x in (-0.05, 0.05) for y in (-0.15, 0.15)]))[:, :2]
     lower, upper = body_between(robot, positions, "left", -0.1, 0.1)

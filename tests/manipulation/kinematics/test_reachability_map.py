@@ -16,6 +16,7 @@ from bestman_bt.manipulation.kinematics.reachability_cache import cache_folder
 from bestman_bt.manipulation.kinematics.reachability_map import even_directions
 from bestman_bt.manipulation.kinematics.screw_chain import ScrewChain
 from bestman_bt.messages import Pose
+from bestman_bt.robot_model import ArmModel
 
 SMALL = ReachabilityMapParameters(voxel=0.2, directions=12, samples=20_000)
 
@@ -26,7 +27,7 @@ def full(kinematics, arm):
 
 
 def test_many_positions_at_once_agree_with_the_kinematics_of_one(diff_panda, rng):
-    kinematics, arm = DampedLeastSquares(diff_panda), diff_panda.arms["arm"]
+    kinematics, arm = DampedLeastSquares(diff_panda), diff_panda.of(ArmModel)["arm"]
     sampled = rng.uniform(arm.lower, arm.upper, (20, 7))
     positions, approaches, measures = ScrewChain.of(kinematics).reach(sampled)
     for i, q in enumerate(sampled):

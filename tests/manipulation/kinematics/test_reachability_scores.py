@@ -14,6 +14,7 @@ from bestman_bt.manipulation.kinematics import (
     build_reachability_map,
     reachability_map,
 )
+from bestman_bt.robot_model import ArmModel
 from tests.manipulation.two_arms import two_arms
 
 TINY = ReachabilityMapParameters(voxel=0.5, directions=4, samples=50)
@@ -60,10 +61,10 @@ def test_many_samples_of_one_cell_are_counted_up_to_what_fits(kinematics, arm) -
 
 def test_whatever_moves_the_tool_or_bounds_the_arm_makes_another_map(tmp_path) -> None:
     robot = two_arms()
-    left = robot.arms["left"]
+    left = robot.of(ArmModel)["left"]
 
     def with_arm(**changes: object) -> DampedLeastSquares:
-        return DampedLeastSquares(replace(robot, arms={"left": replace(left, **changes)}), "left")
+        return DampedLeastSquares(replace(robot, parts={**robot.parts, "left": replace(left, **changes)}), "left")
 
     arms = [
         DampedLeastSquares(robot, "left"),

@@ -16,6 +16,7 @@ from bestman_bt.manipulation.kinematics import (
     stands_around,
 )
 from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.robot_model import ArmModel
 from tests.manipulation.kinematics.door_stations import door_stations
 
 pytestmark = pytest.mark.slow
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def mobile(diff_panda):
-    limits = diff_panda.arms["arm"]
+    limits = diff_panda.of(ArmModel)["arm"]
     kinematics = DampedLeastSquares(diff_panda)
     map_ = build_reachability_map(kinematics, limits, ReachabilityMapParameters(samples=200_000))
     return kinematics, limits, diff_panda.posture("home", limits.joint_names), map_

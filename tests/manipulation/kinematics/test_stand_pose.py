@@ -16,6 +16,7 @@ from bestman_bt.manipulation.kinematics import (
     stands_along,
 )
 from bestman_bt.messages import Pose, Pose2D
+from bestman_bt.robot_model import ArmModel, BaseModel
 from bestman_bt.world_model import BasePose, MapFurniture, SemanticMap, WorldModel
 
 TABLE = MapFurniture("table", Pose2D(3.0, 1.0, math.pi / 2), (0.8, 1.6), 0.72, (), False)
@@ -31,12 +32,12 @@ def grasps(position: np.ndarray) -> list[tuple[Pose, Pose]]:
 
 @pytest.fixture(scope="module")
 def mobile(diff_panda):
-    limits = diff_panda.arms["arm"]
+    limits = diff_panda.of(ArmModel)["arm"]
     return DampedLeastSquares(diff_panda), limits, diff_panda.posture("home", limits.joint_names)
 
 
 def front_of(robot):
-    return max(x for x, _ in robot.bases["base"].footprint)
+    return max(x for x, _ in robot.of(BaseModel)["base"].footprint)
 
 
 def test_stands_face_the_asked_side_and_keep_the_gap(diff_panda):

@@ -100,15 +100,15 @@ def test_a_joint_that_carries_the_arm_stands_where_it_is_told(robot, forward) ->
 
 def without_lift(robot: RobotModel, first: int = 1) -> RobotModel:
     """The left arm is one of the joints from number ``first`` on."""
-    whole = robot.arms["left"]
+    whole = robot.of(ArmModel)["left"]
     limits = (whole.lower, whole.upper, whole.velocity, whole.acceleration, whole.effort)
     part = ArmModel(whole.joint_names[first:], "root", "left_tool", *(values[first:] for values in limits))
-    return replace(robot, arms={"left": part})
+    return replace(robot, parts={"left": part})
 
 
 def test_weight_and_inertia_are_those_of_the_joints_in_their_order(robot, rng) -> None:
-    left, right = (ArmDynamics(robot, robot.arms[side]) for side in SIDES)
-    for q in rng.uniform(robot.arms["left"].lower, robot.arms["left"].upper, (5, 7)):
+    left, right = (ArmDynamics(robot, robot.of(ArmModel)[side]) for side in SIDES)
+    for q in rng.uniform(robot.of(ArmModel)["left"].lower, robot.of(ArmModel)["left"].upper, (5, 7)):
         gravity, mass = left.gravity(q), left.mass_matrix(q)
         assert np.allclose(right.gravity(q[::-1]), gravity[::-1])
         assert np.allclose(right.mass_matrix(q[::-1]), mass[::-1, ::-1])
@@ -118,9 +118,9 @@ def test_weight_and_inertia_are_those_of_the_joints_in_their_order(robot, rng) -
 
 
 def test_joints_below_an_arm_tell_how_it_leans(robot, rng) -> None:
-    whole = ArmDynamics(robot, robot.arms["left"])
-    upper = without_lift(robot, 3).arms["left"]
-    for q in rng.uniform(robot.arms["left"].lower, robot.arms["left"].upper, (5, 7)):
+    whole = ArmDynamics(robot, robot.of(ArmModel)["left"])
+    upper = without_lift(robot, 3).of(ArmModel)["left"]
+    for q in rng.uniform(robot.of(ArmModel)["left"].lower, robot.of(ArmModel)["left"].upper, (5, 7)):
         below = {f"left_{joint}": float(value) for joint, value in zip(JOINTS[:3], q[:3], strict=True)}
         part = ArmDynamics(robot, upper, fixed=below)
         assert np.allclose(part.gravity(q[3:]), whole.gravity(q)[3:])

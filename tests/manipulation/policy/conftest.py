@@ -15,7 +15,7 @@ from bestman_bt.manipulation.policy import (
     ReachingExpert,
     clone,
 )
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import ArmModel, RobotModel
 
 BRIEF = BehaviourCloningParameters(hidden=(16,), steps=50)
 SHORT = BehaviourCloningParameters(hidden=(96, 96), steps=2500, batch=128, rate=4e-3)
@@ -23,7 +23,7 @@ SHORT = BehaviourCloningParameters(hidden=(96, 96), steps=2500, batch=128, rate=
 
 @pytest.fixture(scope="session")
 def expert(diff_panda: RobotModel) -> ReachingExpert:
-    arm = diff_panda.arms["arm"]
+    arm = diff_panda.of(ArmModel)["arm"]
     return ReachingExpert(DampedLeastSquares(diff_panda), arm, diff_panda.posture("home", arm.joint_names))
 
 
