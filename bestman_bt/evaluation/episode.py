@@ -10,7 +10,7 @@ from pathlib import Path
 
 from behaviours.failure import NodeFailure
 from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig
-from bestman_bt.engine import Tree
+from bestman_bt.engine import FAILURE, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
 from bestman_bt.evaluation.disturbances import Disturbances
@@ -89,6 +89,18 @@ class _Observers:
         return self.truth.audit_record() if isinstance(self.truth, RemoteTruth) else None
 
 
+class _FailedLeaf:
+    """Notices which leaf of a tree has failed last."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._leaves = {node.uid * 8 + FAILURE: node for node in tree.nodes if not node.children}
+        self.node: Node | None = None
+        tree.subscribe(self._look)
+
+    def _look(self, changes: StateChanges) -> None:
+        self.node = next((self._leaves[code] for code in reversed(changes.codes) if code in self._leaves), self.node)
+
+
 def prepare_episode(config: RunConfig) -> Setup:
     """Check everything that a judged run needs; nothing is started.
 
@@ -142,7 +154,7 @@ def run_episode(
         with ExitStack() as stack:
             session = stack.enter_context(open_session(setup, observers.attach, gui, _recorder(stack, setup, folder)))
             tree = session.load()
-            durations = Durations(tree)
+            durations, failed = Durations(tree), _FailedLeaf(tree)
             after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
             executor = session.executor(tree, after_tick)
             telemetry = stack.enter_context(session.telemetry(executor, folder))
@@ -159,7 +171,7 @@ def run_episode(
             if observers.pictures is not None:
                 observers.pictures.take("end", _object(setup))
             audited = _audit(setup, observers)
-            result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start)
+            result = _judge(session, execution, verdict, audited, time.perf_counter() - wall_start, failed.node)
             result = replace(result, durations=durations.seconds)
             why = result.failure.why if result.failure is not None else result.not_judged
             telemetry.end(str(result.outcome), result.tree_status, why, execution.sim_time_s)
@@ -254,10 +266,15 @@ def _object(setup: Setup) -> str | None:
 
 
 def _judge(
-    session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None, wall_time: float
+    session: Session,
+    execution: Execution,
+    verdict: Verdict | None,
+    audited: Audit | None,
+    wall_time: float,
+    failed: Node | None = None,
 ) -> RunResult:
     config = session.setup.config
-    failure = _failure(session, execution, verdict, audited)
+    failure = _failure(session, execution, verdict, audited, failed)
     holds = verdict.holds if verdict is not None else None
     success = execution.succeeded and holds is not False and failure is None
     outcome = Outcome.SUCCESS if success else Outcome.FAILURE
@@ -291,16 +308,19 @@ def _why_not_judged(config: RunConfig, execution: Execution) -> str:
 
 
 def _failure(
-    session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None
+    session: Session, execution: Execution, verdict: Verdict | None, audited: Audit | None, failed: Node | None
 ) -> NodeFailure | None:
-    """The leaf at fault, else the judge's or the audit's objection, else None."""
+    """The leaf at fault, else the judge's or the audit's objection, else None. ``failed``: that which failed last."""
     if execution.ending is not Ending.FINISHED:
         return NodeFailure("", str(execution.ending), execution.why)
     if not execution.succeeded:
         told: list[NodeFailure] = session.skills.failures
         if told:
             return told[-1]
-        return NodeFailure("", "tree_failed", "the tree failed and no skill has told why")
+        if failed is not None:
+            why = failed.feedback_message or f"{failed.type_id} failed and gave no reason"
+            return NodeFailure(failed.path, "tree_failed", why, failed.where)
+        return NodeFailure("", "tree_failed", "the tree failed, though none of its leaves did")
     if verdict is not None and not verdict.holds:
         return NodeFailure("judge", "predicate", verdict.why)
     if audited is not None:

@@ -36,7 +36,10 @@ def _meant(text: str, folder: Path) -> Iterator[Path]:
     if not text or len(text) > 1000 or "\n" in text or "\0" in text:
         return
     file, is_class, _ = text.partition(".py:")
-    candidates = [folder / (f"{file}.py" if is_class else text), *(added / f"{text}.yaml" for added in user_folders().values())]
+    candidates = [
+        folder / (f"{file}.py" if is_class else text),
+        *(added / f"{text}.yaml" for added in user_folders().values()),
+    ]
     try:
         yield from (path.resolve() for path in candidates if path.is_file())
     except OSError:  # too long a name for this file system: no file

@@ -34,6 +34,22 @@ def judged(leaf: str, folder: Path, *settings: str) -> RunResult:
     )
 
 
+NATIVE_TREE = """
+import py_trees
+
+from bestman_bt.engine import Inverter, Sequence
+
+
+class Full(py_trees.behaviour.Behaviour):
+    def update(self):
+        self.feedback_message = "the hand holds the cup already"
+        return py_trees.common.Status.FAILURE
+
+
+def build():
+"""
+
+
 def cup_at(x: float, y: float) -> tuple[str, ...]:
     """The cup stands on the counter from the beginning."""
     return (
@@ -56,7 +72,32 @@ def test_a_tree_that_fails_is_no_success_even_where_the_cup_is_at_its_goal(tmp_p
     result = judged("<AlwaysFailure/>", tmp_path, *cup_at(-0.12, 0.0))
     assert (result.success, result.outcome, result.predicate) == (False, Outcome.FAILURE, True)
     assert result.failure is not None
-    assert result.failure.why == "the tree failed and no skill has told why"
+    assert result.failure.why == "AlwaysFailure failed and gave no reason"
+    assert result.failure.named == "AlwaysFailure (tree.xml:1)"
+
+
+@pytest.mark.parametrize(
+    ("build", "path", "why"),
+    [
+        ('py_trees.behaviours.Failure("no can in sight")', "no can in sight", "failure"),
+        (
+            'Sequence("work", [py_trees.behaviours.Success("one"), Full("hand")])',
+            "hand",
+            "the hand holds the cup already",
+        ),
+        (
+            'Inverter("never", [py_trees.behaviours.Success("one")])',
+            "",
+            "the tree failed, though none of its leaves did",
+        ),
+    ],
+)
+def test_a_native_leaf_that_fails_is_named_with_its_feedback(tmp_path: Path, build: str, path: str, why: str) -> None:
+    tree = tmp_path / "native.py"
+    tree.write_text(NATIVE_TREE + f"    return {build}\n")
+    result = run_episode(load_run("fetch_cup", tree=tree, seed=1))
+    assert result.failure is not None
+    assert (result.failure.node, result.failure.error_code, result.failure.why) == (path, "tree_failed", why)
 
 
 @pytest.mark.parametrize(("off", "success"), [(0.018, True), (0.022, False)])
