@@ -6,14 +6,14 @@ import math
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
-from bestman_bt.robot_model import ArmModel, GripperModel
-
 if TYPE_CHECKING:
     from bestman_bt.robot_model import RobotModel
 
 
 def highest_reach(robot: RobotModel) -> float:
     """Metres above the floor that no tool of the robot gets above: its joints' offsets and slides, outstretched."""
+    from bestman_bt.robot_model import ArmModel
+
     above = {}
     for joint in ElementTree.fromstring(robot.urdf).iter("joint"):
         child = joint.find("child")
@@ -33,6 +33,8 @@ def highest_reach(robot: RobotModel) -> float:
 
 def widest_grasp(robot: RobotModel) -> float:
     """Metres between the fingers of the hand that opens widest; a suction cup has no such limit."""
+    from bestman_bt.robot_model import GripperModel
+
     grippers = robot.of(GripperModel).values()
     return max((math.inf if gripper.kind == "suction" else gripper.max_width for gripper in grippers), default=0.0)
 

@@ -26,7 +26,6 @@ from bestman_bt.engine import (
 )
 from bestman_bt.engine import Problem as Fault
 from bestman_bt.registry import suggestion
-from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel
 from bestman_bt.task_planning.builders.steps import depend
 from bestman_bt.task_planning.reach import highest_reach, widest_grasp
 from bestman_bt.task_planning.simulation import SymbolicWorld, dry_run
@@ -149,6 +148,8 @@ class _Check:
 
 def _count(robot: RobotModel, part: str) -> int:
     """How many of a kind of part, or of a name, a robot has."""
+    from bestman_bt.robot_model import ArmModel, BaseModel, GripperModel, JointGroupModel
+
     kinds = {"arm": ArmModel, "base": BaseModel, "hand": GripperModel, "head": JointGroupModel}
     kind = kinds.get(part)
     return int(part in robot.parts) if kind is None else sum(isinstance(p, kind) for p in robot.parts.values())
