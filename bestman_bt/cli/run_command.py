@@ -98,13 +98,14 @@ def command(
     if real_time and driver != "pybullet":
         raise ConfigurationError([Problem("--real-time", None, "", f"is for simulated runs, not for {driver}")])
     with json_output(as_json) as tell:
+        faults: list[Problem] = []
         if recording is not None:
             config = _replayed(recording, tree, driver)
         else:
-            config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record)
+            config = _configuration(tree, task, scene, robot, driver, seed, settings, plugins, record, faults)
         if judge is not None:
             _ask_judge(judge, config.driver)
-        setup = prepare_episode(config)
+        setup = prepare_episode(config, faults)
         filled = (*setup.entries, *ALWAYS_FILLED)
         for warning in validate_file(find_data("tree", setup.config.task.tree), setup.registry, given=filled):
             print(warning, file=sys.stderr)
@@ -220,6 +221,7 @@ def _configuration(
     settings: list[str] | None,
     plugins: list[Path] | None,
     record: bool,
+    faults: list[Problem],
 ) -> RunConfig:
     if tree is None and task is None:
         raise ConfigurationError([Problem("bestman-bt run", None, "", "give a tree, or --task, or both")])
@@ -245,4 +247,5 @@ def _configuration(
         plugins=[str(plugin) for plugin in plugins or ()],
         record=record,
         driver=driver,
+        faults=faults,
     )

@@ -56,6 +56,8 @@ class ProblemCollector:
             self.problems += error.problems
 
     def raise_if_any(self) -> None:
-        """Raise ConfigurationError with all that was gathered, each once."""
+        """Raise ConfigurationError with all that was gathered, each once, those of a file in the order of its lines."""
         if self.problems:
-            raise ConfigurationError(dict.fromkeys(self.problems))
+            place = {source: at for at, source in enumerate(dict.fromkeys(one.source for one in self.problems))}
+            once = dict.fromkeys(self.problems)
+            raise ConfigurationError(sorted(once, key=lambda one: (place[one.source], one.line or 0)))

@@ -64,46 +64,53 @@ def load_run(
     plugins: Iterable[str] = (),
     record: bool = False,
     driver: str = "pybullet",
+    faults: list[Problem] | None = None,
 ) -> RunConfig:
     """Merge a task (or, without one, a tree, a scene and a robot) with what the command line says.
 
     Without a task and a tree, the run's ``tree`` is empty: a session is given its trees later.
     ``settings``: ``key=value``, where ``scene.…`` and ``robot.…`` reach into those and anything else into the task.
-    Raises ConfigurationError; scene and robot settings are checked when those are loaded.
+    Raises ConfigurationError; scene and robot settings are checked when those are loaded. With ``faults`` what is wrong
+    is added there and left out, if the rest can be checked further: a tree, scene or robot that is not there is empty.
     """
     choices = {"tree": "" if tree is None and task is None else tree, "scene": scene, "robot": robot}
     source = {key: str(value) for key, value in choices.items() if value is not None}
     origins: Origins = {(key,): (value if key == "tree" else f"--{key} {value}", None) for key, value in source.items()}
     command_line = Document(dict(source), origins)
-    faults = ProblemCollector()
+    found = ProblemCollector()
     document, known, given = _nothing(), task is None, list(plugins)
     values: dict[str, Any] = {}
-    with faults.step():
-        document = with_default_algorithms(document) if task is None else task_document(task)
+    with found.step():
+        document = with_default_algorithms(document) if task is None else task_document(task, found.problems)
         known = True
     document = document.merged(command_line)
     for setting in settings:
-        with faults.step():
+        with found.step():
             values |= parse_settings([setting])
     inner = {kind: _below(values, kind) for kind in ("scene", "robot")}
     merged: TaskConfig | None = None
     if known:
-        with faults.step():
+        with found.step():
             own = {key: value for key, value in values.items() if not key.startswith(("scene.", "robot."))}
             document = override(document, TaskConfig, own)
-        with faults.step():
-            merged = check_task(document)
+        with found.step():
+            merged = check_task(document, found.problems)
+    absent: dict[str, Any] = {}
     for kind in choices:
-        with faults.step():
-            if isinstance(document.data.get(kind), str) and document.data[kind]:
+        with found.step():
+            name = document.data.get(kind)
+            if isinstance(name, str) and name:
                 asked_by = document.problem((kind,), "")
-                find_data(
-                    kind, document.data[kind], dataclasses.replace(asked_by, field="") if kind in source else asked_by
-                )
-    if merged is None or faults.problems:  # otherwise plug-ins are told of where they are loaded
-        faults.problems += [Problem(f"--plugin {p}", None, "", "no such file") for p in given if not Path(p).is_file()]
-        raise ConfigurationError(dict.fromkeys(faults.problems))
-    merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given))
+                absent[kind] = ""
+                find_data(kind, name, dataclasses.replace(asked_by, field="") if kind in source else asked_by)
+                del absent[kind]
+    if faults is not None:
+        faults += found.problems
+    if merged is None or (found.problems and faults is None):  # otherwise plug-ins are told of where they are loaded
+        found.problems += [Problem(f"--plugin {p}", None, "", "no such file") for p in given if not Path(p).is_file()]
+        found.raise_if_any()
+    assert merged is not None
+    merged = dataclasses.replace(merged, plugins=(*merged.plugins, *given), **absent)
     name = Path(str(merged.tree if task is None else task)).stem or "session"
     run = RunConfig(name, merged, seed, driver, record, "", inner["scene"], inner["robot"])
     run = check(Document(_plain(run), {(): ("the run", None), ("seed",): (f"--seed {seed}", None)}), RunConfig)

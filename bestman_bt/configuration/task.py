@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import Field
 
-from bestman_bt.configuration.checked import check
+from bestman_bt.configuration.checked import check, salvage
 from bestman_bt.configuration.data import beside, data_names, find_data
 from bestman_bt.configuration.disturbance import DisturbanceConfig, disturbance_faults
 from bestman_bt.configuration.document import Document, read_document
@@ -188,13 +188,13 @@ class TaskConfig:
         return str(parameters.pop("algorithm")), parameters
 
 
-def task_document(name_or_path: str | Path) -> Document:
-    """The document of a task with the default algorithms below it; raises ConfigurationError.
+def task_document(name_or_path: str | Path, faults: list[Problem] | None = None) -> Document:
+    """The document of a task with the default algorithms below it; raises, and ``faults``, as ``read_document``.
 
     Paths that it names are counted from its file.
     """
     path = find_data("task", name_or_path)
-    document = read_document(path)
+    document = read_document(path, faults)
     for kind in ("tree", "scene", "robot"):
         if isinstance(document.data.get(kind), str):
             document.data[kind] = beside(path, kind, document.data[kind])
@@ -228,11 +228,18 @@ def load_task(name_or_path: str | Path) -> TaskConfig:
     return check_task(task_document(name_or_path))
 
 
-def check_task(document: Document) -> TaskConfig:
-    """A task from its document; raises ConfigurationError."""
-    task = check(document, TaskConfig)
-    slots = list(read_document(find_data("algorithms", "default")).data)
-    problems = list(_contradictions(task, document))
+def check_task(document: Document, faults: list[Problem] | None = None) -> TaskConfig:
+    """A task from its document; raises ConfigurationError.
+
+    With ``faults`` what is wrong is added there instead and left out of the task, so that the rest can be checked, too;
+    an algorithm that is wrong is then the default.
+    """
+    task, problems = salvage(document, TaskConfig)
+    if task is None:
+        raise ConfigurationError(problems)
+    default = read_document(find_data("algorithms", "default")).data
+    slots, sound = list(default), {**default, **task.algorithms}
+    problems += _contradictions(task, document)
     for slot, parameters in task.algorithms.items():
         if slot not in slots:
             problems.append(document.problem(("algorithms", slot), f"unknown slot; {suggestion(slot, slots)}"))
@@ -242,8 +249,14 @@ def check_task(document: Document) -> TaskConfig:
         elif not isinstance(parameters["algorithm"], str):
             message = f"should be the name of an algorithm, got {parameters['algorithm']!r}"
             problems.append(document.problem(("algorithms", slot, "algorithm"), message))
-    if problems:
+        else:
+            continue
+        sound[slot] = default.get(slot, parameters)
+    if faults is None and problems:
         raise ConfigurationError(problems)
+    if faults is not None and problems:
+        faults += problems
+        task = replace(task, algorithms=sound)
     return task
 
 

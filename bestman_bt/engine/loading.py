@@ -46,6 +46,7 @@ def load_tree(
     blackboard: Blackboard | None = None,
     search_path: Iterable[Path] = (),
     substitutions: SubstitutionRules | None = None,
+    faults: list[Problem] | None = None,
 ) -> Tree:
     """Load a tree from a file (``.xml``, or ``.py`` that defines ``build() -> Node``) or from XML text.
 
@@ -58,9 +59,11 @@ def load_tree(
         blackboard: the root blackboard; a new one by default. Give it a parent to add entries above, for ``@key``.
         search_path: folders that ``<include>`` may reach beside the file's own.
         substitutions: nodes to be replaced by others, for tests.
+        faults: errors of XML are added here, and what is wrong is left out of the tree, so that the rest can be checked
+            further. A tree that has some is not to be ticked.
 
     Raises:
-        TreeLoadError: with everything that is wrong in ``problems``.
+        TreeLoadError: with everything that is wrong in ``problems``; with ``faults``, only where no tree is left.
     """
     if isinstance(source, Path) or not source.lstrip("\ufeff \t\r\n").startswith("<"):
         path = Path(source)
@@ -73,7 +76,9 @@ def load_tree(
             )  # fmt: skip
     registry = registry or NodeRegistry()
     with _without_garbage_collection():
-        return _load_xml(source, registry, context, clock, main_tree, blackboard, tuple(search_path), substitutions)
+        return _load_xml(
+            source, registry, context, clock, main_tree, blackboard, tuple(search_path), substitutions, faults
+        )
 
 
 def _load_xml(
@@ -85,12 +90,18 @@ def _load_xml(
     blackboard: Blackboard | None,
     search_path: tuple[Path, ...],
     substitutions: SubstitutionRules | None,
+    faults: list[Problem] | None,
 ) -> Tree:
     documents = read_documents(source, search_path)
     compiler = ScriptCompiler(registry.enums)
     main = main_tree_of(documents, main_tree)
-    check_documents(documents, registry, compiler, main)
-    raise_if_any(documents.problems)
+    wrong = check_documents(documents, registry, compiler, main)
+    if faults is None or main is None or any(len(t.element.children) != 1 for t in documents.trees.values()):
+        raise_if_any(documents.problems)
+    else:
+        faults += [problem for problem in documents.problems if problem.severity == "error"]
+        documents.problems.clear()
+        _leave_out(wrong, registry)
     assert main is not None
     board = blackboard or Blackboard(main, converters=registry.converters)
     tree = Tree(registry=registry, compiler=compiler, blackboard=board, tree_id=main, context=context, clock=clock)
@@ -100,12 +111,29 @@ def _load_xml(
     builder = Builder(tree, documents.problems, documents, substitutions)
     definition = documents.trees[main]
     root = builder.build(definition.element.children[0], Place(tree, board, "", (main,), definition.file))
+    if faults:  # what was left out of a node may be missed while it is made
+        told = {(problem.file, problem.line) for problem in faults}
+        faults += [problem for problem in builder.problems if (problem.file, problem.line) not in told]
+        builder.problems.clear()
     builder.finish(root)
     return tree
 
 
-def check_documents(documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler, main: str | None) -> None:
-    """Check every tree in the documents; what is wrong is appended to their problems.
+def _leave_out(wrong: list[tuple[Element, str]], registry: NodeRegistry) -> None:
+    """Take wrong attributes out of their elements; in place of a wrong element stand its children, or nothing."""
+    for element, attribute in wrong:
+        if attribute and attribute not in ("ID", "name"):
+            element.attributes.pop(attribute, None)
+            element.entries = [entry for entry in element.entries or () if entry[0] != attribute] or None
+        else:
+            element.tag = "Sequence" if element.children else "AlwaysSuccess"
+            element.info, element.attributes, element.entries = registry.info(element.tag), {}, None
+
+
+def check_documents(
+    documents: Documents, registry: NodeRegistry, compiler: ScriptCompiler, main: str | None
+) -> list[tuple[Element, str]]:
+    """Check every tree in the documents; what is wrong is appended to their problems. Returns ``Checker.wrong``.
 
     What is wrong with a node in a tree that ``main`` does not use keeps nothing from loading; None: all are used.
     """
@@ -115,6 +143,7 @@ def check_documents(documents: Documents, registry: NodeRegistry, compiler: Scri
         checker.check(definition, used=tree_id in used)
     for definition in documents.replaced:
         checker.check(definition, used=False)
+    return checker.wrong
 
 
 def main_tree_of(documents: Documents, wanted: str | None) -> str | None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from behaviours.failure import NodeFailure
-from bestman_bt.configuration import ConfigurationError, Problem, ProblemCollector, RunConfig
+from bestman_bt.configuration import Problem, ProblemCollector, RunConfig
 from bestman_bt.engine import FAILURE, Node, StateChanges, Tree
 from bestman_bt.evaluation.audit import Audit, audit
 from bestman_bt.evaluation.declared_contacts import ContactLog
@@ -101,21 +101,17 @@ class _FailedLeaf:
         self.node = next((self._leaves[code] for code in reversed(changes.codes) if code in self._leaves), self.node)
 
 
-def prepare_episode(config: RunConfig) -> Setup:
+def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> Setup:
     """Check everything that a judged run needs; nothing is started.
 
-    Raises as ``prepare``, and TreeLoadError where the tree reads what neither it nor the task fills.
+    ``known_faults``: as of ``prepare``. Raises as ``prepare``, and TreeLoadError where the tree reads what neither it
+    nor the task fills.
     """
-    faults = ProblemCollector()
+    faults = ProblemCollector([*known_faults])
     with faults.step():
         find_judge(config)
     faults.problems += _missing_extras(config)
-    try:
-        setup = prepare(config, all_entries=not faults.problems)
-    except ConfigurationError as error:
-        faults.problems += error.problems
-    faults.raise_if_any()
-    return setup
+    return prepare(config, all_entries=not faults.problems, known_faults=faults.problems)
 
 
 def _missing_extras(config: RunConfig) -> Iterable[Problem]:

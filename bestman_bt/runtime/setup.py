@@ -173,13 +173,14 @@ class Setup:
         return replace(self, config=config)
 
 
-def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
+def prepare(config: RunConfig, all_entries: bool = False, known_faults: Iterable[Problem] = ()) -> Setup:
     """Load and check everything that a run needs; nothing is started.
 
-    ``all_entries``: whether the tree may read only what it, or the task, has filled by then. Raises ConfigurationError,
-    TreeLoadError or SceneError.
+    ``all_entries``: whether the tree may read only what it, or the task, has filled by then. ``known_faults``: those
+    with which the configuration was loaded, to be told with all others. Raises ConfigurationError, TreeLoadError or
+    SceneError.
     """
-    faults = ProblemCollector()
+    faults = ProblemCollector([*known_faults])
     registry: NodeRegistry | None = None
     robot_model: RobotModel | None = None
     scene: SceneConfig | None = None
@@ -188,10 +189,12 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
         DRIVERS.resolve(config.driver)
     with faults.step():
         registry = node_registry(config.task.plugins)
-    with faults.step():
-        robot_model = load_robot_model(config.task.robot, config.robot_settings)
-    with faults.step():
-        scene = load_scene(config.task.scene, config.scene_settings)
+    if config.task.robot:  # empty where the configuration was loaded without
+        with faults.step():
+            robot_model = load_robot_model(config.task.robot, config.robot_settings)
+    if config.task.scene:
+        with faults.step():
+            scene = load_scene(config.task.scene, config.scene_settings)
     faults.problems += _driver_problems(config)
     if robot_model is not None:
         if config.driver == "hardware":
@@ -199,7 +202,11 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
         with faults.step():
             _prepare_algorithms(config, robot_model)
     if robot_model is None or scene is None:
-        raise ConfigurationError(dict.fromkeys(faults.problems))
+        if registry is not None and config.task.tree:
+            faults.problems += _faults_of_tree(config.task.tree, registry)
+        faults.raise_if_any()
+    assert robot_model is not None
+    assert scene is not None
     world = draw_world(scene, config.seed)
     world_model = WorldModel(
         map=semantic_map(world),
@@ -212,7 +219,8 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
     with faults.step():
         check_odometry(config, robot_model)
     if registry is None:
-        raise ConfigurationError(dict.fromkeys(faults.problems))
+        faults.raise_if_any()
+    assert registry is not None
     setup = Setup(config, registry, robot_model, world, world_model, scene.absent)
     faults.problems += plan_problems(config, registry, world_model)
     if not faults.problems:
@@ -228,10 +236,21 @@ def prepare(config: RunConfig, all_entries: bool = False) -> Setup:
     return setup
 
 
+def _faults_of_tree(tree: str, registry: NodeRegistry) -> list[Problem]:
+    """Of a tree alone, where there is no robot or no scene to check it against."""
+    try:
+        load_tree(find_data("tree", tree), registry, search_path=shipped_trees())
+    except TreeLoadError as error:
+        return tree_problems(error)
+    return []
+
+
 def _check_tree(setup: Setup, all_entries: bool) -> None:
-    tree = load_for(setup)
-    wrong = setup.missing_in(tree)
-    if all_entries:
+    wrong: list[TreeProblem] = []
+    tree = load_for(setup, faults=wrong)
+    unread = all_entries and not wrong
+    wrong += setup.missing_in(tree)
+    if unread:
         task = setup.config.name if setup.entries or setup.config.task.predicates else None
         wrong += [one for one in unfilled_entries(tree, setup.entries, task) if one.severity == "error"]
     if wrong:

@@ -109,6 +109,42 @@ def test_an_unknown_node_that_a_file_beside_the_tree_defines_is_brought_as_a_plu
     assert "unknown node 'Nothing_like_it'" in refused("run", "t.xml", "--plugin", "skills.py")
 
 
+def test_all_errors_of_a_task_and_its_tree_are_told_at_once_in_the_order_of_lines(refused, folder: Path) -> None:
+    (folder / "mine.yaml").write_text("""\
+tree: t.xml
+scene: kitchen
+robot: diff_panda
+predicate: placedd
+tolerances: {position: 2 kg}
+goal: {name: place, object: cupp, source: tabel, surface: counter}
+time_limit: -3
+algoritms: {}
+algorithms:
+  motionplanning: {algorithm: prm}
+""")
+    nodes = (
+        '<NavigateTo goal="a;b;c"/>\n<MoveArm posture="cary" sped="3"/>\n<Grap/>\n<SubTree ID="Take" thing="pear"/>\n'
+    )
+    inner = '<BehaviorTree ID="Take"><CheckHeld object="{thing}"/></BehaviorTree>'
+    text = tree(f'<Sequence>\n<FindStandPose surface="countr" stand="{{stand}}"/>\n{nodes}</Sequence>')
+    text = text.replace("</root>", f"{inner}</root>").replace("<root ", '<root main_tree_to_execute="Main" ')
+    (folder / "t.xml").write_text(text)
+    told = refused("run", "--task", "mine.yaml").splitlines()
+    places = [
+        *("mine.yaml:4: predicate", "mine.yaml:5: tolerances.position", "mine.yaml:6: goal.object"),
+        *("mine.yaml:6: goal.source", "mine.yaml:7: time_limit", "mine.yaml:8: algoritms"),
+        *("mine.yaml:10: algorithms.motionplanning", "t.xml:4: <FindStandPose> surface", "t.xml:5: <NavigateTo> goal"),
+        *("t.xml:6: <MoveArm>: unknown port 'sped'", "t.xml:6: <MoveArm> posture", "t.xml:7: <Grap>"),
+        "t.xml:8: <SubTree> thing: there is no object 'pear'",
+    ]
+    assert told[0] == f"bestman-bt: {len(places)} errors, nothing was started:"
+    assert [line[: len(place)] for line, place in zip(told[1:], places, strict=True)] == places
+    without_robot = refused("run", "t.xml", "--robot", "dif_panda", "--scene", "kichen").splitlines()
+    assert [line.split(":")[0] for line in without_robot[1:]] == [
+        *("--scene kichen", "--robot dif_panda", "t.xml", "t.xml", "t.xml")
+    ]
+
+
 def test_all_errors_of_a_tree_are_told_at_once(refused, folder: Path) -> None:
     (folder / "t.xml").write_text(tree("<Sequence>\n<NavigateTo/>\n<Grap/>\n</Sequence>"))
     told = refused("run", "t.xml").splitlines()

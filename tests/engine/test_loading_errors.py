@@ -16,6 +16,7 @@ from bestman_bt.engine import (
     build_tree,
     load_tree,
 )
+from bestman_bt.engine.errors import Problem
 
 
 class NavigateTo(SyncAction):
@@ -46,6 +47,22 @@ def problems(text: str, registry: NodeRegistry) -> list[str]:
 
 def document(body: str, attributes: str = "", more: str = "") -> str:
     return f'<root BTCPP_format="4"{attributes}>\n<BehaviorTree ID="Main">\n{body}\n</BehaviorTree>\n{more}</root>'
+
+
+def test_with_faults_the_rest_of_a_tree_is_there_to_be_checked(registry: NodeRegistry) -> None:
+    text = document(
+        '<Sequense>\n<NavigateTo goal="1;2" speed="fast"/>\n<Drive/>\n<SubTree ID="Mian"/>\n<Sleep msec="20"/>\n'
+        '<Inverter><AlwaysSuccess/><Drive/></Inverter>\n<Script code="a :="/>\n</Sequense>'
+    )
+    faults: list[Problem] = []
+    tree = load_tree(text, registry, faults=faults)
+    assert [str(fault) for fault in faults] == problems(text, registry)
+    kinds = ["Sequence", "NavigateTo", "AlwaysSuccess", "AlwaysSuccess", "Sleep", "Sequence"]
+    kinds += ["AlwaysSuccess", "AlwaysSuccess", "Script"]
+    assert [node.type_id for node in tree.nodes] == kinds
+    assert tree.nodes[1].attributes == {"goal": "1;2"}
+    with pytest.raises(TreeLoadError):
+        load_tree(document(""), registry, faults=[])
 
 
 def test_all_errors_of_a_file_come_at_once_in_order_of_their_lines(registry: NodeRegistry) -> None:

@@ -30,13 +30,17 @@ Report = Callable[[str, str, str], None]
 
 
 class Checker:
-    """Checks all trees of one set of documents; what it finds is appended to ``documents.problems``."""
+    """Checks all trees of one set of documents; what it finds is appended to ``documents.problems``.
+
+    ``wrong``: the elements that have errors, and the attribute that each is in (empty: in the element as such).
+    """
 
     def __init__(self, registry: NodeRegistry, compiler: ScriptCompiler, documents: Documents) -> None:
         self.registry = registry
         self.compiler = compiler
         self.documents = documents
         self.file = documents.file
+        self.wrong: list[tuple[Element, str]] = []
         self._wrong = "error"
         self._infos = {info.name: info for info in registry}
 
@@ -51,9 +55,18 @@ class Checker:
             self._check(child)
 
     def _report(
-        self, element: Element, field: str, message: str, suggestion: str = "", severity: str = "error"
+        self,
+        element: Element,
+        field: str,
+        message: str,
+        suggestion: str = "",
+        severity: str = "error",
+        *,
+        attribute: str = "",
     ) -> None:
         name = element.attributes.get("ID", element.tag) if element.tag in EXPLICIT else element.tag
+        if severity == "error":
+            self.wrong.append((element, attribute or field))
         self.documents.problems.append(Problem(self.file, element.line, name, field, message, suggestion, severity))
 
     def _check(self, element: Element) -> None:
@@ -171,7 +184,7 @@ class Checker:
             return
         elif key[0] != "_" and ":" not in key and "." not in key:  # those are no port names, and are ignored
             message, suggestion = unknown_port(info, key)
-            self._report(element, "", message, suggestion, self._wrong)
+            self._report(element, "", message, suggestion, self._wrong, attribute=key)
 
     def _check_script(self, element: Element, key: str, text: str) -> None:
         element.scripts = element.scripts or key != "code"

@@ -91,11 +91,12 @@ def metric_names(config: RunConfig) -> list[str]:
 
 
 def _problems(config: RunConfig) -> Iterator[Problem]:
-    task = config.task
+    task, written = config.task, config.written.data  # what is written but wrong is told by others
     given: dict[str, bool] = {
-        name: getattr(task, name) is not None for name in ("opening", "tidy", "reach", "lift", "drive", "plan")
+        name: getattr(task, name) is not None or written.get(name) is not None
+        for name in ("opening", "tidy", "reach", "lift", "drive", "plan")
     }
-    given["goal"] = bool(task.all_goals)
+    given["goal"] = bool(task.all_goals or written.get("goal") or written.get("goals"))
     for index, name in enumerate(task.predicates):
         path = ("predicate",) if isinstance(task.predicate, str) else ("predicate", index)
         if name not in PREDICATES:
