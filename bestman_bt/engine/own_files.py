@@ -37,7 +37,12 @@ def importable(folder: Path) -> Iterator[None]:
         yield
         return
     _names[folder] = {path.stem for path in folder.iterdir() if path.suffix == ".py" or path.is_dir()} - {*PACKAGES}
-    hidden = {name: module for name, module in sys.modules.items() if _is_elsewhere(name, module, folder)}
+    users = set[str]().union(*_names.values())
+    hidden = {
+        name: module
+        for name, module in sys.modules.items()
+        if name.partition(".")[0] in users and _is_elsewhere(name, module, folder)
+    }
     for name in hidden:
         del sys.modules[name]
     of_script = {name for name, module in sys.modules.items() if _is_from(name, module, folder)}

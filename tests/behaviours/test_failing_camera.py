@@ -25,8 +25,8 @@ def session() -> Iterator[Session]:
     ("fault", "code"),
     [
         (CameraFault.SILENT, "camera_no_image"),
-        (CameraFault.BLACK, "camera_black"),
-        (CameraFault.NO_DEPTH, "camera_no_depth"),
+        pytest.param(CameraFault.BLACK, "camera_black", marks=pytest.mark.slow),
+        pytest.param(CameraFault.NO_DEPTH, "camera_no_depth", marks=pytest.mark.slow),
         (CameraFault.FROZEN, "camera_stale"),
     ],
 )

@@ -65,6 +65,7 @@ def test_no_machine_learning_framework_is_required(wheel: zipfile.ZipFile) -> No
     assert not [line for line in required if any(name in line for name in ("torch", "tensorflow", "jax", "nvidia"))]
 
 
+@pytest.mark.slow
 def test_a_third_party_tests_its_driver_with_the_suite_in_the_wheel(wheel: zipfile.ZipFile, tmp_path: Path) -> None:
     installed, own = tmp_path / "installed", tmp_path / "own"
     wheel.extractall(installed)

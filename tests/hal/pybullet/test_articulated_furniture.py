@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pybullet
@@ -25,7 +26,11 @@ PLACES = {
 }
 LEAVES = [f"{name}/{a.name}" for name in PLACES for a in read_furniture(name).articulations]
 DOORS = [name for name in LEAVES if "drawer" not in name]
-ONE_OF_EACH = {name.partition("/")[0]: name for name in DOORS}.values()
+ONE_OF_EACH = {name.partition("/")[0]: name for name in LEAVES}.values()
+
+
+def _the_others_slow(names: list[str]) -> list[Any]:
+    return [name if name in ONE_OF_EACH else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +112,7 @@ def test_all_stays_closed_while_nobody_pulls(robot: PyBulletRobot, truth: Ground
     assert not pybullet.getContactPoints(bodyA=body, physicsClientId=robot.simulation.client.id)
 
 
-@pytest.mark.parametrize("name", LEAVES)
+@pytest.mark.parametrize("name", _the_others_slow(LEAVES))
 def test_a_pull_at_the_handle_opens_it_once_it_exceeds_the_friction(
     robot: PyBulletRobot, truth: GroundTruth, world: World, name: str
 ) -> None:
@@ -124,9 +129,7 @@ def test_a_pull_at_the_handle_opens_it_once_it_exceeds_the_friction(
     assert truth.articulation_position(name) == pytest.approx(left, abs=1e-3)  # it stays where it is let go
 
 
-@pytest.mark.parametrize(
-    "name", [name if name in ONE_OF_EACH else pytest.param(name, marks=pytest.mark.slow) for name in DOORS]
-)
+@pytest.mark.parametrize("name", _the_others_slow(DOORS))
 @pytest.mark.parametrize(("friction", "opens"), [(None, False), (1.5, True)])
 def test_an_open_hand_that_pushes_the_handle_sideways_opens_no_door(
     robot_model: RobotModel, world: World, name: str, friction: float | None, opens: bool

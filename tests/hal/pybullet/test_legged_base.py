@@ -93,7 +93,13 @@ def test_without_new_commands_it_stands_on_its_feet_again(walk: Walk) -> None:
     assert walk.truth.base_pose().position == pytest.approx(start.position, abs=0.002)
 
 
-@pytest.mark.parametrize("velocity", [(0.4, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.2, 0.1, 0.4), (0.0, 0.0, 0.8)])
+@pytest.mark.parametrize(
+    "velocity",
+    [
+        (0.2, 0.1, 0.4),
+        *(pytest.param(v, marks=pytest.mark.slow) for v in [(0.4, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.0, 0.8)]),
+    ],
+)
 def test_a_stop_brings_it_to_rest_upright_within_half_a_second(
     walk: Walk, velocity: tuple[float, float, float]
 ) -> None:
