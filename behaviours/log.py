@@ -13,11 +13,17 @@ from bestman_bt.engine.conversion import text_of
 
 logger = logging.getLogger(__name__)
 
+DECIMALS = 6
+"""Of reals: metres to a micrometre, and 0.3 instead of 0.30000000000000004."""
+
+_REAL = re.compile(r"(?<![\w.])-?\d+(?:\.\d+(?:e[+-]?\d+)?|e[+-]?\d+)(?![\w.])")
 _KEY = re.compile(r"\{([^{}]+)\}")
 
 
 class Log(SyncAction):
     """Say ``text``, in which ``{key}`` stands for an entry of the blackboard; one without a value stays as written.
+
+    Reals are rounded to six decimals.
 
     The line is the node's feedback and a record of Python's ``logging``: it is shown wherever these are.
     """
@@ -38,7 +44,11 @@ class Log(SyncAction):
 
 
 def _text(value: Any) -> str:
+    """A value as trees write it, with reals rounded to ``DECIMALS``, also those within a pose or a list."""
+    if isinstance(value, str):
+        return value
     try:
-        return text_of(value)
+        text = text_of(value)
     except ConversionError:
-        return str(value)
+        text = str(value)
+    return _REAL.sub(lambda real: repr(round(float(real[0]), DECIMALS)), text)

@@ -12,7 +12,7 @@ import difflib
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from importlib.metadata import entry_points
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from bestman_bt.errors import InputError
 
@@ -29,6 +29,9 @@ class Registry:
     ``group``: the entry-point group, for example ``bestman_bt.drivers``. ``what``: the word used in errors.
     """
 
+    additions: ClassVar[int] = 0
+    """How often ``add`` was called, of any registry: what a plug-in has brought shows in it."""
+
     def __init__(self, group: str, what: str, entries: dict[str, str]) -> None:
         self.group = group
         self.what = what
@@ -38,6 +41,7 @@ class Registry:
     def add(self, name: str, target: Any) -> None:
         """Register ``target``, a class or ``"module:Class"``, under ``name``; a later name replaces an earlier one."""
         self._entries[name] = target
+        Registry.additions += 1
 
     def adding(self, name: str) -> Callable[[T], T]:
         """A decorator that registers what it decorates under ``name``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -11,7 +12,14 @@ from typing import Any
 from bestman_bt.configuration import ConfigurationError, Problem
 from bestman_bt.engine import Node, NodeRegistry
 from bestman_bt.engine.own_files import described, importable, load_file, plugin_module
-from bestman_bt.registry import BEHAVIOURS, PREDICATES
+from bestman_bt.registry import BEHAVIOURS, PREDICATES, Registry
+
+logger = logging.getLogger(__name__)
+
+_COULD_BRING = (
+    "it could define leaves (subclasses of Skill, SyncAction, …), predicates, register(registry), or classes below "
+    "@algorithm, @task_planner or @tree_builder"
+)
 
 
 def node_registry(plugins: Iterable[str] = ()) -> NodeRegistry:
@@ -19,7 +27,7 @@ def node_registry(plugins: Iterable[str] = ()) -> NodeRegistry:
 
     A plug-in is a Python file; every node class that it defines becomes a leaf, every ``Predicate`` one for goals, and
     its ``register(registry)``, if it has one, is called with the registry. Decorators of ``bestman_bt.registry`` name
-    all else. Raises ConfigurationError with file and line where one raises.
+    all else. Raises ConfigurationError with file and line where one raises; one that brings nothing is logged.
     """
     registry = NodeRegistry()
     for name in BEHAVIOURS:
@@ -37,15 +45,22 @@ def _load(plugin: str, registry: NodeRegistry) -> Problem | None:
     if path.suffix != ".py":
         return Problem(f"--plugin {plugin}", None, "", "should be a Python file (.py)")
     name = plugin_module(path)
+    before = Registry.additions
     try:
         with importable(path.parent):
             module = load_file(path, name)
-            for value in list(vars(module).values()):
-                if isinstance(value, type) and issubclass(value, Node) and value.__module__ == name:
-                    registry.register(value)
+            leaves = [
+                value
+                for value in list(vars(module).values())
+                if isinstance(value, type) and issubclass(value, Node) and value.__module__ == name
+            ]
+            for leaf in leaves:
+                registry.register(leaf)
             _add_predicates(module)
             if hasattr(module, "register"):
                 module.register(registry)
+            elif not leaves and Registry.additions == before:
+                logger.warning("--plugin %s brings nothing; %s", plugin, _COULD_BRING)
     except (Exception, SystemExit) as error:  # noqa: BLE001 - a plug-in may raise anything; told with file and line
         sys.modules.pop(name, None)
         file, line, words = described(error, path)

@@ -142,6 +142,30 @@ def test_a_plug_in_that_raises_is_named_with_its_line(
     assert message in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "brings"),
+    [
+        ("class Nod: ...\n", False),
+        ("from behaviours.grasp import Grasp\n", False),
+        ("from bestman_bt.engine import SyncAction\n\n\nclass Nod(SyncAction): ...\n", True),
+        ("def register(registry): ...\n", True),
+        ("from bestman_bt.registry import algorithm\n\n\n@algorithm('slam/mine')\nclass Mine: ...\n", True),
+    ],
+)
+def test_a_plug_in_that_brings_nothing_is_told_what_it_could_bring(
+    text: str, brings: bool, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "p.py").write_text(text)
+    try:
+        for _ in range(2):
+            node_registry([str(tmp_path / "p.py")])
+    finally:
+        ALGORITHMS._entries.pop("slam/mine", None)
+    assert len(caplog.messages) == (0 if brings else 2)
+    for message in caplog.messages:
+        assert "p.py brings nothing; it could define leaves" in message
+
+
 def test_a_plug_in_that_is_not_there_is_named() -> None:
     with pytest.raises(ConfigurationError, match=r"--plugin nowhere\.py: no such file"):
         node_registry(["nowhere.py"])
