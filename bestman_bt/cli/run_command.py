@@ -193,7 +193,7 @@ def _ask_judge(judge: Path, driver: str) -> None:
     try:
         _ = RemoteTruth(judge).object_names
     except (OSError, LookupError, ValueError) as error:
-        message = f"no judge of twins answers there: {error}"
+        message = f"no judge of twins answers there: {error}; twins that were started with --judge tell its socket"
         raise ConfigurationError([Problem(f"--judge {judge}", None, "", message)]) from error
 
 
