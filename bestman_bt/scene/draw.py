@@ -19,7 +19,7 @@ from bestman_bt.scene.load import SceneConfig
 from bestman_bt.scene.moving_door import MovingDoor
 from bestman_bt.scene.placing import gap_to_furniture, gap_to_objects, planar_radius, standing_on
 from bestman_bt.scene.plane_geometry import depth_inside, distance_to_polygon, rectangle, wall_rectangle
-from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Wall, World
+from bestman_bt.scene.scene import PlacedFurniture, PlacedObject, Surface, Wall, World
 from bestman_bt.scene.scene_config import GoalPlacement, ObjectPlacement, RegionConfig
 from bestman_bt.scene.standing_outlines import leaf_outlines, standing_outlines
 from bestman_bt.scene.walker import Walker
@@ -27,6 +27,8 @@ from bestman_bt.scene.walker_routes import draw_walkers
 
 _ATTEMPTS = 100  # whole draws
 _TRIES = 100  # places tried for one thing in one draw
+_NEAR = 0.3
+"""Metres within which things are named that stand where there was no room for another."""
 
 
 class SceneError(InputError, RuntimeError):
@@ -48,7 +50,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
     walls = tuple(Wall(start, end, layout.height, layout.thickness) for start, end in layout.lines)
     furniture = standing_furniture(scene, lambda piece: _shares(seed, piece))
     furniture += exactly_placed(scene, partial(_generator, seed, 0, "changes"))
-    complaint = ""
+    why: _NoRoomError | None = None
     for attempt in range(_ATTEMPTS):
         try:
             objects = _objects(scene, seed, attempt, furniture)
@@ -56,7 +58,7 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
             start = _start(scene, seed, attempt, walls, furniture)
             standing, walkers = _changed(scene, seed, attempt, walls, furniture, start)
         except _NoRoomError as error:
-            complaint = str(error)
+            why = error
             continue
         return World(
             scene=scene.name,
@@ -71,11 +73,17 @@ def draw_world(scene: SceneConfig, seed: int) -> World:
             walkers=walkers,
             moving_doors=_moving_doors(scene, standing),
         )
-    raise SceneError(f"scene {scene.name!r}, seed {seed}: no world in {_ATTEMPTS} draws; {complaint}")
+    assert why is not None
+    message = f"{why} in any of {_ATTEMPTS} draws (scene {scene.name!r}, seed {seed}); {why.remedy}"
+    raise SceneError(str(scene.document.problem(why.field, message))) from why
 
 
 class _NoRoomError(Error):
-    pass
+    """``field``: of the scene file, what leaves no room."""
+
+    def __init__(self, field: tuple[str, ...], what: str, remedy: str) -> None:
+        super().__init__(f"no room for {what}")
+        self.field, self.remedy = field, remedy
 
 
 def _generator(seed: int, attempt: int, *names: str) -> np.random.Generator:
@@ -125,7 +133,13 @@ def _object(
         room = min(gap_to_objects(pose, model, others), gap_to_furniture(pose, model, piece, furniture))
         if inside and room >= scene.file.clearance:
             return PlacedObject(name, model, pose)
-    raise _NoRoomError(f"no room for {name!r} on {placement.surface}")
+    around = [other.name for other in others if abs(other.pose.position - pose.position).max() < _NEAR]
+    beside = f" beside {', '.join(around)}" if around else ""
+    raise _NoRoomError(
+        ("objects", name, "region", "x"),
+        f"{name!r} on {placement.surface}{beside}",
+        f"widen the region within {_size(surface)}, or lower 'clearance' ({scene.file.clearance:g} m)",
+    )
 
 
 def _goal(
@@ -152,7 +166,15 @@ def _goal(
             continue
         if goal.clearance is None or gap_to_objects(pose, model, objects) >= goal.clearance:
             return pose
-    raise _NoRoomError(f"no room for the goal {name!r} on {goal.surface}")
+    raise _NoRoomError(
+        ("goals", name, "region", "x"),
+        f"the goal {name!r} on {goal.surface}",
+        f"widen the region within {_size(surface)}, or lower its 'margin' ({goal.margin:g} m) or 'clearance'",
+    )
+
+
+def _size(surface: Surface) -> str:
+    return f"the surface's {surface.size[0]:g} m × {surface.size[1]:g} m"
 
 
 def _start(
@@ -170,7 +192,11 @@ def _start(
             continue
         if min(distance_to_polygon(obstacle, pose.xy) for obstacle in obstacles) >= scene.file.start_clearance:
             return pose
-    raise _NoRoomError("no room for the robot's start")
+    raise _NoRoomError(
+        ("robot_start", "x"),
+        "the robot's start",
+        f"choose a region that is free, or lower 'start_clearance' ({scene.file.start_clearance:g} m)",
+    )
 
 
 def _changed(
@@ -185,14 +211,17 @@ def _changed(
     fixed = [wall_rectangle(wall) for wall in walls] + [line for piece in furniture for line in leaf_outlines(piece)]
     standing = draw_changes(scene, furniture, fixed, start, partial(_generator, seed, attempt, "changes"))
     if standing is None:
-        raise _NoRoomError("no room for furniture that was moved or that the map does not have")
+        what = "furniture that was moved or that the map does not have"
+        raise _NoRoomError(
+            ("unmapped",) if scene.file.unmapped else (), what, "widen its regions, or ask for less of it"
+        )
     asked = scene.file.walkers
     if asked is None:
         return standing, ()
     outlines = standing_outlines(walls, standing)
     walkers = draw_walkers(asked, outlines, start, partial(_generator, seed, attempt, "walkers"))
     if walkers is None:
-        raise _NoRoomError(f"no room for {asked.count} walkers")
+        raise _NoRoomError(("walkers",), f"{asked.count} walkers", "ask for fewer")
     return standing, walkers
 
 

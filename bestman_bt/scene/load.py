@@ -40,6 +40,7 @@ class SceneConfig:
     model of each object by its name, and of each goal's object by the model's. ``goal_models``: by the goal's name.
     ``unmapped``: models of the furniture that the map does not have.
     ``absent``: names of furniture and objects that the scene or its settings leave out of what it extends.
+    ``document``: where each value was written.
     """
 
     name: str
@@ -49,6 +50,7 @@ class SceneConfig:
     goal_models: Mapping[str, ObjectModel]
     unmapped: Mapping[str, FurnitureModel] = field(default_factory=dict)
     absent: tuple[str, ...] = ()
+    document: Document = field(default_factory=lambda: Document({}), compare=False, repr=False)
 
     def surface(self, name: str) -> tuple[str, Surface]:
         """Furniture name and surface of ``furniture`` or ``furniture/surface``; KeyError names what there is."""
@@ -72,7 +74,7 @@ def load_scene(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
     file, problems = salvage(document, SceneFile)
     if file is None:
         raise ConfigurationError(problems)
-    scene = replace(_resolved(path.stem, file, document, problems), absent=absent)
+    scene = replace(_resolved(path.stem, file, document, problems), absent=absent, document=document)
     if problems:
         raise ConfigurationError(sorted(problems, key=lambda problem: (problem.source, problem.line or 0)))
     return scene

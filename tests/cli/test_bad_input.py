@@ -241,7 +241,9 @@ def test_a_network_that_is_not_there_is_told_before_anything_starts(refused) -> 
 def test_a_scene_that_has_no_room_is_refused(refused, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bestman_bt.scene.draw._ATTEMPTS", 2)
     told = refused("run", "fetch_cup", "--set", "scene.clearance=3 m")
-    assert "scene 'kitchen', seed 0: no world in 2 draws; no room for" in told
+    assert "kitchen.yaml:" in told
+    assert "in any of 2 draws (scene 'kitchen', seed 0)" in told
+    assert "or lower 'clearance' (3 m)" in told
 
 
 LIDAR = "  lidar:       {part: planar_lidar, mount: base_link, xyz: [0, 0, 25 cm]}\n"

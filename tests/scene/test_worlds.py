@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import itertools
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bestman_bt.messages import Pose2D
 from bestman_bt.robot_model import BaseModel, load_robot_model
-from bestman_bt.scene import SceneConfig, World, draw_world, load_scene, planar_radius
+from bestman_bt.scene import SceneConfig, SceneError, World, draw_world, load_scene, planar_radius
 from bestman_bt.scene.plane_geometry import (
     depth_inside,
     distance_to_polygon,
@@ -185,3 +187,37 @@ def test_no_disc_of_twelve_centimetres_is_free_on_the_covered_counter(worlds: di
     ]
     assert max(free_radii) < 0.06
     assert max(free_radii) > 0.03  # the counter itself can still be seen between the objects
+
+
+OBJECT_IN_THE_WAY = """extends: kitchen
+objects:
+  cup: {model: cup, surface: table/top, region: {x: [0.0, 0.01], y: [0.0, 0.01]}, presence: 1}
+  can:
+    model: can
+    surface: table/top
+    presence: 1
+    region:
+      x: [0.0, 0.01]
+      y: [0.0, 0.01]
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "overrides", "told"),
+    [
+        (OBJECT_IN_THE_WAY, {}, r"mine.yaml:9: objects.can.region.x: no room for 'can' on table/top beside cup in any"),
+        ("extends: kitchen\nrobot_start:\n  x: [2.5, 2.5]\n  y: [0, 0]\n", {}, r"mine.yaml:3: robot_start.x: no room"),
+        (
+            "extends: kitchen\n",
+            {"goals.place.margin": 0.35},
+            r"kitchen.yaml:\d+: goals.place.region.x: no room for the goal 'place' on counter/top in any of",
+        ),
+    ],
+)
+def test_a_world_that_cannot_be_drawn_is_told_with_the_line_and_the_thing_that_does_not_fit(
+    text: str, overrides: dict[str, Any], told: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(SceneError, match=told):
+        draw_world(load_scene(path, overrides), 1)
