@@ -22,5 +22,5 @@ def input_errors() -> Iterator[None]:
 def _headline(error: InputError) -> str:
     text = str(error)
     problems = getattr(error, "problems", None)
-    count = text.count("\n") + 1 if problems is None else len(problems)
+    count = 1 if problems is None else len(problems)
     return f"{count} errors, nothing was started:\n{text}" if count > 1 else f"nothing was started: {text}"

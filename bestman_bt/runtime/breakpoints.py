@@ -140,8 +140,10 @@ class Breakpoints:
             try:
                 return tree.node(node)
             except KeyError as error:
-                close = closest(node, [known.path for known in tree.nodes])
-                hint = f"; did you mean '{close}'?" if close else ""
+                name = node.rpartition("/")[2]
+                alike = [known.path for known in tree.nodes if name in (known.name, known.type_id)]
+                close = alike or [closest(node, [known.path for known in tree.nodes])]
+                hint = f"; did you mean {' or '.join(repr(path) for path in close[:5])}?" if close[0] else ""
                 raise BreakpointError(f"{error.args[0]}{hint}") from error
         if isinstance(node, bool) or not isinstance(node, int) or not 1 <= node <= len(tree.nodes):
             raise BreakpointError(f"a node is a path or a number from 1 to {len(tree.nodes)}, not {node!r}")

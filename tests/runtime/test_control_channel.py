@@ -541,6 +541,13 @@ def test_set_without_a_value_is_refused_and_null_is_a_value(served: Served) -> N
     assert served.ask("set", key="cup", value=None)["ok"]
 
 
+def test_a_breakpoint_at_a_name_or_a_type_is_answered_by_the_paths_of_such_nodes(served: Served) -> None:
+    nodes = served.executor.tree.nodes
+    for node in nodes[1:]:
+        with pytest.raises(ControlError, match=f"did you mean .*{node.path!r}"):
+            served.ask("breakpoint", node=f"elsewhere/{node.type_id}", when="before")
+
+
 def test_a_breakpoint_at_a_misspelt_node_is_answered_by_the_closest_path(served: Served) -> None:
     with pytest.raises(ControlError, match="there is no node 'blnk'.*did you mean 'blink'"):
         served.ask("breakpoint", node="blnk", when="before")
