@@ -132,7 +132,7 @@ def algorithm_by_name(config: RunConfig, slot: str, name: str, folders: tuple[Pa
         return make_algorithm(config, slot, name=name, folders=folders)
     except ConfigurationError as error:
         problem = error.problems[0]
-        where = f"{problem.source}:{problem.line}: " if problem.line and ":" in name else ""
+        where = f"{problem.source}:{problem.line}: " if problem.line and problem.source.endswith(".py") else ""
         raise UnknownNameError(where + problem.message) from error
 
 

@@ -225,6 +225,7 @@ def test_trees_and_what_they_include_find_the_planners_beside_them_and_no_others
     alone.write_text((tmp_path / "one/parts/inner.xml").read_text())
     (problem,) = kitchen.missing_in(load_for(kitchen, alone))
     assert (problem.file, problem.line, problem.field) == (str(alone), 3, "planner_id")
+    assert "default.yaml" not in problem.message
 
 
 def test_an_own_planner_that_fails_is_told_with_its_line_and_the_trees(kitchen: Setup, tmp_path: Path) -> None:
