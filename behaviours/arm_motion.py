@@ -71,8 +71,8 @@ def _planned(skill: Skill, goals: Sequence[NDArray[np.float64]], world: Collisio
     skills = skill.skills
     start = skills.arm_positions()
     constraint, speed = None, FREE_SPEED
-    if skills.world.held is not None:
-        upright = Upright(skills.algorithms.kinematics, skills.world.held.tool_from_object, MAX_HELD_TILT)
+    if skills.held is not None:
+        upright = Upright(skills.algorithms.kinematics, skills.held.tool_from_object, MAX_HELD_TILT)
         constraint = upright if upright.satisfied(start) else None
         speed = CARRYING_SPEED
     return skill.compute(

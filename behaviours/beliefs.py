@@ -51,7 +51,7 @@ def believe_objects(
         sightings,
         view.in_map,
         drift=world.base.position_std,
-        taken=[world.held.name] if world.held is not None else [],
+        taken=[held.name for held in world.hands.values()],
     )
     world.objects = dict(tracked.objects)
     world.changes += tracked.changes

@@ -8,7 +8,7 @@ from py_trees.ports import PortInformation
 
 from behaviours.grasp import grip_problem
 from behaviours.names import ObjectName
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.perception import View
 
@@ -16,7 +16,7 @@ EMPTY = 0.6
 """Share of the gap between the fingers that the camera must look through for the hand to be empty."""
 
 
-class CheckHeld(Skill):
+class CheckHeld(OnArm, Skill):
     """Make sure that the hand holds an object: gripper width, tactile pads and wrist camera, where there are any.
 
     An object that has been lost is no longer believed to be in the hand.
@@ -42,7 +42,7 @@ class CheckHeld(Skill):
         """Ask each sensor in turn, the cheapest first."""
         skills = self.skills
         name: str = self.get_input("object")
-        held = skills.world.held
+        held = skills.held
         if held is None or held.name != name:
             raise SkillFailure("not_holding", f"the hand does not hold the {name}")
         width = skills.gripper.width()
@@ -57,7 +57,7 @@ class CheckHeld(Skill):
             problem = yield self.compute("hand_check", self._sight_problem, width)
         self.set_output("evidence", ", ".join(evidence))
         if problem:
-            skills.world.held = None
+            skills.held = None
             raise SkillFailure("object_lost", f"the {name} is no longer in the hand: {problem}")
         self.feedback_message = f"{name} in hand, by {' and '.join(evidence)}"
 

@@ -15,7 +15,7 @@ from behaviours.contacts import handle
 from behaviours.following import FOLLOWING_FAILS, error_code, followed
 from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf, free_along, world_at_leaf
 from behaviours.names import ArticulationName, PostureName
-from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
 from bestman_bt.engine.bounds import BoundedPort
@@ -45,7 +45,7 @@ class _Plan:
     score: float
 
 
-class Close(Skill):
+class Close(OnArm, Skill):
     """Push a door or drawer shut from where the base stands, with closed fingers at its front.
 
     It starts from where the leaf is believed to be, feels for the front, goes along with the map's joint, and ends when
@@ -81,8 +81,8 @@ class Close(Skill):
     def execute(self) -> Steps:
         """Plan, close the fingers, touch, push, withdraw."""
         skills = self.skills
-        if skills.world.held is not None:
-            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.world.held.name}")
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
         leaf, posture = find_leaf(skills, self.get_input("articulation")), self.get_input("posture")
         leaf.check_opening("opening", self.get_input("opening"))
         plan: _Plan | None = yield self.compute("grasp_planning", self._plan, leaf)

@@ -13,7 +13,7 @@ from behaviours.closing import BEFORE, Push, pushes
 from behaviours.leaf import UNKNOWN_ARTICULATION, Leaf, find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.names import ArticulationName
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose2D
 
@@ -26,7 +26,7 @@ BEARINGS = tuple(math.radians(degrees) for degrees in range(-90, 91, 15))
 TURNS = (0.0, -0.5, 0.5)
 
 
-class FindCloseStand(Skill):
+class FindCloseStand(OnArm, Skill):
     """Choose where to stand so that the arm pushes a door or drawer shut from where it is believed to be.
 
     Each time it is asked again it gives another stand, until none is left.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ from behaviours.contacts import Contact
 from behaviours.failure import NodeFailure
 from behaviours.parts import PartKind
 from bestman_bt.messages import Pose
-from bestman_bt.world_model import WorldModel
+from bestman_bt.world_model import HeldObject, WorldModel
 
 if TYPE_CHECKING:
     from bestman_bt.control.arm import ArmController
@@ -59,7 +59,8 @@ MADE_ON_FIRST_USE = frozenset(
 class Algorithms:
     """The algorithms that the configuration chose, one per slot; each is made when it is first asked for.
 
-    ``make``: slot → the algorithm, as ``bestman_bt.runtime.algorithms`` makes it.
+    ``make``: slot and arm → the algorithm, as ``bestman_bt.runtime.algorithms`` makes it; only ``kinematics`` is of one
+    arm. ``arm``: its name, empty for the one that skills use which name none.
     """
 
     detection: Detector
@@ -84,15 +85,26 @@ class Algorithms:
     exploration: FrontierExplorer
     global_localization: GlobalLocalizer
 
-    def __init__(self, make: Callable[[str], Any]) -> None:
-        self._make = make
+    def __init__(self, make: Callable[[str, str], Any], arm: str = "") -> None:
+        self._make, self._arm = make, arm
+        self._for_arms = {arm: self}
+
+    def for_arm(self, arm: str) -> Algorithms:
+        """The same algorithms, with the kinematics of another arm."""
+
+        def make(slot: str, arm: str) -> Any:
+            return self._make(slot, arm) if slot == "kinematics" else getattr(self, slot)
+
+        if arm not in self._for_arms:
+            self._for_arms[arm] = Algorithms(make, arm)
+        return self._for_arms[arm]
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, slot: str) -> Any:
             if slot not in Algorithms.__annotations__:
                 raise AttributeError(f"there is no slot {slot!r}; there are {', '.join(Algorithms.__annotations__)}")
-            made = self._make(slot)
+            made = self._make(slot, self._arm)
             setattr(self, slot, made)
             return made
 
@@ -106,7 +118,9 @@ class SkillContext:
     ``stop``: the one over all parts, for leaves that go on after it.
     ``camera``: the first that no arm carries, else the one on the hand. ``wrist_camera``: on the hand, where there is
     one; ``tactile``: pads of the fingers, which may be none. ``wrist_wrench``: what touches the hand, where there is a
-    sensor. ``make_part``: from the name of one of these attributes to what it is.
+    sensor. ``make_part``: from the name of one of these attributes, and of an arm, to what it is.
+    ``arm_name``: the arm whose ``arm``, ``gripper``, sensors of the hand, kinematics and held object these are; empty
+    without an arm. ``for_arm`` gives the context of another one.
     ``observations``: what was seen of objects lately, by identity, in the map frame.
     ``contacts``: those that skills declare now. ``handled``: the object that the fingers have touched last.
     ``costs``: what a computation takes on the robot's computer, seconds by name. ``failures``: what leaves told,
@@ -118,7 +132,7 @@ class SkillContext:
     clock: TimeSource
     robot: RobotModel
     kinds: Mapping[PartKind, tuple[str, ...]]
-    make_part: Callable[[str], Any]
+    make_part: Callable[[str, str], Any]
     world: WorldModel
     stop: RobotStop
     algorithms: Algorithms
@@ -128,10 +142,12 @@ class SkillContext:
     planners: Callable[[str, tuple[Path, ...]], GlobalPlanner]
     followers: Callable[[str, tuple[Path, ...]], PathFollower]
     policies: Callable[[str, tuple[Path, ...]], Policy]
+    arm_name: str = ""
     failures: list[NodeFailure] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     handled: str | None = None
     observations: dict[str, list[Observation]] = field(default_factory=dict)
+    _for_arms: dict[str, SkillContext] = field(default_factory=dict)
 
     base: BaseController = field(init=False)
     arm: ArmController = field(init=False)
@@ -143,8 +159,27 @@ class SkillContext:
     joints: JointStateSensor = field(init=False)
     wrist_wrench: WristWrench | None = field(init=False)
 
+    def __post_init__(self) -> None:
+        self._for_arms[self.arm_name] = self
+
+    def for_arm(self, name: str = "") -> SkillContext:
+        """What skills work with who use this arm; of an empty name the only arm or the robot's default one.
+
+        Base, head, cameras, beliefs and algorithms are the same for all. KeyError names the arms that there are.
+        """
+        if name == self.arm_name and (name or len(self.robot.arm_names) < 2):
+            return self
+        if not name and self.arm_name:
+            return self
+        arm = self.robot.arm_named(name)
+        if arm not in self._for_arms:
+            replace(self, arm_name=arm, algorithms=self.algorithms.for_arm(arm), handled=None)
+        return self._for_arms[arm]
+
     def has(self, kind: PartKind) -> bool:
-        """Whether the robot has a part of a kind."""
+        """Whether the robot has a part of a kind; whether the arm carries a gripper."""
+        if kind == "gripper" and self.arm_name:
+            return self.robot.gripper_of(self.arm_name) in self.kinds.get("gripper", ())
         return kind in self.kinds
 
     def make(self, kinds: Iterable[PartKind]) -> None:
@@ -159,16 +194,30 @@ class SkillContext:
         def __getattr__(self, name: str) -> Any:
             if name not in MADE_ON_FIRST_USE:
                 raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-            made = self.make_part(name)
+            made = self.make_part(name, self.arm_name)
             setattr(self, name, made)
             return made
 
     @property
+    def held(self) -> HeldObject | None:
+        """What the hand of the arm holds, as far as is believed."""
+        return self.world.hands.get(self.arm_name)
+
+    @held.setter
+    def held(self, held: HeldObject | None) -> None:
+        self.world.hands.pop(self.arm_name, None)
+        if held is not None:
+            self.world.hands[self.arm_name] = held
+
+    @property
     def cameras(self) -> tuple[RGBDSensor, ...]:
-        """``camera`` and ``wrist_camera``, as far as the robot has them."""
-        first = (self.camera,) if self.has("camera") else ()
-        on_hand = self.wrist_camera
-        return first if on_hand is None or on_hand.name in [one.name for one in first] else (*first, on_hand)
+        """``camera`` and those on the hands, as far as the robot has them."""
+        named = {self.camera.name: self.camera} if self.has("camera") else {}
+        for arm in self.robot.arm_names:
+            on_hand = self.for_arm(arm).wrist_camera
+            if on_hand is not None:
+                named.setdefault(on_hand.name, on_hand)
+        return tuple(named.values())
 
     @property
     def arm_model(self) -> ArmModel:
@@ -219,12 +268,16 @@ class SkillContext:
         base, positions = footprint_of(self.base.description), self.joints.positions()
         if not self.has("arm"):
             return base
-        if posture is None:
-            return base.carrying(self._arm_bodies.at(positions, self.world.held), SWAY)
-        if posture not in self.robot.postures:
-            return base
-        tucked = zip(self.arm_model.joint_names, self.robot.posture(posture, self.arm_model.joint_names), strict=True)
-        return base.carrying(self._arm_bodies.at({**positions, **dict(tucked)}, self.world.held), SWAY)
+        if posture is not None:
+            if posture not in self.robot.postures:
+                return base
+            tucked = self.robot.postures[posture]
+            moved = self.arm_model.joint_names
+            positions = {**positions, **{joint: tucked[joint] for joint in moved if joint in tucked}}
+        bodies = [
+            body for arm, of_arm in self._arm_bodies.items() for body in of_arm.at(positions, self.world.hands.get(arm))
+        ]
+        return base.carrying(bodies, SWAY)
 
     def costmap(self, posture: str | None = None) -> Costmap:
         """What the base must keep clear of: walls, furniture, and doors and drawers that are believed to stand open.
@@ -239,10 +292,10 @@ class SkillContext:
         return self.base.layer.on(costmap) if self.algorithms.costmap.parameters.obstacle else costmap
 
     @cached_property
-    def _arm_bodies(self) -> ArmBodies:
+    def _arm_bodies(self) -> dict[str, ArmBodies]:
         from bestman_bt.manipulation.kinematics import ArmBodies
 
-        return ArmBodies(self.robot, self.arm.name)
+        return {arm: ArmBodies(self.robot, arm) for arm in self.robot.arm_names}
 
     def arm_world(self, scene: PlanningScene) -> CollisionWorld:
         """The collision world of the arm in ``scene``."""

@@ -12,8 +12,8 @@ from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, hand_contacts
 from behaviours.contacts import grasp as grasp_contact
 from behaviours.contacts import support, surface_below
 from behaviours.grasp_candidates import grasp_candidates
-from behaviours.names import ObjectName
-from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillCondition, SkillFailure, Steps
+from behaviours.names import ArmName, ObjectName
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillCondition, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject, ObjectBelief
@@ -46,7 +46,7 @@ class PlannedGrasp:
     tool_from_object: Pose
 
 
-class PlanGrasp(Skill):
+class PlanGrasp(OnArm, Skill):
     """Choose grasps of a located object that the arm reaches without touching anything else, best first."""
 
     REQUIRES = ("arm", "gripper")
@@ -112,7 +112,7 @@ class PlanGrasp(Skill):
         return 1.0 if found else 0.0
 
 
-class Grasp(Skill):
+class Grasp(OnArm, Skill):
     """Take an object with the first of the planned grasps, and lift it; the grasps that are left go back to the port.
 
     If the hand closes on nothing, or cannot lift what it holds, it opens and leaves as it came, and all grasps are
@@ -156,7 +156,7 @@ class Grasp(Skill):
         grasp, rest = grasps[0], grasps[1:]
         belief = skills.world.objects[name]
         self.set_output("grasps", rest)
-        skills.world.held = None
+        skills.held = None
         yield skills.gripper.open(grasp.candidate.opening)
         yield from move_free(self, [grasp.approach.pre])
         stands_on = belief.surface or surface_below(skills.world, belief.pose)
@@ -196,7 +196,7 @@ class Grasp(Skill):
         world = self.skills.world
         belief = world.objects.pop(held.name)
         self.skills.observations.pop(held.name, None)
-        world.held = held
+        self.skills.held = held
         if world.occupancy is not None:
             taken = [replace(part, pose=belief.pose @ part.pose) for part in belief.model.collision]
             world.occupancy = freed(world.occupancy, taken)
@@ -234,10 +234,15 @@ class Grasp(Skill):
 
 
 class Holding(SkillCondition):
-    """Whether the hand holds an object, by its encoders; forgets an object that has been lost."""
+    """Whether a hand holds an object, by its encoders; forgets an object that has been lost."""
 
     REQUIRES = ("gripper",)
-    INPUT_PORTS: ClassVar = {"object": BoundedPort(ObjectName, description="the object")}
+    INPUT_PORTS: ClassVar = {
+        "object": BoundedPort(ObjectName, description="the object"),
+        "arm": BoundedPort(
+            ArmName, required=False, default_value="", description="the arm whose hand shall hold it; by default any"
+        ),
+    }
     FAILS: ClassVar = {
         "not_holding": "take it: DetectObject, PlanGrasp, Grasp",
         "object_lost": "find it again: ScanScene, DetectObject",
@@ -245,19 +250,20 @@ class Holding(SkillCondition):
 
     def check(self) -> tuple[str, str] | None:
         """Compares the fingers with the grasp."""
-        skills = self.skills
         name: str = self.get_input("object")
-        held = skills.world.held
+        arm = self.get_input("arm") or self.skills.world.arm_with(name)
+        skills = self.skills if arm is None else self.skills_of(arm)
+        held = skills.held
         if held is None or held.name != name:
             return "not_holding", f"the hand does not hold the {name}"
         problem = grip_problem(skills.gripper.width(), held.width)
         if problem:
-            skills.world.held = None
+            skills.held = None
             return "object_lost", f"the {name} is no longer in the hand: {problem}"
         return None
 
 
-class Reachable(SkillCondition):
+class Reachable(OnArm, SkillCondition):
     """Whether the arm can reach a grasp of a seen object from where the base stands; collisions are not checked."""
 
     REQUIRES = ("arm", "gripper")

@@ -13,7 +13,7 @@ from py_trees.ports import PortInformation
 from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import NO_CAMERA, camera_called
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
@@ -26,7 +26,7 @@ ENOUGH = 3
 """Postures that the planner may choose from."""
 
 
-class LookInto(Skill):
+class LookInto(OnArm, Skill):
     """Hold the wrist camera above a surface so that it looks down into it: where an object was seen, else on all of it.
 
     Of a drawer it looks at the part that has come out of the furniture.

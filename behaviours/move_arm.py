@@ -14,7 +14,7 @@ from behaviours.arm_motion import ARM_PLANNING_FAILS, MAX_HELD_TILT, follow_path
 from behaviours.carrying import out_of_sight, postures_beside
 from behaviours.contacts import grasp
 from behaviours.names import PostureName
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
 from bestman_bt.world_model import HeldObject
@@ -36,7 +36,7 @@ TURN = np.radians(15.0)
 UNKNOWN_POSTURE = {"unknown_posture": "name a posture of the robot"}
 
 
-class MoveArm(Skill):
+class MoveArm(OnArm, Skill):
     """Move the arm to a posture of the robot, around everything that is believed to be there."""
 
     REQUIRES = ("arm",)
@@ -62,7 +62,7 @@ class MoveArm(Skill):
         yield from _move_to(self, _postures(self, self.get_input("posture"), sight))
 
 
-class Retreat(Skill):
+class Retreat(OnArm, Skill):
     """Take the hand straight back from where it has worked, then move the arm to a posture."""
 
     REQUIRES = ("arm",)
@@ -85,12 +85,12 @@ class Retreat(Skill):
         skills = self.skills
         _posture(self, self.get_input("posture"))  # an unknown one is told before anything moves
         distance: float = self.get_input("distance")
-        if skills.world.held is None and distance > 0:
+        if skills.held is None and distance > 0:
             scene = skills.planning_scene(allowed_pairs=hand_contacts(skills, *skills.world.objects))
             handled = skills.handled
             with self.touching(*([grasp(handled)] if handled is not None else ())):
                 yield from self._straight_back(skills.arm_world(scene), distance)
-        elif skills.world.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
+        elif skills.held is not None and abs(float(skills.base_from_tool().rotation[2, 2])) < LEVEL:
             yield from self._straight_back(skills.arm_world(skills.planning_scene()), PULL_OUT)
         yield from _move_to(self, _postures(self, self.get_input("posture")))
 
@@ -132,7 +132,7 @@ def _postures(skill: Skill, name: str, sight: NDArray[np.float64] | None = None)
 
     skills = skill.skills
     posture = _posture(skill, name)
-    held = skills.world.held
+    held = skills.held
     if held is None:
         return [[posture]]
     scene = skills.planning_scene()

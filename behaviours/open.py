@@ -18,7 +18,7 @@ from behaviours.leaf import UNKNOWN_ARTICULATION, world_at_leaf
 from behaviours.leaf_felt import felt_leaf
 from behaviours.names import ArticulationName, PostureName
 from behaviours.opening import Opening, plan_opening
-from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.taring import tare_wrist
 from behaviours.withdraw import withdraw, withdraw_after
 from bestman_bt.engine.bounds import BoundedPort
@@ -29,7 +29,7 @@ ROLLS = 0.006
 """Metres by which the fingers may move while a bar turns between them."""
 
 
-class Open(Skill):
+class Open(OnArm, Skill):
     """Open a door or drawer by a believed handle, from where the base stands; the hand lets go at the end.
 
     The hand feels its way: hinge or rail are learned on the way. What counts is how far the hand was carried. Halted
@@ -70,8 +70,8 @@ class Open(Skill):
         """Plan, grasp, follow, let go, withdraw."""
         skills = self.skills
         name: str = self.get_input("handle")
-        if skills.world.held is not None:
-            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.world.held.name}")
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
         belief = skills.world.handles.get(name)
         if belief is None:
             raise SkillFailure("handle_not_found", f"the handle {name} has not been seen; detect it first")

@@ -15,7 +15,7 @@ from behaviours.leaf import UNKNOWN_ARTICULATION, find_leaf
 from behaviours.leaf_stand import SAME_STAND, LeafWay, find_stands, room_beside
 from behaviours.names import ArticulationName
 from behaviours.opening import Opening, before, plan_opening, stations
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose, Pose2D
 from bestman_bt.world_model import MOVED, HandleBelief
@@ -79,7 +79,7 @@ class FindLookStand(Skill):
         raise SkillFailure("no_stand", f"no room to stand before {articulation}")
 
 
-class FindOpenStand(Skill):
+class FindOpenStand(OnArm, Skill):
     """Choose where to stand so that the arm takes a handle and follows it as far as is asked, on one branch.
 
     Each time it is asked again it gives another stand, until none is left.

@@ -45,10 +45,9 @@ def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[PartKind, t
         LidarPart,
         MountedForceTorque,
         TactilePart,
-        joints_above,
+        arm_of,
     )
 
-    arm_joints = {joint for arm in robot.of(ArmModel).values() for joint in arm.joint_names}
     of_kind: dict[PartKind, Iterable[str]] = {
         "base": robot.of(BaseModel),
         "lidar": robot.of(LidarPart),
@@ -56,11 +55,7 @@ def parts_by_kind(robot: RobotModel, there: Collection[str]) -> dict[PartKind, t
         "gripper": robot.of(GripperModel),
         "head": robot.of(JointGroupModel),
         "camera": robot.of(CameraPart),
-        "wrist_camera": [
-            name
-            for name, camera in robot.of(CameraPart).items()
-            if arm_joints & joints_above(robot, camera.optical_frame)
-        ],
+        "wrist_camera": [name for name in robot.of(CameraPart) if arm_of(robot, name) is not None],
         "force_torque": robot.of(MountedForceTorque),
         "tactile": robot.of(TactilePart),
     }

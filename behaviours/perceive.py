@@ -31,7 +31,7 @@ class DetectObjects(Skill):
     USES = ("wrist_camera",)
     INPUT_PORTS: ClassVar = {
         "surface": BoundedPort(SurfaceName, description="the surface to look at, such as table"),
-        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
+        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
     }
     OUTPUT_PORTS: ClassVar = {"objects": PortInformation(list, required=False, description="names of what was seen")}
     FAILS: ClassVar = {
@@ -58,7 +58,7 @@ class DetectObject(Skill):
         "object": BoundedPort(ObjectName, description="the object to find"),
         "surface": BoundedPort(SurfaceName, description="the surface to search, such as table"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
-        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
+        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
     }
     OUTPUT_PORTS: ClassVar = {
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
@@ -111,7 +111,7 @@ class EstimatePose(Skill):
     INPUT_PORTS: ClassVar = {
         "object": BoundedPort(ObjectName, description="an object that was detected"),
         "min_confidence": PortInformation(float, required=False, default_value=0.5, description="0 to 1"),
-        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
+        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
     }
     OUTPUT_PORTS: ClassVar = {
         "pose": PortInformation(Pose, required=False, description="where the object is, in the map frame"),
@@ -168,8 +168,15 @@ def region_around(base_from_object: Pose, height: float) -> Region:
 
 
 def camera_called(skills: SkillContext, name: str) -> RGBDSensor:
-    """The camera on the ``head`` or on the ``wrist``; SkillFailure where the robot has none of that name."""
-    camera = {"head": skills.camera, "wrist": skills.wrist_camera}.get(name)
+    """The camera on the ``head`` or on the ``wrist``, or of a name of its own; SkillFailure where there is none."""
+    if name == "head":
+        return skills.camera
+    camera = skills.wrist_camera if name == "wrist" else None
+    if name in skills.kinds.get("camera", ()):
+        camera = next((one for one in skills.cameras if one.name == name), None)
     if camera is None:
-        raise SkillFailure("no_camera", f"the robot {skills.robot.name} has no camera {name!r} to look with")
+        there = ", ".join(skills.kinds.get("camera", ())) or "none"
+        raise SkillFailure(
+            "no_camera", f"the robot {skills.robot.name} has no camera {name!r} to look with; it has {there}"
+        )
     return camera

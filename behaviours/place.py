@@ -14,7 +14,7 @@ from behaviours.beliefs import believe_surface
 from behaviours.contacts import grasp, support, surface_below
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.perceive import NO_CAMERA, camera_called
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from behaviours.surfaces import SURFACE_NOT_SEEN, UNKNOWN_SURFACE, surface_region
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose
@@ -63,7 +63,7 @@ class FindPlacePose(Skill):
         "surface": BoundedPort(SurfaceName, description="the surface, such as counter"),
         "goal": PortInformation(Pose, description="x;y;z or x;y;z;roll;pitch;yaw in the map frame; z is measured"),
         "radius": PortInformation(float, required=False, default_value=0.06, description="of the free disc, metres"),
-        "camera": PortInformation(str, required=False, default_value="head", description="which: head or wrist"),
+        "camera": PortInformation(str, required=False, default_value="head", description="head, wrist, or its name"),
     }
     OUTPUT_PORTS: ClassVar = {"pose": PortInformation(Pose, description="of the placed object, in the map frame")}
     FAILS: ClassVar = {
@@ -117,7 +117,7 @@ class FindPlacePose(Skill):
         raise SkillFailure("goal_not_seen", f"only {shares[FREE]:.0%} of the {across} at the goal was seen to be free")
 
 
-class PlaceOn(Skill):
+class PlaceOn(OnArm, Skill):
     """Bring the held object above its place and lower it straight until it is felt to stand there."""
 
     REQUIRES = ("arm",)
@@ -138,7 +138,7 @@ class PlaceOn(Skill):
         """Plan above and down, then move."""
         skills = self.skills
         name: str = self.get_input("object")
-        held = skills.world.held
+        held = skills.held
         if held is None or held.name != name:
             raise SkillFailure("not_holding", f"the hand does not hold the {name}")
         base_from_object = skills.map_from_base.inverse() @ self.get_input("pose")
@@ -203,7 +203,7 @@ class PlaceOn(Skill):
         return skills.arm_world(skills.planning_scene(allowed_pairs=allowed))
 
 
-class Release(Skill):
+class Release(OnArm, Skill):
     """Open the hand slowly, and believe that the object stands where the hand has left it."""
 
     REQUIRES = ("arm", "gripper")
@@ -223,13 +223,13 @@ class Release(Skill):
     def execute(self) -> Steps:
         """Open a little, so that neighbours stay where they are."""
         skills = self.skills
-        held = skills.world.held
+        held = skills.held
         if held is None:
             raise SkillFailure("not_holding", f"the hand does not hold the {self.get_input('object')}")
         map_from_object = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object
         with self.touching(grasp(held.name), support(held.name, surface_below(skills.world, map_from_object))):
             yield from self._let_go(held)
-        skills.world.held = None
+        skills.held = None
         skills.world.objects[held.name] = ObjectBelief(
             held.name, held.model, map_from_object, 1.0, 0.005, skills.clock.now(), self.get_input("surface")
         )

@@ -18,7 +18,7 @@ from py_trees.ports import PortInformation
 from behaviours.arm_motion import ARM_PLANNING_FAILS, follow_path, move_free
 from behaviours.contacts import push, support, surface_below
 from behaviours.names import ObjectName
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import ObjectModel, Pose
@@ -64,7 +64,7 @@ class PushPlan:
     cost: float
 
 
-class Push(Skill):
+class Push(OnArm, Skill):
     """Push a located object straight to a goal on its surface; the wrist feels whether something is in the way.
 
     How far it really went is for the next look to say. What helps when it fails: ``no_approach``: another stand;
@@ -102,8 +102,8 @@ class Push(Skill):
         skills = self.skills
         name: str = self.get_input("object")
         goal: Pose = self.get_input("goal")
-        if skills.world.held is not None:
-            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.world.held.name}")
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
         belief = skills.world.objects.get(name)
         if belief is None:
             raise SkillFailure("not_found", f"the {name} has not been seen; detect it first")

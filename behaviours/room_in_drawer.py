@@ -51,9 +51,9 @@ class FindRoomIn(InstantSkill):
     def act(self) -> None:
         """Asks the beliefs; takes no picture."""
         world = self.skills.world
-        held = world.held
         name: str = self.get_input("object")
-        if held is None or held.name != name:
+        held = next((one for one in world.hands.values() if one.name == name), None)
+        if held is None:
             raise SkillFailure("not_holding", f"the hand does not hold the {name}")
         furniture, surface = find_surface(self.skills, self.get_input("surface"))
         map_from_surface = furniture.pose.to_pose() @ surface.pose

@@ -15,7 +15,7 @@ from behaviours.contacts import Contact, grasp, support, surface_below
 from behaviours.names import ObjectName
 from behaviours.perceive import NO_CAMERA
 from behaviours.policy_motion import CLOSED, PolicyMotion
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Pose
@@ -32,7 +32,7 @@ LEAD = 0.15
 SUCCESSES = ("goal", "holding", "lifted")
 
 
-class RunPolicy(Skill):
+class RunPolicy(OnArm, Skill):
     """Act by a learned policy until the tool is at the goal, or the gripper holds something, or has lifted it.
 
     The policy is asked again before its chunk is over, and the motion goes on without a stop. Each chunk is checked
@@ -190,8 +190,8 @@ class RunPolicy(Skill):
         skills = self.skills
         if not spec.moves_gripper or not spec.open_width:
             return
-        if skills.world.held is not None:
-            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.world.held.name}")
+        if skills.held is not None:
+            raise SkillFailure("hand_not_empty", f"the hand holds the {skills.held.name}")
         if abs(skills.gripper.width() - spec.open_width) > CLOSED:
             yield skills.gripper.open(spec.open_width)
 
@@ -273,4 +273,4 @@ class RunPolicy(Skill):
         tool_from_object = motion.closed_at.inverse() @ goal
         centred = Pose(tool_from_object.position * [1.0, 0.0, 1.0], tool_from_object.quaternion)
         belief = skills.world.objects.pop(name)
-        skills.world.held = HeldObject(name, belief.model, centred, skills.gripper.width())
+        skills.held = HeldObject(name, belief.model, centred, skills.gripper.width())

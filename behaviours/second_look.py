@@ -15,7 +15,7 @@ from behaviours.arm_motion import ARM_PLANNING_FAILS, move_free
 from behaviours.beliefs import only_nearest, remember_view
 from behaviours.names import ObjectName
 from behaviours.perceive import NO_CAMERA, region_around
-from behaviours.skill import ALGORITHM_ERRORS, Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import ALGORITHM_ERRORS, Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import SURFACE_NOT_SEEN
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import PlacedShape, Pose
@@ -35,7 +35,7 @@ GOALS = 4
 """Views that the planner may choose from, once so many can be reached."""
 
 
-class SecondLook(Skill):
+class SecondLook(OnArm, Skill):
     """Look at an object again from where that tells most about its yaw, and join the views; none if that is known."""
 
     REQUIRES = ("arm", "wrist_camera")

@@ -15,9 +15,11 @@ from behaviours.computation import Job
 from behaviours.contacts import Contact
 from behaviours.context import SkillContext
 from behaviours.failure import MOTION_FAILS, READING_FAILS, SEEING_FAILS, NodeFailure
+from behaviours.names import ArmName
 from behaviours.parts import PartKind
 from bestman_bt.control import READING_ERRORS, ControlHandle, ControlStatus
 from bestman_bt.engine import FAILURE, RUNNING, SUCCESS, Condition, Node, StatefulAction, SyncAction
+from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.errors import Error, MissingExtraError
 from bestman_bt.manipulation.errors import ManipulationError
 from bestman_bt.messages import Failure, Goals, Pose, Pose2D
@@ -89,11 +91,41 @@ class OnRobot(Node):
 
     @property
     def skills(self) -> SkillContext:
-        """The robot's controllers, algorithms and beliefs."""
+        """The robot's controllers, algorithms and beliefs; of several arms those of the default one."""
+        return self.robot_skills
+
+    @property
+    def robot_skills(self) -> SkillContext:
+        """``skills``, whichever arm the node works with."""
         context = self.context
         if not isinstance(context, SkillContext):
             raise TypeError(f"skills need a SkillContext as the tree's context, not {type(context).__name__}")
         return context
+
+    def skills_of(self, arm: str) -> SkillContext:
+        """The same for one arm, by its name; SkillFailure (``bad_input``) where the robot has none of that name."""
+        try:
+            return self.robot_skills.for_arm(arm)
+        except KeyError as error:
+            raise SkillFailure("bad_input", f"port 'arm': {error.args[0]}") from error
+
+
+class OnArm(OnRobot):
+    """A node that works with one arm, its hand and what that holds: ``skills`` are those of the arm that it names."""
+
+    INPUT_PORTS: ClassVar[Mapping[str, PortInformation]] = {
+        "arm": BoundedPort(
+            ArmName,
+            required=False,
+            default_value="",
+            description="which arm, by its name in the robot's file; by default the only one, or its default_arm",
+        ),
+    }
+
+    @property
+    def skills(self) -> SkillContext:
+        """Controllers and beliefs of the arm; SkillFailure (``bad_input``) where the robot has none of that name."""
+        return self.skills_of(self.get_input("arm"))
 
 
 class Explained(OnRobot):
@@ -129,8 +161,9 @@ class Explained(OnRobot):
         self.set_output("error_code", code)
         self.set_output("error_message", why)
         part, vendor_code = (failure.part, failure.vendor_code) if failure is not None else ("", "")
-        now = self.skills.clock.now()
-        self.skills.failures.append(NodeFailure(self.path, code, why, self.where, now, part, vendor_code))
+        skills = self.robot_skills
+        now = skills.clock.now()
+        skills.failures.append(NodeFailure(self.path, code, why, self.where, now, part, vendor_code))
         return FAILURE
 
     def succeed(self, why: str = "") -> int:

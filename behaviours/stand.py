@@ -15,7 +15,7 @@ from behaviours.context import DRIVEN
 from behaviours.grasp_candidates import grasp_candidates
 from behaviours.names import ObjectName, SurfaceName
 from behaviours.place import place_tool_poses
-from behaviours.skill import Declaration, Skill, SkillFailure, Steps, StepsTo
+from behaviours.skill import Declaration, OnArm, Skill, SkillFailure, Steps, StepsTo
 from behaviours.surfaces import UNKNOWN_SURFACE, find_surface, with_open_drawers
 from bestman_bt.engine.bounds import BoundedPort
 from bestman_bt.messages import Pose, Pose2D
@@ -44,7 +44,7 @@ class StandTarget:
     at: NDArray[np.float64]
 
 
-class FindStandPose(Skill):
+class FindStandPose(OnArm, Skill):
     """Choose where to stand to reach an object (where it was seen), a goal on a surface, or else the surface itself.
 
     Of a surface the middle is preferred; where that is out of reach, another part of it will do.
@@ -103,9 +103,9 @@ class FindStandPose(Skill):
         goal: Pose | None = self.get_input("goal")
         name: str = self.get_input("object") or ""
         belief = skills.world.objects.get(name)
-        if goal is not None and skills.world.held is not None:
+        if goal is not None and skills.held is not None:
             on_surface = Pose(np.array([*goal.position[:2], self._object_height()]), goal.quaternion)
-            return [StandTarget(place_tool_poses(skills.world.held, on_surface), goal.position[:2])]
+            return [StandTarget(place_tool_poses(skills.held, on_surface), goal.position[:2])]
         if belief is not None:
             candidates = grasp_candidates(self.skills, belief)[:8]
             map_from_base = skills.map_from_base
@@ -130,7 +130,7 @@ class FindStandPose(Skill):
         return (furniture.pose.to_pose() @ surface.pose).position
 
     def _object_height(self) -> float:
-        held = self.skills.world.held
+        held = self.skills.held
         assert held is not None
         return float(self._middle()[2] - held.model.bounds()[0, 2])
 
@@ -165,7 +165,8 @@ class FindStandPose(Skill):
         from bestman_bt.manipulation.collision import planning_scene_from_world_model
 
         skills = self.skills
-        there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), held=None)
+        others = {arm: held for arm, held in skills.world.hands.items() if arm != skills.arm_name}
+        there = replace(skills.world, base=BasePose(stand, 0.0, 0.0, skills.clock.now()), hands=others)
         name: str = self.get_input("object") or ""
         ignore = [name]
         if self.get_input("goal") is not None or name not in skills.world.objects:

@@ -169,9 +169,10 @@ class FindFreePlace(Skill):
 
 
 def _model(skills: SkillContext, name: str) -> ObjectModel:
-    held, belief = skills.world.held, skills.world.objects.get(name)
-    if held is not None and held.name == name:
-        return held.model
+    held = {one.name: one.model for one in skills.world.hands.values()}
+    belief = skills.world.objects.get(name)
+    if name in held:
+        return held[name]
     if belief is not None:
         return belief.model
     if name in skills.world.models:

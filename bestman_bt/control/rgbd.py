@@ -143,7 +143,7 @@ class RGBDSensor:
         image = self._ideal(self._taken())
         positions = self._joints.positions()
         base_from_camera = self._kinematics.pose(self._camera.optical_frame, positions)
-        own_body = self._self_filter.mask(image, base_from_camera, positions, self._world.held)
+        own_body = self._self_filter.mask(image, base_from_camera, positions, self._world.hands)
         view = RGBDView(image, base_from_camera, self._world.base.pose.to_pose(), own_body)
         for subscriber in self._subscribers:
             subscriber(view)
@@ -211,10 +211,13 @@ class SelfFilter:
         image: RGBDImage,
         base_from_camera: Pose,
         positions: Mapping[str, float],
-        held: HeldObject | None = None,
+        hands: Mapping[str, HeldObject] | None = None,
     ) -> NDArray[np.bool_]:
-        """(H, W), True where a pixel shows the robot or the held object. ``positions``: of all joints, by name."""
-        bodies = self._bodies(base_from_camera.inverse(), positions, held)
+        """(H, W), True where a pixel shows the robot or something that it holds.
+
+        ``positions``: of all joints, by name. ``hands``: arm → what its hand holds.
+        """
+        bodies = self._bodies(base_from_camera.inverse(), positions, hands or {})
         reach = np.zeros(image.depth.shape, dtype=np.float32)
         # The farthest last, so that it prevails where silhouettes overlap.
         for body in sorted(bodies, key=lambda points: float(points[:, 2].max())):
@@ -222,16 +225,16 @@ class SelfFilter:
         return image.depth < reach
 
     def _bodies(
-        self, camera_from_base: Pose, positions: Mapping[str, float], held: HeldObject | None
+        self, camera_from_base: Pose, positions: Mapping[str, float], hands: Mapping[str, HeldObject]
     ) -> list[NDArray[np.float64]]:
         """Corners of all convex bodies in the optical frame."""
         bodies = []
         for link, hulls in self._hulls.items():
             camera_from_link = camera_from_base @ self._kinematics.pose(link, positions)
             bodies += [camera_from_link.apply(hull) for hull in hulls]
-        if held is not None:
-            tool_frame = next(iter(self._robot.of(ArmModel).values())).tool_frame
-            camera_from_tool = camera_from_base @ self._kinematics.pose(tool_frame, positions)
+        arms = self._robot.of(ArmModel)
+        for arm, held in hands.items():
+            camera_from_tool = camera_from_base @ self._kinematics.pose(arms[arm].tool_frame, positions)
             lower, upper = held.model.bounds()
             box = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * (upper - lower) + lower
             bodies.append((camera_from_tool @ held.tool_from_object).apply(box))

@@ -63,7 +63,8 @@ def problem_at(node: Node, port: str, message: str, suggestion: str, severity: s
 def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[UnwrittenRead]:
     """Yield each entry that is read before it has a value; ``given`` are root entries that somebody sets before.
 
-    What is written by code that does not say so in ports (``may_write_unseen``) is not known here.
+    What is written by code that does not say so in ports (``may_write_unseen``) is not known here. A port whose default
+    is an empty text takes an entry without a value for that, and does not count.
     """
     uses = entry_uses(tree)
     set_before = {id(tree.blackboard.slot(key)) for key in given}
@@ -74,7 +75,7 @@ def unwritten_reads(tree: Tree, given: Iterable[str] = ()) -> Iterator[Unwritten
     reported: set[tuple[int, int]] = set()
     for use in uses:
         written_by = writers.get(id(use.slot), [])
-        if use.writes or id(use.slot) in set_before or use.slot.value is not None:
+        if use.writes or id(use.slot) in set_before or use.slot.value is not None or _empty_will_do(tree, use):
             continue
         if tree.shared is not None and use.slot is tree.blackboard.slot(use.slot.key):
             continue  # what native behaviours write is known when they have written it
@@ -124,6 +125,11 @@ def _fails(tree: Tree, use: EntryUse) -> bool:
     port = tree.info_of(use.node).ports.get(use.port)
     is_needed = port is None or port.strict or use.port == "code"
     return is_needed and not isinstance(use.node, WasEntryUpdated)
+
+
+def _empty_will_do(tree: Tree, use: EntryUse) -> bool:
+    port = tree.info_of(use.node).ports.get(use.port)
+    return port is not None and not port.strict and port.default == ""
 
 
 def _ended_before(reader: Node, writer: Node) -> bool:

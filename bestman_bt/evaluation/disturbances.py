@@ -77,9 +77,8 @@ class Disturbances:
 
     def after_tick(self) -> None:
         """Do what is due."""
-        now, held = self._session.robot.clock.now(), self._session.skills.world.held
-        if held is not None:
-            self._was_held.add(held.name)
+        now, hands = self._session.robot.clock.now(), self._session.skills.world.hands
+        self._was_held |= {held.name for held in hands.values()}
         for script in self._scripts:
             happens, act = self._kinds[script.asked.kind]
             if script.event is not None or not happens(script):

@@ -241,7 +241,7 @@ def _picture_of_the_grasp(session: Session, pictures: Pictures) -> Callable[[], 
 
     def after_tick() -> None:
         nonlocal taken
-        if not taken and session.skills.world.held is not None:
+        if not taken and session.skills.world.hands:
             pictures.take("grasp", subject)
             taken = True
 

@@ -3,7 +3,7 @@
 from bestman_bt.robot_model.combination import combine
 from bestman_bt.robot_model.compose import compose_robot, load_robot_model
 from bestman_bt.robot_model.finger_linkage import MimicJoint
-from bestman_bt.robot_model.kinematic_chain import joints_above
+from bestman_bt.robot_model.kinematic_chain import arm_of, joints_above
 from bestman_bt.robot_model.model import (
     ArmModel,
     BaseModel,
@@ -43,6 +43,7 @@ __all__ = [
     "Payload",
     "RobotModel",
     "TactilePart",
+    "arm_of",
     "combine",
     "compose_robot",
     "joints_above",

@@ -26,7 +26,7 @@ from bestman_bt.robot_model.joint_limits import write_limits
 from bestman_bt.robot_model.load_limits import load_problems
 from bestman_bt.robot_model.model import RobotModel
 from bestman_bt.robot_model.mounting import mount_place, mount_problems
-from bestman_bt.robot_model.part_config import JointedPart
+from bestman_bt.robot_model.part_config import ArmPart, JointedPart
 from bestman_bt.robot_model.placed_part import PlacedPart, read_part
 from bestman_bt.robot_model.robot_config import RobotConfig, name_fault
 from bestman_bt.robot_model.urdf_elements import fixed_joint
@@ -67,13 +67,14 @@ def compose_robot(name: str, document: Document) -> RobotModel:
     faults.problems += problems
     postures = _postures(config, document, placed, names, faults)
     base_frame = _base_frame(config, document, placed, names, faults)
+    faults.problems += _default_arm_problems(config, document, placed, whole)
     if base_frame is not None and whole:
         ignored = _declared_pairs(config, document, placed, faults)
         urdf = _joined(name, config, placed)
         model = describe(name, urdf, base_frame, placed, postures, ignored)
         faults.problems += load_problems(model, placed, document)
         if not faults.problems:
-            return with_hardware(model, connections, config.safety)
+            return with_hardware(replace(model, default_arm=config.default_arm), connections, config.safety)
     raise ConfigurationError(dict.fromkeys(faults.problems))
 
 
@@ -94,6 +95,16 @@ def _base_frame(
     message = f"no link {base_frame!r}; {suggestion(base_frame, links)}"
     faults.problems.append(document.problem(("base_frame",), message))
     return None
+
+
+def _default_arm_problems(
+    config: RobotConfig, document: Document, placed: Mapping[str, PlacedPart], whole: bool
+) -> list[Problem]:
+    arms = [name for name, part in placed.items() if isinstance(part.config, ArmPart)]
+    if config.default_arm is None or config.default_arm in arms or not whole:
+        return []
+    message = f"the robot has no arm {config.default_arm!r}; {suggestion(config.default_arm, arms)}"
+    return [document.problem(("default_arm",), message)]
 
 
 def _joined(name: str, config: RobotConfig, placed: Mapping[str, PlacedPart]) -> ET.Element:

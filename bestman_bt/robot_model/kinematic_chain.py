@@ -1,10 +1,11 @@
-"""Which joints carry a frame."""
+"""Which joints, and which arm, carry a frame."""
 
 from __future__ import annotations
 
 from xml.etree import ElementTree
 
-from bestman_bt.robot_model.model import RobotModel
+from bestman_bt.robot_model.model import ArmModel, RobotModel
+from bestman_bt.robot_model.sensor_parts import CameraPart, ImuPart, LidarPart, MountedForceTorque, TactilePart
 
 
 def joints_above(model: RobotModel, frame: str) -> frozenset[str]:
@@ -19,3 +20,17 @@ def joints_above(model: RobotModel, frame: str) -> frozenset[str]:
         name, frame = above[frame]
         joints.add(name)
     return frozenset(joints)
+
+
+def arm_of(model: RobotModel, part: str) -> str | None:
+    """The arm that a part is or that carries it; None for parts that no arm moves. KeyError for an unknown part."""
+    if part in model.arm_names:
+        return part
+    if part in model.hand_of:
+        return model.hand_of[part]
+    mounted = model.parts[part]
+    if not isinstance(mounted, CameraPart | ImuPart | LidarPart | MountedForceTorque | TactilePart):
+        return None
+    frame = mounted.part.frame if isinstance(mounted, MountedForceTorque) else mounted.frame
+    joints = joints_above(model, frame)
+    return next((name for name, arm in model.of(ArmModel).items() if joints & set(arm.joint_names)), None)

@@ -222,7 +222,7 @@ class RobotModel:
     ``urdf``: the text, meshes by absolute path. ``base_frame``: on the floor, x forward. ``parts``: by name (``base``,
     ``arm``, ``gripper``, ``head``, …), kind by kind; a kind's own in the order of the robot's YAML.
     ``postures``: name → joint name → position. ``hand_of``: name of a gripper or another
-    hand → name of the arm that carries it.
+    hand → name of the arm that carries it. ``default_arm``: of several arms the one that skills use which name none.
     ``allowed_self_pairs``: pairs of links that always or never touch, left out of self-collision checks.
     ``connections``, ``safety``: of the real robot; the simulation has no use for the former.
     """
@@ -233,6 +233,7 @@ class RobotModel:
     parts: Mapping[str, Part] = field(default_factory=dict)
     postures: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     hand_of: Mapping[str, str] = field(default_factory=dict)
+    default_arm: str | None = None
     allowed_self_pairs: frozenset[frozenset[str]] = frozenset()
     connections: Mapping[str, ConnectionConfig] = field(default_factory=dict)
     safety: SafetyConfig = field(default_factory=SafetyConfig)
@@ -241,8 +242,33 @@ class RobotModel:
         """The parts of one kind by name: ``robot.of(LidarPart)``."""
         return {name: part for name, part in self.parts.items() if isinstance(part, kind)}
 
+    @property
+    def arm_names(self) -> tuple[str, ...]:
+        """Names of the arms, in the order of the robot's file."""
+        return tuple(self.of(ArmModel))
+
+    def arm_named(self, name: str = "") -> str:
+        """The arm of this name; of an empty one the only arm, or the ``default_arm``. KeyError names the arms."""
+        if name in self.arm_names:
+            return name
+        known = ", ".join(self.arm_names) or "none"
+        if name:
+            raise KeyError(f"robot {self.name!r} has no arm {name!r}; it has {known}")
+        if self.default_arm is not None or len(self.arm_names) == 1:
+            return self.default_arm or next(iter(self.arm_names))
+        raise KeyError(f"robot {self.name!r} has no default arm: name one of its arms; it has {known}")
+
+    def gripper_of(self, arm: str) -> str | None:
+        """The gripper that an arm carries; of a robot with one arm or none, its first gripper."""
+        if len(self.arm_names) < 2:
+            return next(iter(self.of(GripperModel)), None)
+        return next((name for name in self.of(GripperModel) if self.hand_of.get(name) == arm), None)
+
     def posture(self, name: str, joint_names: tuple[str, ...]) -> NDArray[np.float64]:
         """Positions (n,) of ``joint_names`` in a posture; KeyError names what there is."""
         if name not in self.postures:
             raise KeyError(f"robot {self.name!r} has no posture {name!r}; it has {', '.join(self.postures) or 'none'}")
+        missing = [joint for joint in joint_names if joint not in self.postures[name]]
+        if missing:
+            raise KeyError(f"posture {name!r} of robot {self.name!r} says nothing of {', '.join(missing)}")
         return np.array([self.postures[name][joint] for joint in joint_names])

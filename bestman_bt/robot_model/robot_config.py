@@ -40,6 +40,7 @@ class MountedPart:
 class RobotConfig:
     """A robot: its parts by name, the first one is the root. ``base_frame``: by default the root of the first part.
 
+    ``default_arm``: of several arms the one that skills use which name none.
     ``calibration``: files that a calibration wrote; what they say of parts is laid over ``parts``.
     ``postures``: posture → part → joint positions. ``never_touch``: pairs of parts or links that cannot meet, left
     out of self-collision checks. ``connections``: the controllers of the real robot, by a name of your own;
@@ -48,6 +49,7 @@ class RobotConfig:
 
     parts: Mapping[str, MountedPart]
     base_frame: str | None = None
+    default_arm: str | None = None
     postures: Mapping[str, Mapping[str, tuple[JointPosition, ...]]] = field(default_factory=dict)
     never_touch: tuple[tuple[str, str], ...] = ()
     calibration: tuple[str, ...] = ()

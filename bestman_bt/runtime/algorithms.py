@@ -95,16 +95,18 @@ def make_algorithms(config: RunConfig, model: RobotModel, semantic_map: Semantic
             if slot not in lacking:
                 _made(config, model, semantic_map, slot)
     faults.raise_if_any()
-    return Algorithms(lambda slot: _made(config, model, semantic_map, slot))
+    return Algorithms(partial(_made, config, model, semantic_map))
 
 
-def _made(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None, slot: str) -> Any:
-    """The algorithm in a slot, with what it stands on."""
+def _made(config: RunConfig, model: RobotModel, semantic_map: SemanticMap | None, slot: str, arm: str = "") -> Any:
+    """The algorithm in a slot, with what it stands on; ``arm``: whose kinematics, by default the default arm's."""
     make = partial(make_algorithm, config)
     match slot:
         case "detection":
             return make(slot, segmentation=make("segmentation"), pose_estimator=make("pose_estimation"))
-        case "kinematics" | "collision":
+        case "kinematics":
+            return make(slot, model, arm=arm or model.arm_named())
+        case "collision":
             return make(slot, model)
         case "motion_planning":
             return TimedMotionPlanner(make(slot), make("trajectory"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from behaviours.context import Algorithms
 from behaviours.parts import MissingPartError, PartKind, parts_by_kind
@@ -19,7 +19,7 @@ from bestman_bt.control.rgbd import RGBDSensor
 from bestman_bt.control.tactile import TactileSensor
 from bestman_bt.control.wheeled import BaseController, CollisionMonitor
 from bestman_bt.manipulation.kinematics import ForwardKinematics
-from bestman_bt.robot_model import RobotModel
+from bestman_bt.robot_model import RobotModel, arm_of
 from bestman_bt.world_model import WorldModel
 from hal.api import (
     Arm,
@@ -38,98 +38,135 @@ from hal.api import (
 
 PartType = TypeVar("PartType", bound=Part)
 
+OF_AN_ARM = frozenset(("arm", "gripper", "wrist_camera", "tactile", "wrist_wrench"))
+"""Attributes of a ``SkillContext`` that each arm has of its own."""
+
 
 class RobotParts:
-    """What a ``SkillContext`` has of a robot. ``kinds``: what the robot has, kind → names of its parts."""
+    """What a ``SkillContext`` has of a robot. ``kinds``: what the robot has, kind → names of its parts.
+
+    ``default_arm``: the arm that skills use which name none; empty where there is no such arm.
+    """
 
     def __init__(self, robot: Robot, model: RobotModel, world: WorldModel, algorithms: Algorithms) -> None:
-        self._robot, self._model, self._world, self._algorithms = robot, model, world, algorithms
+        self.robot, self.model, self.world, self.algorithms = robot, model, world, algorithms
         self.kinds = parts_by_kind(model, robot.parts)
+        self.default_arm = model.arm_named() if model.default_arm or len(model.arm_names) == 1 else ""
+        self._of_arms: dict[str, _ArmParts] = {}
+
+    def made(self, attribute: str, arm: str) -> Any:
+        """What a ``SkillContext`` has under a name, made at the first request; ``arm``: whose hand and sensors."""
+        if attribute not in OF_AN_ARM:
+            return getattr(self, attribute)
+        if arm not in self._of_arms:
+            self._of_arms[arm] = _ArmParts(self, arm)
+        return getattr(self._of_arms[arm], attribute)
 
     @cached_property
     def base(self) -> BaseController:
         """Drives the base and knows where it is, by its lidar."""
-        base, imu = self._first("base", MobileBase), next(iter(self._all(Imu)), None)
+        base, imu = self.first("base", MobileBase), next(iter(self.all(Imu)), None)
         gyro = None
         if imu is not None:
-            x, y, z = self._forward.pose(imu.frame, {}).rotation[2].tolist()
-            gyro = GyroHeading(imu, self._robot.clock, (x, y, z))
+            x, y, z = self.forward.pose(imu.frame, {}).rotation[2].tolist()
+            gyro = GyroHeading(imu, self.robot.clock, (x, y, z))
         return BaseController(
             base,
-            self._robot.clock,
-            LidarSensor(self._first("lidar", Lidar), self._forward),
-            self._algorithms.localization,
-            self._algorithms.local_planning,
-            self._world,
-            odometry=FusedOdometry(base, self._robot.clock, self._algorithms.odometry, gyro),
-            monitor=CollisionMonitor(base.description, self._all(Bumper)),
+            self.robot.clock,
+            LidarSensor(self.first("lidar", Lidar), self.forward),
+            self.algorithms.localization,
+            self.algorithms.local_planning,
+            self.world,
+            odometry=FusedOdometry(base, self.robot.clock, self.algorithms.odometry, gyro),
+            monitor=CollisionMonitor(base.description, self.all(Bumper)),
         )
-
-    @cached_property
-    def arm(self) -> ArmController:
-        """Moves the first arm."""
-        arm = self._first("arm", Arm)
-        return ArmController(arm, self._robot.clock, kinematics=self._algorithms.kinematics, wrist=self.wrist_wrench)
-
-    @cached_property
-    def gripper(self) -> GripperController:
-        """Opens and closes the first gripper."""
-        return GripperController(self._first("gripper", Gripper))
 
     @cached_property
     def head(self) -> HeadController:
         """Turns ``camera``."""
-        group, optical_frame = self._first("head", JointGroup), self._camera.optical_frame
-        return HeadController(group, self._forward, self.joints, optical_frame)
+        group, optical_frame = self.first("head", JointGroup), self._camera.optical_frame
+        return HeadController(group, self.forward, self.joints, optical_frame)
 
     @cached_property
     def camera(self) -> RGBDSensor:
         """The first camera that no arm carries; else the one on the hand."""
-        return self._sensor(self._camera)
-
-    @cached_property
-    def wrist_camera(self) -> RGBDSensor | None:
-        """On the hand, where there is one."""
-        return self._sensor(self._first("wrist_camera", Camera)) if "wrist_camera" in self.kinds else None
-
-    @cached_property
-    def tactile(self) -> Sequence[TactileSensor]:
-        """Pads of the fingers, which may be none."""
-        return [TactileSensor(part) for part in self._all(Tactile)]
+        return self.sensor(self._camera)
 
     @cached_property
     def joints(self) -> JointStateSensor:
         """The encoders of all joints."""
-        return JointStateSensor(self._robot.parts, self._model)
+        return JointStateSensor(self.robot.parts, self.model)
 
     @cached_property
-    def wrist_wrench(self) -> WristWrench | None:
-        """What touches the hand, where there is a sensor."""
-        sensor = next(iter(self._all(ForceTorque)), None)
-        return None if sensor is None else WristWrench(sensor, self._forward, self.joints, self._robot.clock)
-
-    @cached_property
-    def _forward(self) -> ForwardKinematics:
-        return ForwardKinematics(self._model)
+    def forward(self) -> ForwardKinematics:
+        """Forward kinematics of the whole robot."""
+        return ForwardKinematics(self.model)
 
     @property
     def _camera(self) -> Camera:
         on_hand = self.kinds.get("wrist_camera", ())
-        elsewhere = [part for part in self._all(Camera) if part.name not in on_hand]
-        return elsewhere[0] if elsewhere else self._first("camera", Camera)
+        elsewhere = [part for part in self.all(Camera) if part.name not in on_hand]
+        return elsewhere[0] if elsewhere else self.first("camera", Camera)
 
-    def _sensor(self, camera: Camera) -> RGBDSensor:
-        return RGBDSensor(camera, self._forward, self.joints, self._world, self._robot.clock)
+    def sensor(self, camera: Camera) -> RGBDSensor:
+        """What takes views through a camera."""
+        return RGBDSensor(camera, self.forward, self.joints, self.world, self.robot.clock)
 
-    def _all(self, part_type: type[PartType]) -> list[PartType]:
-        return [part for part in self._robot.parts.values() if isinstance(part, part_type)]
+    def all(self, part_type: type[PartType]) -> list[PartType]:
+        """All parts of a type."""
+        return [part for part in self.robot.parts.values() if isinstance(part, part_type)]
 
-    def _first(self, kind: PartKind, part_type: type[PartType]) -> PartType:
-        """The first part of a kind; MissingPartError names what there is instead."""
-        named = [self._robot.parts[name] for name in self.kinds.get(kind, ())]
-        found = next((part for part in named if isinstance(part, part_type)), None)
-        if found is None:
+    def first(self, kind: PartKind, part_type: type[PartType], arm: str = "") -> PartType:
+        """The first part of a kind, of several arms that of ``arm``; MissingPartError names what there is instead."""
+        found = self.of_arm(kind, part_type, arm)
+        if not found:
+            whose = f" on arm {arm}" if len(self.model.arm_names) > 1 and arm else ""
             raise MissingPartError(
-                f"robot {self._model.name} has no {kind}; it has {', '.join(self.kinds) or 'nothing'}"
+                f"robot {self.model.name} has no {kind}{whose}; it has {', '.join(self.kinds) or 'nothing'}"
             )
-        return found
+        return found[0]
+
+    def of_arm(self, kind: PartKind, part_type: type[PartType], arm: str) -> list[PartType]:
+        """The parts of a kind; of a robot with several arms those that ``arm`` is or carries, if it is not empty."""
+        names = self.kinds.get(kind, ())
+        if arm and len(self.model.arm_names) > 1:
+            names = tuple(name for name in names if arm_of(self.model, name) == arm)
+        return [part for name in names if isinstance(part := self.robot.parts[name], part_type)]
+
+
+class _ArmParts:
+    """What skills use of one arm: its controllers, and the sensors of its hand."""
+
+    def __init__(self, parts: RobotParts, arm: str) -> None:
+        self._parts, self._arm = parts, arm
+
+    @cached_property
+    def arm(self) -> ArmController:
+        """Moves the arm."""
+        parts = self._parts
+        algorithms = parts.algorithms if self._arm == parts.default_arm else parts.algorithms.for_arm(self._arm)
+        arm = parts.first("arm", Arm, self._arm)
+        return ArmController(arm, parts.robot.clock, kinematics=algorithms.kinematics, wrist=self.wrist_wrench)
+
+    @cached_property
+    def gripper(self) -> GripperController:
+        """Opens and closes the gripper of the arm."""
+        return GripperController(self._parts.first("gripper", Gripper, self._arm))
+
+    @cached_property
+    def wrist_camera(self) -> RGBDSensor | None:
+        """On the hand, where there is one."""
+        found = self._parts.of_arm("wrist_camera", Camera, self._arm)
+        return self._parts.sensor(found[0]) if found else None
+
+    @cached_property
+    def tactile(self) -> Sequence[TactileSensor]:
+        """Pads of the fingers, which may be none."""
+        return [TactileSensor(part) for part in self._parts.of_arm("tactile", Tactile, self._arm)]
+
+    @cached_property
+    def wrist_wrench(self) -> WristWrench | None:
+        """What touches the hand, where there is a sensor."""
+        parts = self._parts
+        found = parts.of_arm("force_torque", ForceTorque, self._arm)
+        return WristWrench(found[0], parts.forward, parts.joints, parts.robot.clock) if found else None

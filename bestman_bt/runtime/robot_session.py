@@ -85,9 +85,9 @@ class Session:
         loaded = load_for(self.setup, tree, context=self.skills, clock=self.robot.clock)
         entries = self._entries_for(tree)
         self.check(loaded, entries)
-        for node in loaded.nodes:
-            if isinstance(node, OnRobot):
-                self.skills.make((*node.REQUIRES, *node.USES))
+        needed = {kind for node in loaded.nodes if isinstance(node, OnRobot) for kind in (*node.REQUIRES, *node.USES)}
+        for arm in self.skills.robot.arm_names or ("",):
+            self.skills.for_arm(arm).make(needed)
         return self._filled(loaded, entries)
 
     def executor(self, tree: Tree, after_tick: Callable[[], None] | None = None) -> Executor:
@@ -214,7 +214,8 @@ def _skills(setup: Setup, robot: Robot) -> SkillContext:
         clock=robot.clock,
         robot=model,
         kinds=parts.kinds,
-        make_part=partial(getattr, parts),
+        make_part=parts.made,
+        arm_name=parts.default_arm,
         world=world,
         stop=RobotStop(robot),
         algorithms=algorithms,

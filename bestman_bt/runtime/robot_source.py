@@ -73,7 +73,7 @@ class RobotSource:
         except JointStateError as error:
             diagnostics = {"encoders": str(error)}
         world = self._skills.world
-        held = None if world.held is None else world.held.name
+        held = ", ".join(one.name for one in world.hands.values()) or None
         return partial(_robot_events, time, tick, world.base, joints, held, diagnostics)
 
 

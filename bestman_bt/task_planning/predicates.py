@@ -86,7 +86,7 @@ def _full_name(world: WorldModel, surface: str | None) -> str | None:
 
 
 def _holding(beliefs: Beliefs, name: str) -> bool:
-    return beliefs.world.held is not None and beliefs.world.held.name == name
+    return beliefs.world.arm_with(name) is not None
 
 
 def _located(beliefs: Beliefs, name: str) -> bool:
@@ -132,7 +132,7 @@ ON = Predicate(
 HOLDING = Predicate(
     "holding", {"object": "object"}, "the hand holds the {object}", _holding, excludes=("holding(_)", "hand_empty")
 )
-HAND_EMPTY = Predicate("hand_empty", {}, "the hand is empty", lambda beliefs: beliefs.world.held is None)
+HAND_EMPTY = Predicate("hand_empty", {}, "the hand is empty", lambda beliefs: not beliefs.world.hands)
 LOCATED = Predicate(
     "located",
     {"object": "object"},

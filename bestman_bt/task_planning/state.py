@@ -21,7 +21,7 @@ def known_predicates() -> dict[str, Predicate]:
 
 def things(world: WorldModel) -> dict[str, str]:
     """Name → type of all that facts may be about: objects, surfaces of the map, its doors and drawers."""
-    held = [world.held.name] if world.held is not None else []
+    held = [one.name for one in world.hands.values()]
     found = dict.fromkeys([*world.models, *world.objects, *held], "object")
     found |= dict.fromkeys(surfaces(world), "place")
     for piece in world.map.furniture.values():

@@ -78,7 +78,7 @@ class SavedObject:
 
 @dataclass(frozen=True)
 class SavedHand:
-    """As ``HeldObject``."""
+    """As ``HeldObject``, of the arm that it is saved under."""
 
     name: str
     what: SavedModel
@@ -111,14 +111,16 @@ class SavedPiece:
 
 @dataclass(frozen=True)
 class SavedBeliefs:
-    """``openings``: ``furniture/leaf`` → metres or radians. ``searched``: object → surface → when, in vain since it was
-    lost. ``told``: object → surface where somebody said that it is. ``locked``: doors and drawers that did not open.
-    ``blocked``: surfaces that could be reached from nowhere, doors and drawers that could not be opened for now.
+    """``hands``: arm → what its hand holds. ``openings``: ``furniture/leaf`` → metres or radians.
+
+    ``searched``: object → surface → when, in vain since it was lost. ``told``: object → surface where
+    somebody said that it is. ``locked``: doors and drawers that did not open. ``blocked``: surfaces that could be
+    reached from nowhere, doors and drawers that could not be opened for now.
     """
 
     base: SavedBase | None = None
     objects: Mapping[str, SavedObject] = field(default_factory=dict)
-    held: SavedHand | None = None
+    hands: Mapping[str, SavedHand] = field(default_factory=dict)
     openings: Mapping[str, JointPosition] = field(default_factory=dict)
     furniture: Mapping[str, SavedPiece] = field(default_factory=dict)
     searched: Mapping[str, Mapping[str, Time]] = field(default_factory=dict)
@@ -129,7 +131,7 @@ class SavedBeliefs:
 
 def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
     """The beliefs as plain values that ``SavedBeliefs`` is checked from; ``mapped``: the map before the run."""
-    base, held = world.base, world.held
+    base = world.base
     searched: dict[str, dict[str, float]] = {}
     for (name, surface), stamp in world.searched.items():
         if not world.may_be_on(name, surface) and name not in world.objects:
@@ -137,9 +139,7 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
     document: dict[str, Any] = {
         "base": _at(base.pose) | {key: _number(getattr(base, key)) for key in ("position_std", "heading_std", "stamp")},
         "objects": {
-            name: _saved_object(belief, world)
-            for name, belief in world.objects.items()
-            if held is None or name != held.name
+            name: _saved_object(belief, world) for name, belief in world.objects.items() if world.arm_with(name) is None
         },
         "openings": {name: _number(position) for name, position in world.articulations.items()},
         "furniture": {
@@ -152,13 +152,15 @@ def saved(world: WorldModel, mapped: SemanticMap) -> dict[str, Any]:
         "locked": sorted(world.locked),
         "blocked": sorted(world.blocked),
     }
-    if held is not None:
-        pose = _saved_pose(held.tool_from_object)
-        document["held"] = {
-            "name": held.name,
-            "what": _saved_model(held.model, world),
-            "tool_from_object": pose,
-            "width": _number(held.width),
+    if world.hands:
+        document["hands"] = {
+            arm: {
+                "name": held.name,
+                "what": _saved_model(held.model, world),
+                "tool_from_object": _saved_pose(held.tool_from_object),
+                "width": _number(held.width),
+            }
+            for arm, held in world.hands.items()
         }
     return document
 
@@ -181,7 +183,7 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
             heading_error=piece.heading_error,
         )
         known = known.with_furniture(believed)
-    base, held = beliefs.base, beliefs.held
+    base = beliefs.base
     world = WorldModel(known, dict(start.models), start.base, told=dict(beliefs.told))
     world.locked, world.blocked = set(beliefs.locked), set(beliefs.blocked)
     if base is not None:
@@ -203,10 +205,10 @@ def restored(beliefs: SavedBeliefs, document: Document, start: WorldModel) -> Wo
         for name, one in beliefs.objects.items()
     }
     world.searched = {(name, place): at for name, places in beliefs.searched.items() for place, at in places.items()}
-    if held is not None:
-        world.held = HeldObject(
-            held.name, _model(held.name, held.what, start), _pose(held.tool_from_object), held.width
-        )
+    world.hands = {
+        arm: HeldObject(held.name, _model(held.name, held.what, start), _pose(held.tool_from_object), held.width)
+        for arm, held in beliefs.hands.items()
+    }
     return world
 
 
@@ -223,8 +225,8 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
     for name, one in beliefs.objects.items():
         asked.append((("objects", name, "surface"), "surface", one.surface, surfaces))
         asked.append((("objects", name, "what", "model"), "model", one.what.model, models))
-    if beliefs.held is not None:
-        asked.append((("held", "what", "model"), "model", beliefs.held.what.model, models))
+    for arm, held in beliefs.hands.items():
+        asked.append((("hands", arm, "what", "model"), "model", held.what.model, models))
     asked += [(("openings", name), "door or drawer", name, leaves) for name in beliefs.openings]
     asked += [(("locked", at), "door or drawer", name, leaves) for at, name in enumerate(beliefs.locked)]
     asked += [
@@ -244,9 +246,9 @@ def _unknown_names(beliefs: SavedBeliefs, document: Document, start: WorldModel)
 
 def _held_elsewhere(beliefs: SavedBeliefs, document: Document) -> Iterator[Problem]:
     """One thing cannot be in the hand and also lie somewhere."""
-    held = beliefs.held
-    if held is not None and held.name in beliefs.objects:
-        yield document.problem(("objects", held.name), f"the hand holds the {held.name}; leave one of them out")
+    for held in beliefs.hands.values():
+        if held.name in beliefs.objects:
+            yield document.problem(("objects", held.name), f"the hand holds the {held.name}; leave one of them out")
 
 
 def _saved_model(model: ObjectModel, world: WorldModel) -> dict[str, Any]:

@@ -80,7 +80,7 @@ class HandleBelief:
 
 @dataclass(frozen=True)
 class HeldObject:
-    """The object in the hand: ``tool_from_object`` as believed at the grasp."""
+    """An object in a hand: ``tool_from_object`` as believed at the grasp; ``width``: metres between the fingers."""
 
     name: str
     model: ObjectModel
@@ -111,7 +111,8 @@ class BasePose:
 class WorldModel:
     """The robot's belief; skills read and write it, the simulator never does.
 
-    ``models``: objects that it knows by name. ``base``: its pose on the map. ``changes``: what was noticed of objects,
+    ``models``: objects that it knows by name. ``base``: its pose on the map. ``hands``: arm → what its hand holds, of
+    those that hold something. ``changes``: what was noticed of objects,
     oldest first. ``articulations``: how far doors and drawers, ``furniture/leaf``, are open, radians or metres; those
     that are not named are closed; at first those of the map. ``occupancy``: what was seen to be free and filled, in the
     map frame; None before any scan. ``searched``: (object, surface) → seconds, when it was looked for there in vain.
@@ -127,7 +128,7 @@ class WorldModel:
     obstacles: dict[str, Obstacle] = field(default_factory=dict)
     handles: dict[str, HandleBelief] = field(default_factory=dict)
     changes: list[ObjectChange] = field(default_factory=list)
-    held: HeldObject | None = None
+    hands: dict[str, HeldObject] = field(default_factory=dict)
     articulations: dict[str, float] = field(default_factory=dict)
     occupancy: VoxelGrid | None = None
     searched: dict[tuple[str, str], float] = field(default_factory=dict)
@@ -150,7 +151,7 @@ class WorldModel:
 
         As long as it was not looked for where it was said to be, it may be there only.
         """
-        if name in self.objects or (self.held is not None and self.held.name == name):
+        if name in self.objects or self.arm_with(name) is not None:
             return False
         noticed = max((change.stamp for change in self.changes if change.name == name), default=0.0)
 
@@ -159,6 +160,10 @@ class WorldModel:
 
         told = self.told.get(name)
         return not searched(surface) and (told in (None, surface) or searched(str(told)))
+
+    def arm_with(self, name: str) -> str | None:
+        """The arm whose hand holds an object; None if none does."""
+        return next((arm for arm, held in self.hands.items() if held.name == name), None)
 
     def surface(self, name: str) -> tuple[MapFurniture, MapSurface]:
         """As ``SemanticMap.surface``, but that of a drawer where the drawer is believed to be."""

@@ -84,6 +84,7 @@ def scripted_skills(task: str = "fetch_cup", base: Pose2D = ASKEW, *settings: st
     skills.contacts, skills.handled = [], None
     skills.computation, skills.rng = InlineComputation(skills.clock), np.random.default_rng(seed)
     arm, gripper = next(iter(setup.robot_model.of(ArmModel))), next(iter(setup.robot_model.of(GripperModel)))
+    skills.arm_name = arm
     skills.arm = ScriptedController("follow", "move_until", "follow_constraint", name=arm)
     skills.gripper = ScriptedController(
         "open", "close", "release", name=gripper, description=SimpleNamespace(max_force=70.0, max_width=0.08)

@@ -144,7 +144,7 @@ def test_a_container_that_there_is_not_is_told_with_those_that_there_are(
 
 def held(skills: Any, name: str) -> None:
     """Believe that the hand holds it."""
-    skills.world.held = HeldObject(name, skills.world.models[name], Pose(np.zeros(3)), 0.05)
+    skills.held = HeldObject(name, skills.world.models[name], Pose(np.zeros(3)), 0.05)
 
 
 def room(skills: Any, library: NodeRegistry) -> np.ndarray:

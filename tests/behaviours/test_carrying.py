@@ -23,12 +23,12 @@ def test_a_cup_in_a_level_hand_is_carried_upright_out_of_view_and_over_the_base(
     level = Pose.from_xyz_rpy((0.0, 0.0, 0.035), (0.0, np.pi / 2, 0.0)) @ Pose.from_xyz_rpy((0, 0, 0), (0, 0, roll))
     held = HeldObject("cup", skills.world.models["cup"], level.inverse(), 0.066)
     carry = skills.robot.posture("carry", skills.arm_model.joint_names)
-    skills.world.held = held
+    skills.held = held
     try:
         scene = skills.planning_scene()
         found, _ = postures_beside(skills, held, carry, skills.arm_world(scene))
     finally:
-        skills.world.held = None
+        skills.held = None
     assert found
     view = skills.arm_world(PlanningScene(scene.positions, beads(bystander), scene.attached))
     forward = ForwardKinematics(skills.robot)

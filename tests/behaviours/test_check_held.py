@@ -34,7 +34,7 @@ def taken(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth, HeldObject]]
         stood = truth.object_pose("cup").position[2]
         assert succeeds(session, TAKE)
         assert truth.object_pose("cup").position[2] > stood + 0.05
-        held = session.skills.world.held
+        held = session.skills.held
         assert held is not None
         yield session, truth, held
 
@@ -61,7 +61,7 @@ def test_the_hand_holds_the_cup_by_width_and_sight(taken) -> None:
     assert (status, evidence) == (SUCCESS, "width, sight")
     assert width == pytest.approx(2 * 0.03, abs=0.006)
     assert len(pictures) == 1
-    assert session.skills.world.held is held
+    assert session.skills.held is held
     assert truth.touches_robot("cup")
 
 
@@ -89,7 +89,7 @@ def test_a_lost_object_is_noticed_by_the_width_and_forgotten(taken) -> None:
     code, words = failures_of(session)[0]
     assert code == "object_lost"
     assert words.startswith("the cup is no longer in the hand: it closed to ")
-    assert session.skills.world.held is None
+    assert session.skills.held is None
 
 
 @pytest.mark.parametrize("width", [0.03, 0.055, 0.075])
@@ -98,21 +98,21 @@ def test_an_empty_hand_is_noticed_by_sight_where_its_width_is_as_expected(taken,
     if truth.touches_robot("cup"):
         put(session, "cup", [-6.0, 0.0, -0.1])
     move_fingers(session, width)
-    session.skills.world.held = replace(held, width=session.skills.gripper.width())
+    session.skills.held = replace(held, width=session.skills.gripper.width())
     assert check(session, look=False)[0] == SUCCESS
     status, evidence, _ = check(session)
     assert (status, evidence) == (FAILURE, "width, sight")
     code, words = failures_of(session)[0]
     assert code == "object_lost"
     assert "the camera looks through" in words
-    assert session.skills.world.held is None
+    assert session.skills.held is None
 
 
 def test_a_camera_that_delivers_nothing_is_told_and_the_object_stays_in_the_hand(taken) -> None:
     session, _, held = taken
-    session.skills.world.held = replace(held, width=session.skills.gripper.width())
+    session.skills.held = replace(held, width=session.skills.gripper.width())
     camera = session.robot.parts["wrist_camera"]
     camera.fault = CameraFault.BLACK
     assert why_not(session, '<CheckHeld object="cup"/>')[0] == "camera_black"
     camera.fault = None
-    assert session.skills.world.held is not None
+    assert session.skills.held is not None

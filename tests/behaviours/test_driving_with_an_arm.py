@@ -24,11 +24,11 @@ def test_the_outline_is_that_of_the_posture_of_the_arm_and_of_what_it_holds(byst
     assert skills.footprint("unknown").overhang is None
     np.testing.assert_array_equal(home.corners, carried.corners)
     bar = ObjectModel("bar", (1.0, 0.0, 0.0), 0.2, 0.5, (PlacedShape(Box((0.9, 0.02, 0.02)), Pose()),))
-    skills.world.held = HeldObject("bar", bar, Pose(), 0.02)
+    skills.held = HeldObject("bar", bar, Pose(), 0.02)
     try:
         assert skills.footprint(DRIVEN).overhang.reach > carried.overhang.reach + 0.05
     finally:
-        skills.world.held = None
+        skills.held = None
 
 
 def test_every_costmap_of_the_skills_has_the_arm_in_it(bystander) -> None:

@@ -34,7 +34,7 @@ def carrying(tmp_path_factory) -> Iterator[tuple[Session, GroundTruth]]:
 def test_the_plate_hangs_in_the_hand_as_the_robot_believes(carrying) -> None:
     session, truth = carrying
     skills = session.skills
-    held = skills.world.held
+    held = skills.held
     assert held is not None
     assert np.linalg.norm(held.tool_from_object.position[:2]) > 0.06
     believed = skills.map_from_base @ skills.base_from_tool() @ held.tool_from_object

@@ -63,7 +63,7 @@ def test_what_was_taken_is_in_the_hand_where_it_was_seen_but_centred_between_the
     skills.widths = [WIDTH, WIDTH, WIDTH + 0.001]
     tree = load(skills, GRASP, grasps=planned(skills))
     assert run(skills, tree) == SUCCESS
-    held = skills.world.held
+    held = skills.held
     assert (held.name, held.model) == ("cup", skills.world.models["cup"])
     assert held.width == WIDTH + 0.001
     base_from_cup = skills.base_from_tool() @ held.tool_from_object
@@ -87,12 +87,12 @@ def test_a_hand_that_closes_on_something_else_opens_and_leaves_as_it_came(
     skills: Any, width: float, pressing: bool, why: str
 ) -> None:
     skills.widths, skills.gripper.pressing = [width], lambda: pressing
-    skills.world.held = HeldObject("can", skills.world.models["cup"], Pose(), WIDTH)  # an old belief
+    skills.held = HeldObject("can", skills.world.models["cup"], Pose(), WIDTH)  # an old belief
     tree = load(skills, GRASP, grasps=planned(skills))
     assert run(skills, tree) == FAILURE
     assert codes(skills) == ["grasp_failed"]
     assert skills.failures[-1].why.endswith(why)
-    assert skills.world.held is None
+    assert skills.held is None
     assert "cup" in skills.world.objects
     assert commands(skills.gripper)[-1] == ("open", OPENING)
     assert commands(skills.arm)[-1] == ("follow", 7.0), "along the way in, backwards"
@@ -109,7 +109,7 @@ def test_a_way_that_is_not_found_leaves_the_other_grasps_and_after_a_success_no_
     assert run(skills, tree) == FAILURE
     assert len(tree.blackboard.get("grasps")) == 1
     assert run(skills, tree) == SUCCESS
-    skills.world.held = None
+    skills.held = None
     assert run(skills, tree) == FAILURE
     assert codes(skills) == ["tracking", "no_grasp"]
 
@@ -120,7 +120,7 @@ def test_a_lift_that_is_stopped_keeps_what_is_still_in_the_hand(skills: Any, wid
     skills.arm.ends["follow"] = [None, None, MotionErrorCode.STOPPED]
     assert run(skills, load(skills, GRASP, grasps=planned(skills))) == FAILURE
     assert codes(skills) == ["stopped"]
-    assert (skills.world.held is not None) is held
+    assert (skills.held is not None) is held
     assert ("cup" in skills.world.objects) is not held
 
 
@@ -128,7 +128,7 @@ def test_what_is_lost_on_the_way_up_is_not_held(skills: Any) -> None:
     skills.widths = [WIDTH, WIDTH, 0.0]
     assert run(skills, load(skills, GRASP, grasps=planned(skills))) == FAILURE
     assert codes(skills) == ["grasp_failed"]
-    assert skills.world.held is None
+    assert skills.held is None
 
 
 @pytest.mark.parametrize(("part", "step"), [("gripper", "open"), ("arm", "follow"), ("gripper", "close")])
@@ -138,7 +138,7 @@ def test_halted_at_any_step_nothing_is_under_way_and_nothing_held(skills: Any, p
     assert run(skills, tree, 5) == RUNNING
     tree.halt()
     assert getattr(skills, part).under_way == []
-    assert skills.world.held is None
+    assert skills.held is None
 
 
 @pytest.mark.parametrize(("mass", "beside", "force"), [(0.1, 0.0, 20.0), (0.4, 0.03, None), (9.0, 0.1, 70.0)])
@@ -177,21 +177,21 @@ def test_a_grip_holds_within_the_tolerance_and_what_is_lost_is_forgotten(
     skills: Any, off: float, held: bool, leaf: str
 ) -> None:
     assert (grip_problem(WIDTH + off, WIDTH) == "") is held
-    skills.world.held = HeldObject("cup", skills.world.models["cup"], Pose(), WIDTH)
+    skills.held = HeldObject("cup", skills.world.models["cup"], Pose(), WIDTH)
     skills.widths = [WIDTH + off]
     assert run(skills, load(skills, leaf)) == (SUCCESS if held else FAILURE)
-    assert (skills.world.held is not None) is held
+    assert (skills.held is not None) is held
     assert codes(skills) == ([] if held else ["object_lost"])
-    skills.world.held = HeldObject("can", skills.world.models["cup"], Pose(), WIDTH)
+    skills.held = HeldObject("can", skills.world.models["cup"], Pose(), WIDTH)
     skills.widths = [WIDTH]
     assert run(skills, load(skills, leaf)) == FAILURE
     assert codes(skills)[-1] == "not_holding"
-    assert skills.world.held.name == "can"
+    assert skills.held.name == "can"
 
 
 @pytest.mark.parametrize(("pressed", "held"), [((True, True), True), ((True, False), False), ((False, True), False)])
 def test_every_pad_has_to_be_pressed(skills: Any, pressed: tuple[bool, ...], held: bool) -> None:
-    skills.world.held = HeldObject("cup", skills.world.models["cup"], Pose(), WIDTH)
+    skills.held = HeldObject("cup", skills.world.models["cup"], Pose(), WIDTH)
     skills.tactile = [SimpleNamespace(name=f"pad_{i}", pressed=lambda p=p: p) for i, p in enumerate(pressed)]
     tree = load(skills, '<CheckHeld object="cup" look="false" evidence="{evidence}"/>')
     assert run(skills, tree) == (SUCCESS if held else FAILURE)

@@ -32,7 +32,7 @@ def skills() -> Any:
     """A robot that stands askew and holds a cup, which hangs 4 cm below its hand and 2 cm beside it."""
     skills = scripted_skills()
     tool_from_object = Pose.from_xyz_rpy((0.02, 0.0, 0.04), (math.pi, 0.0, 0.5))
-    skills.world.held = HeldObject("cup", skills.world.models["cup"], tool_from_object, WIDTH)
+    skills.held = HeldObject("cup", skills.world.models["cup"], tool_from_object, WIDTH)
     skills.base_from_tool = lambda: in_base(0.6, -0.2, 0.9)
     return skills
 
@@ -40,7 +40,7 @@ def skills() -> Any:
 def test_what_was_let_go_is_believed_where_the_hand_has_left_it_in_the_map(skills: Any) -> None:
     skills.gripper.ends["release"] = [opened(0.08)]
     assert run(skills, load(skills, RELEASE)) == SUCCESS
-    assert skills.world.held is None
+    assert skills.held is None
     belief = skills.world.objects["cup"]
     np.testing.assert_allclose(belief.pose.position, map_from(ASKEW, 0.62, -0.2, 0.86), atol=1e-9)
     assert belief.pose.yaw == pytest.approx(ASKEW.theta - 0.5)
@@ -57,15 +57,15 @@ def test_what_is_caught_between_the_fingers_is_held_loosely_raised_a_little_and_
     assert run(skills, load(skills, RELEASE)) == SUCCESS
     assert skills.gripper.asked == [("release",), ("close", LOOSE), ("release",)]
     assert skills.arm.asked == [("move_until", (0.0, 0.0, 1.0), 0.02, 0.001, 4.0)]
-    assert skills.world.held is None
+    assert skills.held is None
 
 
 def test_a_hand_that_does_not_let_go_grips_again_and_the_object_stays_in_it(skills: Any) -> None:
-    held, caught = skills.world.held, opened(WIDTH + LET_GO - 1e-4)
+    held, caught = skills.held, opened(WIDTH + LET_GO - 1e-4)
     skills.gripper.ends["release"] = [caught, caught]
     assert run(skills, load(skills, RELEASE)) == FAILURE
     assert codes(skills) == ["not_released"]
-    assert skills.world.held is held
+    assert skills.held is held
     assert "cup" not in skills.world.objects
     assert skills.gripper.asked == [("release",), ("close", LOOSE), ("release",), ("close",)]
 
@@ -75,11 +75,11 @@ def test_a_gripper_that_fails_leaves_the_object_in_the_hand(skills: Any, failing
     skills.gripper.ends["release"] = [*[opened(WIDTH)] * failing, MotionErrorCode.BLOCKED]
     assert run(skills, load(skills, RELEASE)) == FAILURE
     assert codes(skills) == ["blocked"]
-    assert skills.world.held is not None
+    assert skills.held is not None
 
 
 def test_an_empty_hand_has_nothing_to_let_go(skills: Any) -> None:
-    skills.world.held = None
+    skills.held = None
     assert run(skills, load(skills, RELEASE)) == FAILURE
     assert codes(skills) == ["not_holding"]
     assert skills.gripper.asked == []
@@ -91,16 +91,16 @@ def test_halted_while_it_lets_go_nothing_is_under_way_and_the_second_time_works(
     assert run(skills, tree, 3) == RUNNING
     tree.halt()
     assert skills.gripper.under_way == []
-    assert skills.world.held is not None
+    assert skills.held is not None
     assert run(skills, tree) == SUCCESS
-    assert skills.world.held is None
+    assert skills.held is None
 
 
 @pytest.mark.parametrize("order", [1, 2, 0])
 def test_an_object_is_put_down_in_every_turn_that_looks_the_same_and_from_straight_above(
     skills: Any, order: int
 ) -> None:
-    cup = skills.world.held
+    cup = skills.held
     model = SimpleNamespace(symmetry_order=order)
     held = HeldObject("cup", model, cup.tool_from_object, WIDTH)
     goal = Pose.from_xyz_rpy((0.7, 0.1, 0.8), (0.0, 0.0, 0.9))

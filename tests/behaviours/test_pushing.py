@@ -122,7 +122,7 @@ def test_what_is_at_its_goal_is_left_alone(skills: Any, away: float, code: str) 
 
 
 def test_a_full_hand_does_not_push(skills: Any) -> None:
-    skills.world.held = HeldObject("can", skills.world.models["cup"], Pose(), 0.05)
+    skills.held = HeldObject("can", skills.world.models["cup"], Pose(), 0.05)
     assert run(skills, push(skills, goal=goal_of(skills))) == FAILURE
     assert codes(skills) == ["hand_not_empty"]
     assert skills.gripper.asked == []

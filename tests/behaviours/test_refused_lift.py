@@ -37,7 +37,7 @@ def test_it_lets_go_and_leaves_as_it_came(tmp_path, monkeypatch: pytest.MonkeyPa
         stood = truth.object_pose("cup").position.copy()
         assert not succeeds(session, TAKE)
         assert skills.failures[-1].why == WHY
-        assert skills.world.held is None
+        assert skills.held is None
         assert asked[0] == pytest.approx(asked[2], abs=0.002), "the hand is open on its way back as on its way in"
         assert asked[1] < asked[0] - 0.005, "it had closed on the cup"
         assert np.linalg.norm(truth.object_pose("cup").position - stood) < 0.005

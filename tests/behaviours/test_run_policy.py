@@ -227,11 +227,11 @@ def test_an_unknown_policy_is_answered_by_the_closest(robot: Session) -> None:
 def test_a_hand_that_is_full_is_not_opened_for_a_policy(robot: Session) -> None:
     Scripted(robot, deltas(0.0), moves_gripper=True, open_width=0.08)
     model = robot.skills.world.models["cup"]
-    robot.skills.world.held = HeldObject("cup", model, Pose(), 0.066)
+    robot.skills.held = HeldObject("cup", model, Pose(), 0.066)
     try:
         assert refused(robot)[0] == "hand_not_empty"
     finally:
-        robot.skills.world.held = None
+        robot.skills.held = None
 
 
 def test_closing_in_the_air_and_going_up_is_no_lift(robot: Session) -> None:
@@ -243,7 +243,7 @@ def test_closing_in_the_air_and_going_up_is_no_lift(robot: Session) -> None:
     )
     assert run(robot, success="lifted", lift=0.03, timeout=3.0, workspace=WIDE) == FAILURE
     assert failures_of(robot)[0][0] in ("timeout", "collision")
-    assert robot.skills.world.held is None
+    assert robot.skills.held is None
 
 
 def test_without_a_goal_it_ends_when_the_gripper_holds_something(robot: Session) -> None:

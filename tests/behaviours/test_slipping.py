@@ -52,7 +52,7 @@ def test_a_cup_that_slips_out_of_the_hand_mid_way_stops_the_robot_which_says_so(
         ((code, words),) = failures_of(session)
         assert code == "object_lost"
         assert words.startswith("the cup is no longer in the hand: it closed to ")
-        assert session.skills.world.held is None
+        assert session.skills.held is None
         session.robot.clock.sleep(0.6)
         assert fastest(session) < 0.02
         assert truth.object_pose("cup").position[2] < carried - 0.1

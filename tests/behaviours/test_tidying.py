@@ -149,5 +149,5 @@ def test_a_hand_that_does_not_let_go_says_so_and_keeps_the_object(table, monkeyp
     monkeypatch.setattr(skills.gripper, "release", lambda: skills.gripper.open(skills.gripper.width()))
     assert run(session, '<Release object="can"/>')[0] == FAILURE
     assert failures_of(session)[0][0] == "not_released"
-    assert skills.world.held is held
+    assert skills.held is held
     assert skills.gripper.width() < 0.01  # there is nothing between the fingers, which grip again

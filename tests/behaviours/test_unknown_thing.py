@@ -60,7 +60,7 @@ def test_a_thing_is_grasped_by_its_points_and_lifted(scanned) -> None:
       <CheckHeld object="thing_1"/></Sequence>"""
     assert succeeds(session, body), session.skills.failures[-1]
     assert truth.object_pose("duck").position[2] > stood + 0.05
-    held = session.skills.world.held
+    held = session.skills.held
     assert held is not None
     assert held.name == "thing_1"
     assert "thing_1" not in session.skills.world.objects

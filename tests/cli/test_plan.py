@@ -23,8 +23,8 @@ beliefs:
 HOLDING = """\
 scene: kitchen
 beliefs:
-  held:
-    {name: can, what: {model: can}, width: 5 cm, tool_from_object: {position: [0, 0, 2 cm]}}
+  hands:
+    arm: {name: can, what: {model: can}, width: 5 cm, tool_from_object: {position: [0, 0, 2 cm]}}
 """
 
 

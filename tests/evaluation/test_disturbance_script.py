@@ -122,13 +122,13 @@ def test_a_deed_is_done_once_and_one_that_was_in_the_way_is_tried_again_after_a_
 def test_nothing_is_done_before_the_robot_has_seen_it_and_nothing_after_it_was_in_the_hand() -> None:
     stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]")
     assert stage.acts_after(1.0) == []
-    stage.world.held = HeldObject("can", stage.world.models["cup"], Pose(), 0.05)
+    stage.world.hands["arm"] = HeldObject("can", stage.world.models["cup"], Pose(), 0.05)
     stage.believe("cup")
     assert stage.acts_after(PERIOD) == [0.0], "another thing in the hand is no reason to wait"
     stage = Stage("plan_swap", "[{kind: moved, object: cup, after: [0, 0]}]")
-    stage.world.held = HeldObject("cup", stage.world.models["cup"], Pose(), 0.05)
+    stage.world.hands["arm"] = HeldObject("cup", stage.world.models["cup"], Pose(), 0.05)
     stage.wait(PERIOD)
-    stage.world.held = None
+    stage.world.hands.clear()
     stage.believe("cup")
     assert stage.acts_after(2.0) == []
 
@@ -222,9 +222,9 @@ def test_what_was_opened_is_pushed_shut_once_the_hand_is_out_of_it(
 def test_a_drawer_is_not_shut_any_more_once_its_object_was_in_the_hand() -> None:
     for held, acts in (("cup", False), (None, True)):
         stage = Stage("put_away", f"[{{kind: shut, articulation: {DRAWER}, object: cup, after: [0, 0]}}]")
-        stage.world.held = None if held is None else HeldObject(held, stage.world.models["cup"], Pose(), 0.05)
+        stage.world.hands = {} if held is None else {"arm": HeldObject(held, stage.world.models["cup"], Pose(), 0.05)}
         stage.wait(PERIOD)
-        stage.world.held = None
+        stage.world.hands.clear()
         stage.world.articulations[DRAWER] = stage.truth.opened[DRAWER] = 0.28
         assert bool(stage.acts_after(0.5)) is acts
 

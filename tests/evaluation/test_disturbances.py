@@ -34,7 +34,7 @@ class Stage:
 
     def hold(self, name: str) -> None:
         model = self.session.skills.world.models[name]
-        self.session.skills.world.held = HeldObject(name, model, Pose(), 0.05)
+        self.session.skills.held = HeldObject(name, model, Pose(), 0.05)
 
     def wait(self, seconds: float) -> None:
         for _ in range(round(seconds / 0.05)):
@@ -87,7 +87,7 @@ def test_an_object_is_moved_on_its_surface_once_it_was_seen_and_only_once(table:
 def test_what_the_robot_has_had_in_its_hand_is_not_moved_any_more(table: Stage) -> None:
     table.hold("cup")
     table.wait(0.1)
-    table.session.skills.world.held = None
+    table.session.skills.held = None
     table.believe("cup")
     table.wait(3.0)
     assert table.told() == []

@@ -68,7 +68,7 @@ def test_a_cup_is_reached_lifted_and_carried_upright(diff_panda, seed):
 
     at_grasp = kinematics.tool_pose(down.positions[-1])
     tool_from_cup = at_grasp.inverse() @ base_from_map @ Pose(cup)
-    belief.held = HeldObject("cup", CUP, tool_from_cup, 0.07)
+    belief.hands["arm"] = HeldObject("cup", CUP, tool_from_cup, 0.07)
     scene = planning_scene_from_world_model(
         belief, diff_panda, {**positions, "panda_finger_joint1": 0.035, "panda_finger_joint2": 0.035}
     )

@@ -123,7 +123,7 @@ def test_what_was_seen_is_on_its_surface_by_its_full_name(world):
 
 
 def test_what_the_hand_holds_is_nowhere_else(world):
-    world.held = HeldObject("mug", world.models["mug"], Pose(np.zeros(3)), 0.05)
+    world.hands["arm"] = HeldObject("mug", world.models["mug"], Pose(np.zeros(3)), 0.05)
     state = {str(fact) for fact in read_state(Beliefs(world))}
     assert {"holding(mug)", "located(mug)"} <= state
     assert not {"hand_empty", "holding(cup)", "located(cup)"} & state
@@ -203,7 +203,7 @@ def test_every_predicate_goes_by_the_name_that_it_is_registered_under():
 
 
 def test_what_is_in_the_hand_is_a_thing_though_nobody_described_it(world):
-    world.held = HeldObject("spanner", world.models["mug"], Pose(np.zeros(3)), 0.05)
+    world.hands["arm"] = HeldObject("spanner", world.models["mug"], Pose(np.zeros(3)), 0.05)
     assert things(world)["spanner"] == "object"
     assert things(world)["mug"] == "object"
 

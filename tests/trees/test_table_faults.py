@@ -38,7 +38,7 @@ def test_a_cup_that_is_lost_on_the_way_is_found_and_brought_all_the_same(tmp_pat
         status = RUNNING
         while status == RUNNING and session.robot.clock.now() < 120.0:
             status = tree.tick_once()
-            lifted_for += session.skills.world.held is not None
+            lifted_for += session.skills.held is not None
             if not taken and lifted_for > 5:
                 client.resetBasePositionAndOrientation(cup, *stood)
                 taken = True
@@ -60,7 +60,7 @@ def test_a_cup_that_cannot_be_placed_is_put_aside_and_the_hand_is_empty(tmp_path
         assert tick(tree, 2400) == SUCCESS, session.skills.failures
         cup = truth.object_pose("cup")
         assert "no_stand" in [failure.error_code for failure in session.skills.failures]
-        assert session.skills.world.held is None
+        assert session.skills.held is None
         assert abs(cup.position[2] - stood[2]) < 0.002
         assert cup.tilt < np.radians(2.0)
 

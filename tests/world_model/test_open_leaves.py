@@ -167,9 +167,9 @@ def test_a_thing_may_be_where_it_was_not_looked_for_since_it_was_lost(mapped, sc
     assert not world.may_be_on("cup", "counter/top")
     world.searched["cup", DRAWER] = 6.0
     assert world.may_be_on("cup", "counter/top")
-    world.held = HeldObject("can", world.models["cup"], Pose(), 0.05)
+    world.hands["arm"] = HeldObject("can", world.models["cup"], Pose(), 0.05)
     assert world.may_be_on("cup", "counter/top")
-    world.held = HeldObject("cup", world.models["cup"], Pose(), 0.05)
+    world.hands["arm"] = HeldObject("cup", world.models["cup"], Pose(), 0.05)
     assert not world.may_be_on("cup", "counter/top")
 
 

@@ -42,7 +42,7 @@ def world(setup: Setup) -> WorldModel:
     box = ObjectModel(NASTY, (0.1, 0.2, 0.3), 0.1, 0.5, (PlacedShape(Box((0.05, 0.06, 0.07)), Pose()),))
     cloud = PointCloud(np.zeros((500, 3)))
     world.objects[NASTY] = ObjectBelief(NASTY, box, pose, 1.0, 0.01, 40.0, "counter", recognised=False, cloud=cloud)
-    world.held = HeldObject("can", world.models["can"], Pose(np.array([0.0, 0.01, 0.02])), 0.053)
+    world.hands["arm"] = HeldObject("can", world.models["can"], Pose(np.array([0.0, 0.01, 0.02])), 0.053)
     world.articulations["drawer_chest/drawer_2"] = 0.28
     world.searched = {("cup", "table/top"): 30.0, ("cup", "shelf/top"): 5.0, ("mug", "shelf/top"): 3.0}
     world.changes.append(ObjectChange("removed", "cup", 10.0))
@@ -65,8 +65,8 @@ def test_what_is_read_is_believed_as_it_was_written(setup: Setup, world: WorldMo
     thing = read.objects[NASTY]
     assert thing.model.size.tolist() == [0.05, 0.06, 0.07]
     assert not thing.recognised
-    assert read.held is not None
-    assert (read.held.name, read.held.width, read.held.model) == ("can", 0.053, setup.world_model.models["can"])
+    held = read.hands["arm"]
+    assert (held.name, held.width, held.model) == ("can", 0.053, setup.world_model.models["can"])
     table = read.map.furniture["table"]
     assert (table.pose, table.position_error) == (Pose2D(3.21, -0.39, 0.01), 0.005)
     assert read.map.furniture["counter"] is setup.world_model.map.furniture["counter"]
@@ -93,7 +93,7 @@ def test_measurements_stay_out_of_the_file(setup: Setup, world: WorldModel, tmp_
         ("told: {mugg: table}", "no object 'mugg'; did you mean 'mug'?"),
         ("searched: {mug: {shelf: soon}}", "expected a time"),
         ("furniture: {tabel: {x: 0, y: 0, theta: 0, position_error: 0, heading_error: 0}}", "no furniture 'tabel'"),
-        ("held: {name: can, what: {}, tool_from_object: {position: [0, 0, 0]}, width: 5 cm}", "a model or a size"),
+        ("hands: {arm: {name: can, what: {}, tool_from_object: {position: [0, 0, 0]}, width: 0}}", "a model or a size"),
         ("objects: {a: {what: {size: [1, 1, 0]}, pose: {position: [0, 0, 0]}}}", "size"),
         ("base: {x: 0, y: 0}", "base.theta: is missing"),
         ("objets: {}", "unknown field; did you mean 'objects'"),
@@ -111,8 +111,8 @@ def test_what_is_wrong_in_a_file_is_told_with_its_line(setup: Setup, tmp_path: P
 def test_what_is_in_the_hand_does_not_lie_anywhere(setup: Setup, tmp_path: Path) -> None:
     path = tmp_path / "world.yaml"
     path.write_text(
-        "scene: kitchen_furnished\nbeliefs:\n  held: {name: mug, what: {model: mug}, width: 5 cm,"
-        " tool_from_object: {position: [0, 0, 2 cm]}}\n  objects:\n"
+        "scene: kitchen_furnished\nbeliefs:\n  hands: {arm: {name: mug, what: {model: mug}, width: 5 cm,"
+        " tool_from_object: {position: [0, 0, 2 cm]}}}\n  objects:\n"
         "    mug: {what: {model: mug}, surface: table/top, pose: {position: [3.1, -0.2, 80 cm]}}\n"
     )
     with pytest.raises(ConfigurationError, match="the hand holds the mug; leave one of them out") as refused:

@@ -81,10 +81,9 @@ class CoalCollisionModel(CollisionModel):
             (body.geometry, base_from_root * placement)
             for body, placement in zip(geometry.geometryObjects, geometry_data.oMg, strict=True)
         ]
-        if scene.attached is not None:
-            tool = base_from_root * data.oMf[frame_index(model, scene.attached.tool_frame)]
-            tool = tool * to_se3(scene.attached.tool_from_object)
-            bodies += [(shape, tool * pose) for shape, pose in _placed(scene.attached.shapes, scene.attached.name)]
+        for held in (*scene.carried, *((scene.attached,) if scene.attached is not None else ())):
+            tool = base_from_root * data.oMf[frame_index(model, held.tool_frame)] * to_se3(held.tool_from_object)
+            bodies += [(shape, tool * pose) for shape, pose in _placed(held.shapes, held.name)]
         return replace(scene, voxels=tuple(clear_of(voxels, bodies, scene.padding) for voxels in scene.voxels))
 
 
@@ -194,6 +193,11 @@ class CoalCollisionWorld(CollisionWorld):
         surroundings += [
             (v.name, [(octree(v), to_se3(v.base_from_grid))], v.padding) for v in scene.voxels if len(v.indices)
         ]
+        for other in scene.carried:
+            base_from_tool = base.placement.actInv(model.frames[frame_index(model, other.tool_frame)].placement)
+            base_from_object = base_from_tool * to_se3(other.tool_from_object)
+            placed = [(shape, base_from_object * pose) for shape, pose in _placed(other.shapes, other.name)]
+            surroundings.append((other.name, placed, other.padding))
         for name, placed, padding in surroundings:
             bodies = self._add_bodies(name, placed, base.parentJoint, base.placement, taken)
             margin = scene.padding + padding

@@ -50,6 +50,7 @@ class AttachedObject:
 class PlanningScene:
     """Obstacles and the state of all joints that do not move.
 
+    ``attached``: what the moving arm holds; ``carried``: what others hold, which stands still with them.
     ``positions``: joint name → radians or metres; joints that are missing stand at zero. The moving arm's own entries
     are ignored. ``allowed_pairs``: names of links, obstacles or the attached object that may touch.
     ``padding``: metres kept between the arm (or what it holds) and obstacles; ``self_padding``: between links.
@@ -59,6 +60,7 @@ class PlanningScene:
     positions: Mapping[str, float]
     obstacles: tuple[SceneObstacle, ...] = ()
     attached: AttachedObject | None = None
+    carried: tuple[AttachedObject, ...] = ()
     allowed_pairs: frozenset[frozenset[str]] = frozenset()
     padding: float = 0.002
     self_padding: float = 0.002

@@ -57,8 +57,9 @@ def planning_scene_from_world_model(
 
     Obstacles are: the floor (``floor``), walls (``wall0`` …), furniture by its name as a solid box that covers its
     possible poses, measured bodies (``world_model.obstacles``), objects by their names. An obstacle named like a piece
-    of furniture, or ``furniture/…``, is a measurement of it and replaces its box. The held object is attached; the
-    hand and fingers of its gripper may touch it. ``positions``: of all joints, by name. ``ignore``: names to leave out.
+    of furniture, or ``furniture/…``, is a measurement of it and replaces its box. What ``arm`` holds is attached, what
+    other arms hold is carried; the hand and fingers that hold it may touch it. ``positions``: of all joints, by name.
+    ``ignore``: names to leave out.
 
     ``hollow``: furniture that the arm works in: where the map knows its boards, these are the obstacle ``furniture``,
     and each door and drawer, at its believed position, the obstacle ``furniture/leaf``, all as thick as the error of
@@ -68,8 +69,7 @@ def planning_scene_from_world_model(
     bodies, ignored ones too, or a shape of ``explained`` (in the base frame) explains.
     """
     left_out = set(ignore)
-    if world_model.held is not None:
-        left_out.add(world_model.held.name)
+    left_out |= {held.name for held in world_model.hands.values()}
     base_from_map = world_model.base.pose.to_pose().inverse()
     within = _with_boards(world_model, hollow)
     bodies = (
@@ -93,6 +93,11 @@ def planning_scene_from_world_model(
         positions=dict(positions),
         obstacles=tuple(obstacles),
         attached=held_object(world_model, robot, arm),
+        carried=tuple(
+            held
+            for other in robot.arm_names
+            if other != arm and (held := held_object(world_model, robot, other)) is not None
+        ),
         allowed_pairs=frozenset(frozenset(pair) for pair in allowed_pairs),
         padding=parameters.padding,
         voxels=()
@@ -110,7 +115,7 @@ def planning_scene_from_world_model(
 
 def held_object(world_model: WorldModel, robot: RobotModel, arm: str = "arm") -> AttachedObject | None:
     """What the arm holds, as an attached object; None if its hand is empty."""
-    held = world_model.held
+    held = world_model.hands.get(arm)
     if held is None:
         return None
     return AttachedObject(

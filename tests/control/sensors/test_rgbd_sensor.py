@@ -66,7 +66,7 @@ def test_what_is_held_is_part_of_the_robot_and_left_out_of_views_where_it_is(rob
             capture=lambda image=image: image,
         )
         for held in (None, HeldObject("box", box, tool.inverse() @ middle, 0.1)):
-            belief = WorldModel(semantic_map(world), held=held)
+            belief = WorldModel(semantic_map(world), hands={} if held is None else {"arm": held})
             view = RGBDSensor(still, kinematics, joints, belief).capture()
             row, column = round(seen.intrinsics.cy), round(seen.intrinsics.cx)
             assert view.own_body[row, column] == (held is not None and own)

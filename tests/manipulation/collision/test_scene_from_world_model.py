@@ -80,7 +80,7 @@ def test_a_measurement_of_furniture_replaces_its_box(belief, diff_panda):
 
 def test_the_held_object_is_in_the_hand_and_no_longer_on_the_table(belief, diff_panda):
     grip = Pose(np.array([0.0, 0.0, 0.02]))
-    belief.held = HeldObject("cup", CUP, grip, 0.07)
+    belief.hands["arm"] = HeldObject("cup", CUP, grip, 0.07)
     scene = scene_of(belief, diff_panda)
     assert "cup" not in named(scene)
     assert scene.attached is not None
@@ -131,7 +131,7 @@ def test_what_is_near_is_told_from_the_base_by_the_nearest_point(belief, diff_pa
 def test_what_is_held_is_where_the_tool_has_it(belief, diff_panda):
     """A stick held across the hand, which ends 2 cm beside a wall of the scene, not mirrored into it."""
     grip = Pose.from_xyz_rpy((0.0, 0.15, 0.02), (0.0, 0.0, 0.4))
-    belief.held = HeldObject("stick", CUP, grip, 0.07)
+    belief.hands["arm"] = HeldObject("stick", CUP, grip, 0.07)
     assert np.array_equal(scene_of(belief, diff_panda).attached.tool_from_object.matrix, grip.matrix)
 
 

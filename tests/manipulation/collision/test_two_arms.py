@@ -137,7 +137,7 @@ def test_the_padding_of_what_is_held_is_kept_from_obstacles_as_well(model, robot
 def test_only_the_hand_that_holds_may_touch_what_is_held(robot, side):
     held = WorldModel(SemanticMap(np.zeros((0, 4)), {}))
     cup = ObjectModel("cup", (1, 0, 0), 0.2, 0.8, (PlacedShape(Sphere(0.03), Pose()),))
-    held.held = HeldObject("cup", cup, Pose(np.array([0.0, 0.01, 0.02])), 0.06)
+    held.hands[side] = HeldObject("cup", cup, Pose(np.array([0.0, 0.01, 0.02])), 0.06)
     for attached in (
         held_object(held, robot, side),
         planning_scene_from_world_model(held, robot, robot.postures["home"], side).attached,

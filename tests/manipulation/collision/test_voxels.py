@@ -137,7 +137,7 @@ def test_where_the_robot_is_now_nothing_else_is(belief, diff_panda, collision_of
     assert world.is_free(LEFT)
     assert not world.is_free(RIGHT)
     box = ObjectModel("box", (1, 0, 0), 0.2, 0.8, (PlacedShape(Box((0.2, 0.06, 0.2)), Pose()),))
-    belief.held = HeldObject("box", box, Pose(), 0.06)
+    belief.hands["arm"] = HeldObject("box", box, Pose(), 0.06)
     assert collision_of.world(scene_of(belief, diff_panda, arm_positions=LEFT)).is_free(LEFT)
 
 
@@ -146,7 +146,7 @@ def test_what_is_held_must_not_touch_what_was_seen_either(belief, diff_panda, co
     near = DampedLeastSquares(diff_panda).solve(before_the_pillar, LEFT, np.random.default_rng(0)).best
     empty = collision_of.world(scene_of(belief, diff_panda))
     stick = ObjectModel("stick", (1, 0, 0), 0.2, 0.8, (PlacedShape(Box((0.5, 0.02, 0.02)), Pose()),))
-    belief.held = HeldObject("stick", stick, Pose(), 0.02)
+    belief.hands["arm"] = HeldObject("stick", stick, Pose(), 0.02)
     holding = collision_of.world(scene_of(belief, diff_panda))
     assert empty.is_free(near)
     assert ("occupied", "stick") in holding.colliding_pairs(near)
