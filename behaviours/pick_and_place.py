@@ -25,7 +25,9 @@ def pick_and_place() -> Node:
         "bring",
         [
             have_object(),
-            SubTree(place, tree_id="Place", name="place", object="{object}", surface="{target}", goal="{goal}"),
+            SubTree(
+                place, tree_id="Place", name="place", object="{object}", surface="{target}", goal="{goal}", arm="{arm}"
+            ),
             SubTree(verify, tree_id="Verify", name="verify", object="{object}", surface="{target}", goal="{goal}"),
         ],
     )
@@ -34,8 +36,8 @@ def pick_and_place() -> Node:
 
 def have_object() -> Node:
     """Take the object unless the hand holds it."""
-    taken = SubTree(pick, tree_id="Pick", name="pick", object="{object}", surface="{source}")
-    return Fallback("have_object", [Holding(object="{object}"), taken])
+    taken = SubTree(pick, tree_id="Pick", name="pick", object="{object}", surface="{source}", arm="{arm}")
+    return Fallback("have_object", [Holding(object="{object}", arm="{arm}"), taken])
 
 
 def pick() -> Node:
@@ -43,34 +45,38 @@ def pick() -> Node:
     look_and_grasp = Sequence(
         "look_and_grasp",
         [
-            MoveArm(posture="carry"),
+            MoveArm(posture="carry", arm="{arm}"),
             LookAt(object="{object}", surface="{where}"),
             DetectObject(object="{object}", surface="{where}"),
-            Reachable(object="{object}"),
+            Reachable(object="{object}", arm="{arm}"),
             LookAt(object="{object}", surface="{where}"),
             EstimatePose(object="{object}", pose="{pose}"),
-            ForceSuccess("if_it_can", [SecondLook(object="{object}", max_yaw_width=0.2)]),
-            PlanGrasp(object="{object}", grasps="{grasps}"),
-            RetryUntilSuccessful("try_grasps", [Grasp(object="{object}", grasps="{grasps}")], num_attempts=3),
+            ForceSuccess("if_it_can", [SecondLook(object="{object}", max_yaw_width=0.2, arm="{arm}")]),
+            PlanGrasp(object="{object}", grasps="{grasps}", arm="{arm}"),
+            RetryUntilSuccessful(
+                "try_grasps", [Grasp(object="{object}", grasps="{grasps}", arm="{arm}")], num_attempts=3
+            ),
         ],
     )
     from_one_stand = Sequence(
         "from_one_stand",
         [
             BelievedSurface(object="{object}", otherwise="{surface}", surface="{where}"),
-            FindStandPose(object="{object}", surface="{where}", stand="{stand}", error_code="{stand_error}"),
-            MoveArm(posture="carry"),
+            FindStandPose(
+                object="{object}", surface="{where}", stand="{stand}", error_code="{stand_error}", arm="{arm}"
+            ),
+            MoveArm(posture="carry", arm="{arm}"),
             NavigateTo(goal="{stand}"),
             RetryUntilSuccessful("try_looks", [look_and_grasp], num_attempts=2),
         ],
     )
     try_stands = RetryUntilSuccessful("try_stands", [from_one_stand], num_attempts=2)
-    return Sequence("pick", [try_stands, Retreat(posture="carry")])
+    return Sequence("pick", [try_stands, Retreat(posture="carry", arm="{arm}")])
 
 
 def carry() -> Node:
     """Drive on as long as the hand holds the object."""
-    return ReactiveSequence("carry", [Holding(object="{object}"), NavigateTo(goal="{stand}")])
+    return ReactiveSequence("carry", [Holding(object="{object}", arm="{arm}"), NavigateTo(goal="{stand}")])
 
 
 def place() -> Node:
@@ -78,11 +84,17 @@ def place() -> Node:
     from_one_stand = Sequence(
         "from_one_stand",
         [
-            FindStandPose(surface="{surface}", goal="{goal}", stand="{stand}"),
-            MoveArm(posture="carry"),
+            FindStandPose(surface="{surface}", goal="{goal}", stand="{stand}", arm="{arm}"),
+            MoveArm(posture="carry", arm="{arm}"),
             carry(),
             SubTree(
-                put_down, tree_id="PutDown", name="put_down", object="{object}", surface="{surface}", goal="{goal}"
+                put_down,
+                tree_id="PutDown",
+                name="put_down",
+                object="{object}",
+                surface="{surface}",
+                goal="{goal}",
+                arm="{arm}",
             ),
         ],
     )
@@ -93,15 +105,17 @@ def put_down() -> Node:
     """Put what is held at the goal, from where the robot stands."""
     past_the_arm = Sequence(
         "past_the_arm",
-        [MoveArm(posture="carry", sight="{goal}"), *see_the_place()],  # which may have hidden it
+        [MoveArm(posture="carry", sight="{goal}", arm="{arm}"), *see_the_place()],  # which may have hidden it
     )
     return Sequence(
         "put_down",
         [
             Fallback("see_the_place", [Sequence("as_it_is_carried", see_the_place()), past_the_arm]),
-            PlaceOn(object="{object}", pose="{place_pose}"),
-            RetryUntilSuccessful("let_go", [Release(object="{object}", surface="{surface}")], num_attempts=3),
-            Retreat(posture="carry"),
+            PlaceOn(object="{object}", pose="{place_pose}", arm="{arm}"),
+            RetryUntilSuccessful(
+                "let_go", [Release(object="{object}", surface="{surface}", arm="{arm}")], num_attempts=3
+            ),
+            Retreat(posture="carry", arm="{arm}"),
         ],
     )
 
@@ -119,18 +133,24 @@ def put_aside() -> Node:
     at_a_free_place = Sequence(
         "at_a_free_place",
         [
-            FindStandPose(surface="{surface}", stand="{stand}", error_code="{stand_error}"),
-            MoveArm(posture="carry"),
+            FindStandPose(surface="{surface}", stand="{stand}", error_code="{stand_error}", arm="{arm}"),
+            MoveArm(posture="carry", arm="{arm}"),
             carry(),
             LookAt(surface="{surface}"),
             FindFreePlace(object="{object}", surface="{surface}", goal="{goal}"),
             SubTree(
-                put_down, tree_id="PutDown", name="put_down", object="{object}", surface="{surface}", goal="{goal}"
+                put_down,
+                tree_id="PutDown",
+                name="put_down",
+                object="{object}",
+                surface="{surface}",
+                goal="{goal}",
+                arm="{arm}",
             ),
         ],
     )
     try_places = RetryUntilSuccessful("try_places", [at_a_free_place], num_attempts=3)
-    return Sequence("put_aside", [Holding(object="{object}"), try_places])
+    return Sequence("put_aside", [Holding(object="{object}", arm="{arm}"), try_places])
 
 
 def verify() -> Node:
@@ -159,8 +179,8 @@ def survey() -> Node:
             Sequence(
                 "survey",
                 [
-                    FindStandPose(surface="{surface}", stand="{stand}", error_code="{stand_error}"),
-                    MoveArm(posture="carry"),
+                    FindStandPose(surface="{surface}", stand="{stand}", error_code="{stand_error}", arm="{arm}"),
+                    MoveArm(posture="carry", arm="{arm}"),
                     NavigateTo(goal="{stand}"),
                     ScanScene(surface="{surface}", views=3),
                 ],
