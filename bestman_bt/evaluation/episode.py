@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
@@ -24,7 +25,8 @@ from bestman_bt.evaluation.result import NO_GOAL, Outcome, RunResult
 from bestman_bt.evaluation.versions import versions
 from bestman_bt.extras import is_installed, missing_extra
 from bestman_bt.robot_model import GripperModel
-from bestman_bt.runtime import Ending, Execution, Session, Setup, open_session, prepare
+from bestman_bt.runtime import Ending, Execution, Executor, Session, Setup, open_session, prepare
+from bestman_bt.runtime.executor import Hold
 from bestman_bt.runtime.world_file import WORLD_NAME, write_world
 from bestman_bt.visualization.rerun import RECORDING_NAME
 from hal.api import Robot
@@ -101,6 +103,34 @@ class _FailedLeaf:
         self.node = next((self._leaves[code] for code in reversed(changes.codes) if code in self._leaves), self.node)
 
 
+class _CancelsAt:
+    """Cancels an execution where the one that it replays was cancelled: nothing is recorded of how it went on."""
+
+    def __init__(self, executor: Executor, after: float) -> None:
+        self._executor, self._end = executor, executor.clock.now() + after
+
+    def after_tick(self) -> None:
+        if self._executor.clock.now() >= self._end:
+            self._executor.cancel("the run that is replayed was cancelled here")
+
+    def held(self, hold: Hold | None) -> None:
+        """Nothing to do."""
+
+
+def _last_tick_replayed(config: RunConfig) -> float | None:
+    """Seconds until the last tick of the cancelled run that is replayed; None where none is, or it ended otherwise.
+
+    A tick too few, if in doubt: in a tick after it, motions would be seen to have been stopped.
+    """
+    try:
+        result = json.loads((Path(config.recording) / "result.json").read_bytes()) if config.recording else {}
+    except (OSError, ValueError):
+        return None
+    if result.get("outcome") != Outcome.CANCELLED:
+        return None
+    return float(result["sim_time_s"]) - 1.01 / config.task.tick_rate
+
+
 def prepare_episode(config: RunConfig, known_faults: Iterable[Problem] = ()) -> Setup:
     """Check everything that a judged run needs; nothing is started.
 
@@ -153,6 +183,9 @@ def run_episode(
             durations, failed = Durations(tree), _FailedLeaf(tree)
             after_tick = _after_tick(stack, session, tree, observers, folder, watch, recording, durations)
             executor = session.executor(tree, after_tick)
+            last_tick = _last_tick_replayed(setup.config)
+            if last_tick is not None:
+                executor.watchers.append(_CancelsAt(executor, last_tick))
             telemetry = stack.enter_context(session.telemetry(executor, folder))
             stack.enter_context(session.control_channel(executor, telemetry).serving(folder))
             to_the_end.enter_context(executor.interrupts())

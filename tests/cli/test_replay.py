@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
+import os
+import signal
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from bestman_bt.configuration import load_run
 from bestman_bt.engine.logs.btlog import read_btlog
+from bestman_bt.evaluation.episode import run_episode
+from bestman_bt.evaluation.run_folder import make_run_folder
 
 Answers = Callable[..., Any]
 TREE = """
@@ -40,6 +47,24 @@ def test_a_tree_goes_the_same_way_over_its_recording(bestman_bt: Answers, folder
     assert replayed.code == recorded.code
     assert transitions(second) == transitions(first)
     assert len(transitions(first)) > 6
+
+
+def test_the_replay_of_a_run_that_was_cancelled_ends_where_that_did(bestman_bt: Answers, folder: Path) -> None:
+    tree = folder / "look_around.xml"
+    tree.write_text(TREE)
+    config = load_run(tree=tree, scene="pick_place_table", robot="diff_panda", seed=5)
+    first = make_run_folder(replace(config, record=True), folder / "first")
+
+    def stop_after_ten_ticks(*_: Any) -> Callable[[], None]:
+        ticks = itertools.count(1)
+        return lambda: os.kill(os.getpid(), signal.SIGINT) if next(ticks) == 10 else None
+
+    recorded = run_episode(replace(config, record=True), first, watch=stop_after_ten_ticks)
+    replayed = bestman_bt("run", "--driver", "replay", "--recording", first, "--runs", folder / "second", "--json")
+    assert (recorded.outcome, replayed.code) == ("cancelled", 130)
+    assert replayed.document["failure"]["why"] == "the run that is replayed was cancelled here"
+    assert recorded.sim_time_s - 0.051 < replayed.document["sim_time_s"] <= recorded.sim_time_s  # a tick of 20 Hz
+    assert transitions(folder / "second") == transitions(folder / "first")
 
 
 @pytest.mark.parametrize(
