@@ -113,7 +113,7 @@ class ControlChannel:
             "task": self._telemetry.run.task,
             "pid": os.getpid(),
             "ticks": executor.ticks,
-            "time": executor.clock.now(),
+            "time": self._telemetry.now(),
             "paused": executor.paused,
             "root": status_name(executor.tree.root.state),
             "breakpoints": self._breakpoints.documents(),

@@ -75,6 +75,7 @@ def test_status_tells_run_active_leaves_parts_and_last_failure(
         time.sleep(0.005)
 
     (status,) = bestman_bt("status", "--json").document["runs"]
+    assert 0.0 < status["time"] < 60.0 < executor.clock.now()  # since the start, not of the clock
     assert (status["task"], status["run"], status["active"]) == ("fetch", "1-fetch", ["wait"])
     assert (status["parts"], status["last_failure"], status["paused"]) == ({"arm": "ok"}, None, False)
     text = bestman_bt("status").out
